@@ -19,11 +19,12 @@ class Status(IntFlag):
     limits and this flag. In such a jam, even a small residual can mean a large error of the energy."""
     NON_FINITE = 2
     """A step gave a state that is not finite. The bodies concerned keep their last finite state, with all bodies to which constraints connect
-    them; other bodies move on. If no body has a finite state, or a mocap pose is not finite, time does not advance either."""
+    them; other bodies move on. If no body has a finite state, or a mocap pose is not finite, time does not advance either. The residual is
+    infinite, and `Stepper.worst_row` names the joint, body or actuator whose number is not finite."""
     CONTACTS_FULL = 4
     """More contacts were found than `Options.max_contacts` allows; the last ones were dropped."""
     UNRESOLVED = 8
-    """The time step is too long for the motion; use a shorter one. There are four cases:
+    """The time step is too long for the motion; use a shorter one. There are five cases:
 
     First, a joint turns too far in one step:
 
@@ -31,7 +32,8 @@ class Status(IntFlag):
     * by half a revolution from constraint impulses, as in a jammed lever
 
     For either reason, the step limits joint velocities to one radian per step. The kinetic energy then increases by no more than the work
-    done. integrator="euler" has no such check and continues until NON_FINITE.
+    done. integrator="euler" has no such limit. It sets the flag if explicit forces diverge: a joint turns by more than half a revolution
+    and gets faster by more than a tenth in a step. contact="mujoco" sets the flag in both cases, and changes no motion.
 
     Second, the error of integrator="midpoint" adds too much energy. There are two bounds: a tenth of the kinetic energy per step, and a
     rate that doubles the kinetic energy within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The
@@ -40,7 +42,9 @@ class Status(IntFlag):
     Third, elastic impacts became inelastic, because Newton's law of impact has no plausible solution, as in a corner with much friction.
 
     Fourth, stiff servos kept changing between their bounds (force limits, torque-speed curves) in the iterations of the step. Some of
-    their forces may be outside of their range."""
+    their forces may be outside of their range.
+
+    Fifth, a position, velocity or activation exceeds 1e10, where MuJoCo resets an environment."""
     TUNNELLED = 16
     """A fast geom may have passed through a thin one in a step. Use a shorter time step."""
     INFEASIBLE = 32
@@ -48,7 +52,8 @@ class Status(IntFlag):
 
     The bounds are 5 m/s and 50 rad/s with the default `Options.max_correction_speed`, and proportional to this option. The solver
     proves the contradiction by impulses (Farkas' lemma). At these impulses, the target velocities of the constraints need more power than
-    any velocity within the bounds gives. Examples: a body squeezed between two others, a weld out of reach, a contact
+    any velocity within the bounds gives. `Stepper.residual` is the largest velocity by which a constraint misses its target, and
+    `Stepper.worst_row` names this constraint. Examples: a body squeezed between two others, a weld out of reach, a contact
     whose normal passes through a hinge. The step satisfies the constraints as far as possible, in least squares. For links of a robot that
     overlap at the reference pose, load it with `stepper.load(..., overlaps="exclude")`."""
     DEEP = 64

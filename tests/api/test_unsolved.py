@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,112 @@ def test_a_solved_step_has_no_worst_row():
     sim.step(nstep=20)
     assert not sim.status & stepper.Status.NOT_CONVERGED
     assert sim.worst_row() is None
+
+
+SQUEEZED = """
+<mujoco>
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <geom name="left" type="box" size=".05 .1 .1" pos="-.15 0 0"/><geom name="right" type="box" size=".05 .1 .1" pos=".15 0 0"/>
+    <body><joint type="slide" axis="1 0 0"/><geom name="block" type="box" size=".11 .05 .05"/></body>
+  </worldbody>
+</mujoco>
+"""
+"""A block that overlaps the walls on both of its sides by a centimetre."""
+
+BLOCKED = """
+<mujoco>
+  <worldbody>
+    <geom name="wall" size=".05"/>
+    <body><joint axis="0 1 0"/><geom name="rod" type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
+  </worldbody>
+</mujoco>
+"""
+"""A rod whose contact has a normal that passes through its hinge."""
+
+OUT_OF_REACH = """
+<mujoco>
+  <worldbody>
+    <body name="a"><joint axis="0 1 0"/><geom size=".05" contype="0" conaffinity="0"/></body>
+  </worldbody>
+  <equality><connect name="pin" body1="a" body2="world" anchor=".1 0 0"/></equality>
+</mujoco>
+"""
+"""A body on a hinge with a pin, whose anchor in the world `model.replace` may move out of reach."""
+
+
+@pytest.mark.parametrize("stabilization", ["split", "baumgarte"])
+@pytest.mark.parametrize(
+    ("scene", "cause"),
+    [(SQUEEZED, r'contact of geom "(left|right|block)" and geom "(left|right|block)"'), (BLOCKED, r'contact of geom "\w+" and geom "\w+"')],
+)
+def test_an_infeasible_step_has_a_residual_and_names_its_row(scene, cause, stabilization):
+    """The residual is at least the smallest unmet target that counts as infeasible, 1 cm/s, and at most the largest target, 1 m/s."""
+    sim = stepper.Stepper(stepper.load(scene), options=stepper.Options(stabilization=stabilization))
+    sim.step()
+    assert sim.status & stepper.Status.INFEASIBLE and not sim.status & stepper.Status.NOT_CONVERGED
+    assert 1e-2 < sim.residual <= 1.0 + 1e-9
+    assert re.fullmatch(cause, sim.worst_row())
+
+
+def test_an_equality_out_of_reach_is_named():
+    model = stepper.load(OUT_OF_REACH)
+    sim = stepper.Stepper(model.replace(eq_data=far_anchor(model)))
+    sim.step(nstep=3)
+    assert sim.status & stepper.Status.INFEASIBLE
+    assert sim.worst_row() == 'equality "pin"' and sim.residual > 1e-2
+
+
+def far_anchor(model: stepper.Model) -> np.ndarray:
+    """Data of the pin with an anchor in the world that is 0.4 m farther from the hinge than the body's."""
+    data = np.array(model.eq_data, float)
+    data[0, 3:6] += [0.4, 0.0, 0.0]
+    return data
+
+
+FRAGILE = """
+<mujoco>
+  <worldbody>
+    <body name="hand" mocap="true"><geom size=".05"/></body>
+    <body name="arm" pos="0 0 1"><joint name="elbow" axis="0 1 0"/><geom size=".05" pos=".3 0 0"/></body>
+    <body name="box" pos="3 0 1"><freejoint name="root"/><geom size=".05"/></body>
+  </worldbody>
+  <actuator><motor name="servo" joint="elbow"/></actuator>
+</mujoco>
+"""
+
+
+def test_a_rejected_step_has_an_infinite_residual_and_names_its_cause():
+    """Each of the inputs of an environment may be NaN; the other environment keeps its own residual, and has no cause."""
+    model = stepper.load(FRAGILE)
+
+    def control(sim):
+        sim.step(np.array([[np.nan], [0.0]]))
+
+    def force(sim):
+        sim.xfrc_applied[0, model.body("box").id, 2] = np.nan
+        sim.step()
+
+    def generalized(sim):
+        sim.qfrc_applied[0, 0] = np.inf
+        sim.step()
+
+    def pose(sim):
+        sim.mocap_pos[0, 0, 1] = np.nan
+        sim.step()
+
+    def speed(sim):
+        sim.set_state(qvel=[1e200] * 7, envs=[0])
+        sim.step(nstep=5)
+
+    causes = {control: 'actuator "servo"', force: 'body "box"', generalized: 'joint "elbow"', pose: 'body "hand"', speed: 'joint "root"'}
+    for contact in ("hard", "mujoco"):
+        for act, cause in causes.items():
+            sim = stepper.Stepper(model, num_envs=2, options=stepper.Options(contact=contact, integrator="euler"))
+            act(sim)
+            assert sim.status[0] & stepper.Status.NON_FINITE and not sim.status[1] & stepper.Status.NON_FINITE
+            assert np.isinf(sim.residual[0]) and sim.residual[1] < 1e-6
+            assert sim.worst_row(0) == f"number that is not finite: {cause}" and sim.worst_row(1) is None
 
 
 def test_iterations_include_newton_steps():

@@ -49,3 +49,34 @@ def test_a_fast_wheel_is_no_unresolved_motion():
     sim.step(nstep=1000)
     assert sim.status == stepper.Status.OK
     assert sim.qvel[0] == pytest.approx(1000.0, rel=1e-12)
+
+
+STIFF = """<mujoco><worldbody><body><joint name="j" axis="0 0 1"/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
+  </worldbody><actuator><position joint="j" kp="1e5"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("contact", ["hard", "mujoco"])
+@pytest.mark.parametrize("integrator", ["euler", "implicitfast", "implicit", "rk4"])
+def test_an_explicit_servo_that_diverges_is_flagged_before_the_numbers_are_absurd(contact, integrator):
+    """h^2 kp / I is 1e3, and a rule that evaluates the servo before the step multiplies the motion by about as much in each."""
+    if contact == "hard" and integrator != "euler":
+        pytest.skip("hard contact evaluates servos at the end of the step, except with Euler's rule")
+    sim = stepper.Stepper(stepper.load(STIFF), options=stepper.Options(timestep=0.01, integrator=integrator, contact=contact))
+    sim.set_state(qpos=[0.01])
+    said, largest = 0, 0.0
+    while not said & stepper.Status.UNRESOLVED:
+        sim.step()
+        said, largest = int(sim.status), abs(float(sim.qpos[0]))
+        assert largest < 1e4
+    assert largest > 0.01
+
+
+def test_a_number_beyond_ten_to_the_ten_is_flagged_with_every_law():
+    """MuJoCo resets an environment there. A body that slides has no scale of its own that would be too fast."""
+    text = '<mujoco><worldbody><body><joint type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody></mujoco>'
+    for contact, integrator in (("hard", "midpoint"), ("hard", "euler"), ("mujoco", "implicitfast")):
+        sim = simulate(text, timestep=1e-3, integrator=integrator, contact=contact)
+        for position, flagged in ((0.9e10, False), (1.1e10, True)):
+            sim.set_state(qpos=[position])
+            sim.step()
+            assert bool(sim.status & stepper.Status.UNRESOLVED) == flagged

@@ -52,10 +52,7 @@ pub fn step<R: Real>(
             // Stages 1 to 7 with MuJoCo's contact law. The law has no stage 8, because it includes overlaps and errors of closed loops.
             ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
         };
-        let finite = span!(probe, Accept, || {
-            let Workspace { state, evaluation, problem, velocity, position, alive, .. } = s;
-            accept(compiled, state, evaluation, problem, velocity, position, *alive, options.timestep)
-        });
+        let accepted = span!(probe, Accept, || accept(compiled, s, options.timestep));
         // 9 sense
         let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
         if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
@@ -65,11 +62,11 @@ pub fn step<R: Real>(
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
         span!(probe, Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
         // 10 record
-        let record = span!(probe, Record, || record(input, free_motion, problem, &outcome, finite));
+        let record = span!(probe, Record, || record(input, free_motion, problem, velocity, &outcome, accepted));
         // Contacts that are still deferred (left out by the solver) are not stored for the next step: their gap seemed to close, but
         // their geoms passed each other without touching. `solve_velocities` has activated those whose gap stays open, which the state
         // keeps.
-        problem.remove_deferred(&mut state.contacts, finite);
+        problem.remove_deferred(&mut state.contacts, accepted.finite);
         record
     })
 }

@@ -207,6 +207,16 @@ pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 /// which the impulses determine the kinetic energy.
 pub(crate) const TARGET_RATIO: f64 = 0.1;
 
+/// Increase of the largest joint rate in a step that turns a joint by more than [`MAX_IMPULSE_ROTATION`], as a fraction, above which the
+/// step counts as unresolved.
+///
+/// The test is for rules without a corrector. Explicit forces that diverge multiply the rate in every step.
+pub(crate) const MAX_RATE_GROWTH: f64 = 0.1;
+
+/// Absolute value of a position (m, rad), velocity (m/s, rad/s) or activation above which a step counts as unresolved. MuJoCo resets an
+/// environment at the same value (mjMAXVAL).
+pub(crate) const MAX_STATE: f64 = 1e10;
+
 // Stage 8: the position correction.
 
 /// Residual to which a position correction is solved, m/s, at the default tolerance. In a step it causes an error of a fraction of a

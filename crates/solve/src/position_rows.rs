@@ -17,7 +17,8 @@ use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
 use crate::reference::Reference;
-use stepper_real::{Mask, Real};
+use crate::residual::WorstConstraint;
+use stepper_real::{Mask, Real, kernel};
 
 by_kind! {
     /// Rows of the position solve: copies of the rows of a [`Problem`], with other offsets g and more compliance. The problem does not
@@ -122,17 +123,39 @@ impl<R: Real> System<'_, R> {
     #[inline(always)]
     pub fn shortfall(&self, iterate: &Iterate<R>, reference: &Reference<R>) -> R {
         let (mut most, mut before) = (R::zero(), &reference.lambda[..]);
-        each_kind!([set: &self.problem] [rows: self] [impulses: &iterate] => {
-            most = set.shortfall(rows, impulses, take(&mut before, rows.items.len()), most);
-        });
+        each_kind!([set: &self.problem] [rows: self] [impulses: &iterate] => set.for_each_shortfall(
+            rows,
+            impulses,
+            take(&mut before, rows.items.len()),
+            #[inline(always)]
+            |x| most = most.max(x),
+        ));
         most
+    }
+
+    /// Constraint of lane `lane` that misses its position target by the largest velocity, because of damping or because no impulse can move
+    /// it. The result is its index, counted over all kinds in their order; `None` if all targets are met.
+    pub fn worst_position_target(&self, iterate: &Iterate<R>, reference: &Reference<R>, lane: usize) -> Option<usize> {
+        kernel!(R, || {
+            let (mut worst, mut before) = (WorstConstraint::new(lane), &reference.lambda[..]);
+            each_kind!([set: &self.problem] [rows: self] [impulses: &iterate] => {
+                set.for_each_shortfall(rows, impulses, take(&mut before, rows.items.len()), |x| worst.visit(x));
+            });
+            worst.restart();
+            each_kind!([set: &self.problem] [rows: self] => set.for_each_immovable_target(rows, |x| worst.visit(x)));
+            worst.constraint().map(|(i, _)| i)
+        })
     }
 
     /// Largest target velocity of rows and contacts that no impulse can move, m/s or rad/s.
     #[inline(always)]
     pub fn immovable_target(&self) -> R {
         let mut most = R::zero();
-        each_kind!([set: &self.problem] [rows: self] => most = set.immovable_target(rows, most));
+        each_kind!([set: &self.problem] [rows: self] => set.for_each_immovable_target(
+            rows,
+            #[inline(always)]
+            |x| most = most.max(x),
+        ));
         most
     }
 
@@ -144,8 +167,22 @@ impl<R: Real> System<'_, R> {
     #[inline(always)]
     pub fn unmet_velocity(&self) -> R {
         let mut most = R::zero();
-        each_kind!([set: &self.problem] [rows: self] => most = set.unmet_velocity(rows, most));
+        each_kind!([set: &self.problem] [rows: self] => set.for_each_unmet_velocity(
+            rows,
+            #[inline(always)]
+            |x| most = most.max(x),
+        ));
         most
+    }
+
+    /// Constraint of lane `lane` with the largest part in [`System::unmet_velocity`]. The result is its index, counted over all kinds in
+    /// their order; `None` if all parts are 0.
+    pub fn worst_unmet_velocity(&self, lane: usize) -> Option<usize> {
+        kernel!(R, || {
+            let mut worst = WorstConstraint::new(lane);
+            each_kind!([set: &self.problem] [rows: self] => set.for_each_unmet_velocity(rows, |x| worst.visit(x)));
+            worst.constraint().map(|(i, _)| i)
+        })
     }
 
     /// Proof that the targets are infeasible, from the impulses z by which `iterate` exceeds the reference solution.

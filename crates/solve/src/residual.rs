@@ -31,21 +31,15 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
 pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lane: usize) -> Option<(usize, f64)> {
     let system = system.into();
     kernel!(R, || {
-        let (mut worst, mut i) = (None, 0);
+        let mut worst = WorstConstraint::new(lane);
         each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(
             rows,
             impulses,
             &iterate.w,
             #[inline(always)]
-            |r: R| {
-                let (r, most) = (number_of(r, lane), worst.map_or(0.0, |(_, most)| most));
-                if r > most || r.is_nan() {
-                    worst = Some((i, r));
-                }
-                i += 1;
-            },
+            |r| worst.visit(r),
         ));
-        worst
+        worst.constraint()
     })
 }
 
@@ -59,6 +53,39 @@ pub fn for_each_load<'a, R: Real>(
 ) {
     let system = system.into();
     each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_load(rows, impulses, &iterate.w, lane, &mut f));
+}
+
+/// Search for the constraint of one lane with the largest error. It visits the constraints of all kinds in their order.
+pub(crate) struct WorstConstraint {
+    lane: usize,
+    next: usize,
+    worst: Option<(usize, f64)>,
+}
+
+impl WorstConstraint {
+    pub(crate) fn new(lane: usize) -> Self {
+        Self { lane, next: 0, worst: None }
+    }
+
+    /// Compares the error of the next constraint with the largest one. A NaN counts as the largest.
+    #[inline(always)]
+    pub(crate) fn visit<R: Real>(&mut self, error: R) {
+        let (error, most) = (number_of(error, self.lane), self.worst.map_or(0.0, |(_, most)| most));
+        if error > most || error.is_nan() {
+            self.worst = Some((self.next, error));
+        }
+        self.next += 1;
+    }
+
+    /// Begins again with the first constraint, for errors of another kind.
+    pub(crate) fn restart(&mut self) {
+        self.next = 0;
+    }
+
+    /// Index of the constraint with the largest error, and this error; `None` if all errors are 0.
+    pub(crate) fn constraint(self) -> Option<(usize, f64)> {
+        self.worst
+    }
 }
 
 /// Largest residual at which the impulses determine the kinetic energy, m/s, see [`energy_is_ambiguous`]. `negligible`, J, is added to the

@@ -187,7 +187,7 @@ impl<S: LaneScalar> Batch<S> {
         }
     }
 
-    /// Constraint row with the largest residual in the last unsolved step of the last call; `None` if all steps were solved.
+    /// Cause of the last unsolved step of the last call; `None` if all steps were solved.
     pub(super) fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow> {
         let (group, lane) = self.lane(env);
         WorstRow::of_code(group.worst[lane], model, &self.compiled)

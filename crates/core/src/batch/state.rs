@@ -62,7 +62,7 @@ pub struct Group<S> {
     pub sweeps: Vec<S>,
     /// Number of Newton iterations in the last step, per lane.
     pub newton_steps: Vec<S>,
-    /// Constraint row with the largest residual in the last unsolved step of the last call, per lane, as a
+    /// Cause of the last unsolved step of the last call, per lane, as a
     /// [`ConstraintCode`](crate::constraints::worst_row::ConstraintCode).
     pub worst: Vec<u64>,
     /// Largest overlap of the contacts during the last call, beyond their margins, m, per lane.

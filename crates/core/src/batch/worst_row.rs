@@ -1,14 +1,15 @@
-//! Constraint row with the largest residual in an unsolved step, identified by an element of the model: geoms, joint, equality or tendon.
+//! Cause of an unsolved step: the constraint row with the largest residual, or the element whose number is not finite.
 
 use std::fmt;
 
 use stepper_real::Scalar;
 
 use crate::compile::CompiledModel;
-use crate::constraints::worst_row::{CodedConstraint, ConstraintCode};
+use crate::constraints::worst_row::{CodedConstraint, ConstraintCode, NotFinite};
 use crate::model::Model;
 
-/// Constraint row with the largest residual in an unsolved step. The indices refer to the model.
+/// Constraint row with the largest residual in an unsolved step, or element whose number is not finite in a rejected step. The indices
+/// refer to the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WorstRow {
@@ -38,6 +39,21 @@ pub enum WorstRow {
         /// Index of the tendon.
         tendon: usize,
     },
+    /// Position, velocity or applied force of a joint that is not finite.
+    NotFiniteJoint {
+        /// Index of the joint.
+        joint: usize,
+    },
+    /// Pose of a mocap body, or force applied to a body, that is not finite.
+    NotFiniteBody {
+        /// Index of the body.
+        body: usize,
+    },
+    /// Control or activation of an actuator that is not finite.
+    NotFiniteActuator {
+        /// Index of the actuator.
+        actuator: usize,
+    },
 }
 
 impl WorstRow {
@@ -47,6 +63,17 @@ impl WorstRow {
             CodedConstraint::Contact(pair) => {
                 let geoms = compiled.pair_geoms(pair)?.map(|g| compiled.geoms[g].index);
                 return Some(Self::Contact { geoms });
+            }
+            CodedConstraint::NotFinite(number) => {
+                return match number {
+                    NotFinite::Actuator(actuator) => Some(Self::NotFiniteActuator { actuator }),
+                    NotFinite::AppliedForce(body) => Some(Self::NotFiniteBody { body }),
+                    NotFinite::Mocap(i) => compiled.merged.mocap.get(i).map(|&body| Self::NotFiniteBody { body }),
+                    NotFinite::Dof(dof) => {
+                        let joint = model.joint_addresses().iter().rposition(|&(_, first)| first <= dof);
+                        joint.map(|joint| Self::NotFiniteJoint { joint })
+                    }
+                };
             }
             CodedConstraint::Scalar(impulse_index) => impulse_index,
         };
@@ -82,6 +109,11 @@ impl WorstRow {
             Self::DryFriction { joint } => format!("dry friction of {}", name("joint", joint, &model.joints[joint].name)),
             Self::Equality { equality } => name("equality", equality, &model.equalities[equality].name),
             Self::Tendon { tendon } => format!("row of {}", name("tendon", tendon, &model.tendons[tendon].name)),
+            Self::NotFiniteJoint { joint } => format!("number that is not finite: {}", name("joint", joint, &model.joints[joint].name)),
+            Self::NotFiniteBody { body } => format!("number that is not finite: {}", name("body", body, &model.bodies[body].name)),
+            Self::NotFiniteActuator { actuator } => {
+                format!("number that is not finite: {}", name("actuator", actuator, &model.actuators[actuator].name))
+            }
         }
     }
 }

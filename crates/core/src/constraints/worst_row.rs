@@ -1,27 +1,46 @@
-//! Worst row of an unsolved step: the constraint row with the largest residual.
+//! Cause of an unsolved step: the constraint row with the largest residual, or the number that is not finite.
 
 use stepper_real::{Mask, Real};
-use stepper_solve::{Iterate, System, worst_constraint};
+use stepper_solve::{Iterate, Reference, System, worst_constraint};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::lanes::{MAX_LANES, each_of};
 
-/// Number that encodes a constraint in a saved state. 0 means none. Scalar rows have the numbers from 1 on, by the index of their impulse.
-/// Contacts have the numbers from 2^32 on, by the index of their pair.
+/// Number that encodes the cause of an unsolved step in a saved state. 0 means none. Scalar rows have the numbers from 1 on, by the index of
+/// their impulse. Contacts have the numbers from 2^32 on, by the index of their pair. Numbers that are not finite have those from 2^40,
+/// 2^41 ... on, in the order of [`NotFinite`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ConstraintCode(pub u64);
 
 /// Smallest code of a contact: the code of pair 0.
 const CONTACTS: u64 = 1 << 32;
 
-/// Constraint that a [`ConstraintCode`] represents.
+/// Smallest code of each kind of number in [`NotFinite`].
+const NOT_FINITE: [u64; 4] = [1 << 40, 1 << 41, 1 << 42, 1 << 43];
+
+/// Number that is not finite in a rejected step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NotFinite {
+    /// Control or activation of an actuator, by the index of the actuator.
+    Actuator(usize),
+    /// Applied force or torque on a body, by the index of the body.
+    AppliedForce(usize),
+    /// Pose of a mocap body, by its index among the mocap bodies.
+    Mocap(usize),
+    /// Position, velocity or applied force of a degree of freedom.
+    Dof(usize),
+}
+
+/// Cause that a [`ConstraintCode`] represents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CodedConstraint {
     /// Scalar row, by the index of its impulse in [`crate::constraints::VelocitySolution::scalar_impulse`].
     Scalar(usize),
     /// Contact, by the index of its pair of geoms.
     Contact(usize),
+    /// Number that is not finite.
+    NotFinite(NotFinite),
 }
 
 impl ConstraintCode {
@@ -29,12 +48,27 @@ impl ConstraintCode {
         match constraint {
             CodedConstraint::Scalar(impulse_index) => Self(1 + impulse_index as u64),
             CodedConstraint::Contact(pair) => Self(CONTACTS + pair as u64),
+            CodedConstraint::NotFinite(number) => {
+                let (kind, index) = match number {
+                    NotFinite::Actuator(index) => (0, index),
+                    NotFinite::AppliedForce(index) => (1, index),
+                    NotFinite::Mocap(index) => (2, index),
+                    NotFinite::Dof(index) => (3, index),
+                };
+                Self(NOT_FINITE[kind] + index as u64)
+            }
         }
     }
 
-    /// Constraint that the code represents; `None` for code 0.
+    /// Constraint or number that the code represents; `None` for code 0.
     pub fn constraint(self) -> Option<CodedConstraint> {
-        match self.0 {
+        let code = self.0;
+        if let Some(kind) = NOT_FINITE.iter().rposition(|first| code >= *first) {
+            let index = (code - NOT_FINITE[kind]) as usize;
+            let number = [NotFinite::Actuator, NotFinite::AppliedForce, NotFinite::Mocap, NotFinite::Dof][kind](index);
+            return Some(CodedConstraint::NotFinite(number));
+        }
+        match code {
             0 => None,
             code if code < CONTACTS => Some(CodedConstraint::Scalar(code as usize - 1)),
             code => Some(CodedConstraint::Contact((code - CONTACTS) as usize)),
@@ -42,21 +76,21 @@ impl ConstraintCode {
     }
 }
 
-/// For each lane that a solve left unsolved, the row with the largest residual.
+/// For each lane with an unsolved step, its cause: the row with the largest residual, or the number that is not finite.
 #[derive(Clone, Debug)]
 pub struct WorstRows<R: Real> {
-    /// Lanes that have a stored row.
+    /// Lanes that have a stored cause.
     pub lanes: R::Mask,
     codes: [ConstraintCode; MAX_LANES],
 }
 
 impl<R: Real> WorstRows<R> {
-    /// Empty set, without worst rows.
+    /// Empty set, without causes.
     pub(crate) fn new() -> Self {
         Self { lanes: R::Mask::splat(false), codes: [ConstraintCode::default(); MAX_LANES] }
     }
 
-    /// Code of the worst row in lane `lane`; code 0 if it has none.
+    /// Code of the cause in lane `lane`; code 0 if it has none.
     pub fn of_lane(&self, lane: usize) -> ConstraintCode {
         if self.lanes.bits() >> lane & 1 == 1 { self.codes[lane] } else { ConstraintCode::default() }
     }
@@ -81,11 +115,49 @@ impl<R: Real> WorstRows<R> {
     #[inline(never)]
     fn find(&mut self, problem: &ConstraintProblem<R>, system: System<'_, R>, iterate: &Iterate<R>, contacts: &Contacts<R>, lanes: u32) {
         for lane in each_of(lanes) {
-            let worst = worst_constraint(system, iterate, lane).map(|(i, _)| match i.checked_sub(problem.impulse_indices.len()) {
-                None => CodedConstraint::Scalar(problem.impulse_indices[i]),
-                Some(i) => CodedConstraint::Contact(contacts.ids[problem.slot_of(i)][lane].pair()),
-            });
-            self.codes[lane] = worst.map_or_else(ConstraintCode::default, ConstraintCode::new);
+            let worst = worst_constraint(system, iterate, lane).map(|(i, _)| constraint_of(problem, contacts, lane, i));
+            self.store(lane, worst);
         }
+    }
+
+    /// Stores, in each of the lanes `lanes`, the constraint that misses its position target by the largest velocity. `iterate` has the
+    /// impulses of the position solve and `reference` those of the velocity solve.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn find_position_targets(
+        &mut self,
+        problem: &ConstraintProblem<R>,
+        (system, iterate, reference): (System<'_, R>, &Iterate<R>, &Reference<R>),
+        contacts: &Contacts<R>,
+        lanes: R::Mask,
+    ) {
+        for lane in each_of(lanes.bits()) {
+            let worst = system.worst_position_target(iterate, reference, lane);
+            self.store(lane, worst.map(|i| constraint_of(problem, contacts, lane, i)));
+        }
+    }
+
+    /// Stores, in each of the lanes `lanes`, the immovable row with the largest target velocity.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn find_immovable(&mut self, problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lanes: R::Mask) {
+        for lane in each_of(lanes.bits()) {
+            let worst = System::from(&problem.rows).worst_unmet_velocity(lane);
+            self.store(lane, worst.map(|i| constraint_of(problem, contacts, lane, i)));
+        }
+    }
+
+    /// Stores the cause of an unsolved step in lane `lane`; `None` if no single constraint is responsible.
+    pub(crate) fn store(&mut self, lane: usize, cause: Option<CodedConstraint>) {
+        self.lanes = self.lanes.or(R::Mask::from_bits(1 << lane));
+        self.codes[lane] = cause.map_or_else(ConstraintCode::default, ConstraintCode::new);
+    }
+}
+
+/// Constraint `i` of a problem in lane `lane`. The index counts the scalar rows first, then the contacts.
+fn constraint_of<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lane: usize, i: usize) -> CodedConstraint {
+    match i.checked_sub(problem.impulse_indices.len()) {
+        None => CodedConstraint::Scalar(problem.impulse_indices[i]),
+        Some(i) => CodedConstraint::Contact(contacts.ids[problem.slot_of(i)][lane].pair()),
     }
 }

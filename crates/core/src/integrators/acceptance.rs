@@ -6,17 +6,20 @@ use stepper_solve::newton::{Search, Terms};
 use stepper_solve::{Outcome, System};
 
 use crate::compile::LaneModel;
+use crate::constraints::worst_row::{CodedConstraint, NotFinite};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::integrators::evaluation::Evaluation;
+use crate::integrators::inputs::Inputs;
 use crate::integrators::state::State;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::velocity_loop::VelocityLoop;
+use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::stages::s05_solve::solve_to;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
-use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
+use crate::tuning::{MAX_STATE, MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 
 impl<R: Real> VelocityLoop<'_, R> {
     /// Lanes in which the solver's residual may change the kinetic energy noticeably, so that the energy after the step is ambiguous.
@@ -96,40 +99,47 @@ pub(crate) fn store_generalized_impulse<R: Real>(
     })
 }
 
-/// Accepts the step: `state` becomes the next state, and its time advances by `h`, s. Returns the lanes in which the whole next state is
-/// finite.
+/// Lanes whose step was accepted, and lanes that have left the range of plausible numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Accepted<R: Real> {
+    /// Lanes in which the whole next state is finite.
+    pub(crate) finite: R::Mask,
+    /// Lanes in which a number of the state exceeds [`MAX_STATE`].
+    pub(crate) beyond: R::Mask,
+}
+
+/// Accepts the step: the state of the workspace `s` becomes the next state, and its time advances by `h`, s.
 ///
-/// In the other lanes, islands (sets of trees that constraint rows connect) whose next state is not finite keep positions, velocities and
-/// activations, and discard contacts and impulses. If a mocap body has a pose that is not finite, or no island has a finite state, the whole
-/// lane keeps its state and its time. After the call, `velocity.v`, `position.q` and `position.act` have the state before the step.
-#[expect(clippy::too_many_arguments, reason = "state, problem and solutions are separate buffers")]
+/// In lanes whose next state is not finite, islands (sets of trees that constraint rows connect) with such a number keep positions,
+/// velocities and activations, and discard contacts and impulses. If a mocap body has a pose that is not finite, or no island has a finite
+/// state, the whole lane keeps its state and its time. For these lanes, the cause is stored in `s.velocity.worst`. After the call,
+/// `s.velocity.v`, `s.position.q` and `s.position.act` have the state before the step.
 #[inline(always)]
-pub(crate) fn accept<R: Real>(
-    compiled: &LaneModel<R>,
-    state: &mut State<R>,
-    evaluation: &mut Evaluation<R>,
-    problem: &ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    position: &mut PositionSolution<R>,
-    alive: R::Mask,
-    h: f64,
-) -> R::Mask {
-    let (finite, poses_are_finite) = kernel!(R, || {
-        let mut finite = R::Mask::splat(true);
+pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: f64) -> Accepted<R> {
+    let Workspace { state, inputs, evaluation, problem, velocity, position, alive, .. } = s;
+    let alive = *alive;
+    let (finite, beyond, poses_are_finite) = kernel!(R, || {
+        let (mut finite, mut largest) = (R::Mask::splat(true), R::zero());
         for x in [&position.q, &velocity.v, &position.act] {
             finite = finite.and(all_finite(x));
+            for &x in x {
+                largest = largest.max(x.abs());
+            }
         }
         // A mocap body with a NaN pose would have no contacts. Such a step is rejected.
         let (Kinematics { pos, mat, .. }, mut poses) = (&evaluation.kinematics, R::Mask::splat(true));
         for m in &compiled.mocap {
             poses = poses.and(all_finite(&pos[m.frame])).and(all_finite(&mat[m.frame]));
         }
-        (finite.and(poses), poses)
+        let finite = finite.and(poses);
+        (finite, alive.and(finite).and(largest.gt(R::of(MAX_STATE))), poses)
     });
     let mut rejected = 0;
     if !finite.and(alive).all() {
         restore_unused(state, velocity, position, alive);
         for lane in each_of(alive.and_not(finite).bits()) {
+            let cause = find_not_finite(compiled, inputs, evaluation, (velocity, position), lane);
+            velocity.worst.store(lane, cause.map(CodedConstraint::NotFinite));
             let keeps_all = poses_are_finite.bits() >> lane & 1 == 0;
             mark_non_finite(compiled, problem, velocity, position, lane, keeps_all);
             rejected |= u32::from(keep_marked(compiled, state, evaluation, problem, velocity, position, lane)) << lane;
@@ -144,7 +154,29 @@ pub(crate) fn accept<R: Real>(
     std::mem::swap(&mut state.v, &mut velocity.v);
     std::mem::swap(&mut state.act, &mut position.act);
     std::mem::swap(&mut state.contacts, &mut evaluation.contacts);
-    finite
+    Accepted { finite, beyond }
+}
+
+/// Number of lane `lane` that is not finite in a rejected step. Inputs come before the state, which they make NaN.
+#[cold]
+fn find_not_finite<R: Real>(
+    compiled: &LaneModel<R>,
+    inputs: &Inputs<R>,
+    evaluation: &Evaluation<R>,
+    (velocity, position): (&VelocitySolution<R>, &PositionSolution<R>),
+    lane: usize,
+) -> Option<NotFinite> {
+    let first = |x: &[R]| x.iter().position(|x| !x.lane(lane).to_f64().is_finite());
+    let Kinematics { pos, mat, .. } = &evaluation.kinematics;
+    let mocap = || compiled.mocap.iter().position(|m| first(&pos[m.frame]).or_else(|| first(&mat[m.frame])).is_some());
+    let activation = || compiled.actuators.iter().position(|a| a.act.is_some_and(|act| first(&position.act[act..=act]).is_some()));
+    let coordinate = || compiled.joints.iter().find(|j| first(&position.q[j.q..j.q + j.kind.nq()]).is_some()).map(|j| j.v);
+    let dof = || first(&inputs.qfrc).or_else(|| first(&velocity.v)).or_else(coordinate);
+    (first(&inputs.ctrl).map(NotFinite::Actuator))
+        .or_else(|| first(&inputs.xfrc).map(|i| NotFinite::AppliedForce(i / 6)))
+        .or_else(|| mocap().map(NotFinite::Mocap))
+        .or_else(|| activation().map(NotFinite::Actuator))
+        .or_else(|| dof().map(NotFinite::Dof))
 }
 
 /// Marks the islands of lane `lane` whose next state is not finite, with a maximum above 0; all islands if `keeps_all` is true.

@@ -13,7 +13,7 @@ use crate::integrators::step_outcome::StepOutcome;
 use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
-use crate::stages::s08_stabilise::{PositionInput, stabilise};
+use crate::stages::s08_stabilise::{Infeasible, PositionInput, stabilise};
 
 /// Computes stage 7: integrates positions from the evaluation point to the end of the step, with the velocity after the step. Also advances
 /// the actuator activations over the whole step.
@@ -39,7 +39,7 @@ pub(crate) struct CorrectedLanes<R: Real> {
     /// Lanes in which a contact bounces. Their corrected position is the one after the rebound.
     rebounding: R::Mask,
     /// Lanes whose constraints are proven infeasible.
-    pub(crate) infeasible: R::Mask,
+    pub(crate) infeasible: Infeasible<R>,
 }
 
 /// Computes stage 8: the configuration after the step with corrected position errors, in `position.q_corrected`. Returns the corrected
@@ -56,7 +56,7 @@ pub(crate) fn correct_positions<R: Real>(
     let impacts = prepare_position_solve(context, free, problem, &mut velocity.impulses, position);
     let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.rebounding_at_step_end.or(impacts));
     if lanes.none() {
-        return CorrectedLanes { all: lanes, rebounding, infeasible: lanes };
+        return CorrectedLanes { all: lanes, rebounding, infeasible: Infeasible::none() };
     }
     let (contacts, h) = (&evaluation.contacts, evaluation.scheme.h);
     let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h };
@@ -122,7 +122,7 @@ pub(crate) fn accept_corrections<R: Real>(
         return;
     }
     // Lanes with a rebound always keep their correction.
-    let jammed = infeasible.and_not(rebounding);
+    let jammed = infeasible.lanes.and_not(rebounding);
     if jammed.any() {
         revert_ineffective_corrections(input, evaluation, problem, &mut velocity.islands, position, jammed);
     }

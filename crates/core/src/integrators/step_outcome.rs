@@ -3,10 +3,12 @@
 use stepper_real::{Mask, Real, kernel};
 use stepper_solve::{Outcome, System};
 
-use crate::constraints::ConstraintProblem;
 use crate::constraints::equality_violation::max_equality_violation;
+use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::integrators::acceptance::Accepted;
 use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::step_input::StepInput;
+use crate::stages::s08_stabilise::Infeasible;
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, Status, depth, limit_overshoot};
 
 /// Outcome of the solver in a step, and the lanes whose result was limited or may be wrong.
@@ -21,7 +23,7 @@ pub(crate) struct StepOutcome<R: Real> {
     /// Lanes whose speed and energy were limited: those with ambiguous energy, and those whose motion is too fast for the time step.
     pub(crate) limited: R::Mask,
     /// Lanes in which the impulses prove that no position correction within its bounds reaches all position targets.
-    pub(crate) infeasible: R::Mask,
+    pub(crate) infeasible: Infeasible<R>,
     /// Lanes in which one geom may have passed through another.
     pub(crate) tunnelled: R::Mask,
     /// Lanes with an unreliable kinetic energy after the step.
@@ -31,15 +33,16 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) energy_unresolved: R::Mask,
 }
 
-/// Computes stage 10: status and record of the step. `input` has the state after the step; `finite` marks the lanes in which the step was
-/// accepted.
+/// Computes stage 10: status and record of the step. `input` has the state after the step. The function stores the cause of a residual of
+/// immovable rows in `velocity.worst`.
 #[inline(always)]
 pub(crate) fn record<R: Real>(
     input: StepInput<'_, R>,
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
     outcome: &StepOutcome<R>,
-    finite: R::Mask,
+    Accepted { finite, beyond }: Accepted<R>,
 ) -> Record<R> {
     let StepInput { compiled, options, state, inputs, alive } = input;
     let (depth, overshoot) = (depth(problem, &state.contacts, finite), limit_overshoot(compiled, &state.q));
@@ -51,11 +54,16 @@ pub(crate) fn record<R: Real>(
         // The solver's residual does not include immovable rows: equality rows that depend linearly on others, and rows whose velocity no
         // degree of freedom changes.
         let unmet = kernel!(R, || System::from(&problem.rows).unmet_velocity());
-        residual = R::select(unmet.gt(residual), unmet, residual);
+        let larger = unmet.gt(residual);
+        residual = R::select(larger, unmet, residual);
+        let causes = larger.and(residual.gt(R::of(options.tolerance))).and(alive).and(finite).and_not(outcome.infeasible.lanes);
+        if causes.any() {
+            velocity.worst.find_immovable(problem, &state.contacts, causes);
+        }
     }
-    // A rejected step gets a residual of zero. Otherwise the value would depend on which numbers are NaN.
-    residual = R::select(finite, residual, R::zero());
     let unsolved = outcome.ambiguous.or(alive.and_not(residual.le(R::of(options.tolerance))));
+    // A rejected step has no error that could be measured.
+    residual = R::select(finite, residual.max(outcome.infeasible.unmet), R::select(alive, R::of(f64::INFINITY), R::zero()));
     Record {
         residual,
         sweeps: outcome.solver.sweeps,
@@ -67,9 +75,9 @@ pub(crate) fn record<R: Real>(
             (Status::NOT_CONVERGED, unsolved.and(finite).bits()),
             (Status::NON_FINITE, alive.and_not(finite).bits()),
             (Status::CONTACTS_FULL, state.contacts.full),
-            (Status::UNRESOLVED, free.unresolved_lanes().or(outcome.energy_unresolved).bits()),
+            (Status::UNRESOLVED, free.unresolved_lanes().or(outcome.energy_unresolved).or(beyond).bits()),
             (Status::TUNNELLED, outcome.tunnelled.bits()),
-            (Status::INFEASIBLE, alive.and(finite).and(outcome.infeasible).bits()),
+            (Status::INFEASIBLE, alive.and(finite).and(outcome.infeasible.lanes).bits()),
             (Status::DEEP, alive.and(depth.gt(R::of(DEEP))).bits()),
             (Status::OVER_LIMIT, alive.and(overshoot.gt(R::of(OVER_LIMIT))).bits()),
             (Status::EQUALITY_VIOLATED, alive.and(violation.gt(R::of(EQUALITY_VIOLATED))).bits()),

@@ -22,7 +22,7 @@ use crate::compile::{CompiledJoint, LaneModel, ModelStructure};
 use crate::constraints::evaluation_times::EvaluationTimes;
 use crate::constraints::islands::IslandLoad;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
-use crate::dynamics::inertia::{NewtonEuler, link_forces};
+use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
 use crate::dynamics::kinematics::{Kinematics, blend, displace};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::FreeMotion;
@@ -32,7 +32,7 @@ use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::tuning::{
     BALANCE_RELATIVE_CHANGE, BALANCE_ROTATION, FAST_ROTATION, IMPACT_RELATIVE_CHANGE, MAX_GROWTH, MAX_GROWTH_RATE, MAX_IMPULSE_ROTATION,
-    MAX_RELATIVE_CHANGE, MAX_ROTATION,
+    MAX_RATE_GROWTH, MAX_RELATIVE_CHANGE, MAX_ROTATION,
 };
 
 /// Largest velocities of a mechanism.
@@ -136,6 +136,18 @@ fn raise_turns<R: Real>(compiled: &LaneModel<R>, v: &[R], h: R, motions: &mut [M
     }
 }
 
+/// Lanes in which a step without a corrector turns a joint by more than half a turn and makes the fastest joint faster by more than a
+/// tenth. Explicit forces have diverged there: those of stiff servos, springs and contacts, and inertial forces.
+///
+/// `v` is the velocity before the step, and `v_next` the velocity after it.
+pub(crate) fn runs_away<R: Real>(compiled: &LaneModel<R>, v: &[R], v_next: &[R], h: R) -> R::Mask {
+    kernel!(R, || {
+        let rate = max_joint_rate(compiled, v_next);
+        let faster = rate.gt(max_joint_rate(compiled, v) * R::of(1.0 + MAX_RATE_GROWTH));
+        faster.and((rate * h).gt(R::of(MAX_IMPULSE_ROTATION)))
+    })
+}
+
 /// Largest angular velocity of any joint, rad/s.
 #[inline(always)]
 fn max_joint_rate<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
@@ -221,7 +233,8 @@ impl<R: Real> StepResolution<R> {
     }
 
     /// Lanes in which the error of the midpoint rule adds so much kinetic energy that the step counts as unresolved. The test comes
-    /// before the correction of positions. The lanes `excluded` are not tested, because the Runge-Kutta scheme replaces their step.
+    /// before the correction of positions. The lanes `excluded` are not tested, because the Runge-Kutta scheme replaces their step. With
+    /// Euler's rule, the function returns the lanes in which a joint [runs away](runs_away).
     ///
     /// The work of forces and impulses f is f . (v + v+) / 2, and f = M (v+ - v) + h c. M is the mass matrix and c the inertial force, both
     /// in the middle of the step and at the velocity `force_velocity`. The energy gained by the error of the step is therefore
@@ -242,9 +255,12 @@ impl<R: Real> StepResolution<R> {
         velocity: &VelocitySolution<R>,
         excluded: R::Mask,
     ) -> R::Mask {
-        let StepContext { input: StepInput { compiled, options, state, .. }, evaluation } = context;
+        let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = context;
         let Evaluation { scheme, times, q, kinematics: middle, .. } = evaluation;
-        if !scheme.predicts() || !scheme.in_the_middle {
+        if !scheme.predicts() {
+            return alive.and(runs_away(compiled, &state.v, &velocity.v, scheme.h));
+        }
+        if !scheme.in_the_middle {
             return R::Mask::splat(false);
         }
         let lanes = free.may_gain.and_not(free.unresolved_lanes()).and_not(excluded);
@@ -304,6 +320,45 @@ impl<R: Real> StepResolution<R> {
             ((end - start) - work).gt(R::select(is_impact, max_gain + max_gain, max_gain) + negligible)
         });
         lanes.and(gains)
+    }
+
+    /// Finds the lanes of `alive` in which inertial forces of each mechanism change too much during a step with MuJoCo's contact law, or in which
+    /// a joint [runs away](runs_away), into `unresolved`. MuJoCo's rules evaluate inertial forces at the velocity before the step.
+    ///
+    /// The bound is that of [`assess_corrector`], for the change of the velocity by inertial forces at the velocity after the step instead.
+    /// It applies if a joint turns by more than `rotation`, rad. `v` is the velocity before the step, and `v_next` the velocity after it.
+    /// Overwrites `motions`.
+    #[inline(always)]
+    pub(crate) fn assess_explicit_step(
+        &mut self,
+        compiled: &LaneModel<R>,
+        alive: R::Mask,
+        (kinematics, mass): (&Kinematics<R>, &MassMatrix<R>),
+        [v, v_next]: [&[R]; 2],
+        (rotation, h): (f64, R),
+        (motions, unresolved): (&mut [MechanismMotion<R>], &mut [R::Mask]),
+    ) {
+        let runs_away = alive.and(runs_away(compiled, v, v_next, h));
+        unresolved.fill(runs_away);
+        let fast = kernel!(R, || (max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_next)) * h).gt(R::of(rotation)));
+        if fast.none() {
+            return;
+        }
+        let [change, after] = &mut self.mean;
+        kernel!(R, || {
+            for (v, force) in [(v, &mut *change), (v_next, &mut *after)] {
+                link_forces(compiled, kinematics, v, &mut self.newton_euler);
+                project_forces(compiled, kinematics, &mut self.newton_euler.force, force);
+            }
+            for (change, &after) in change.iter_mut().zip(&*after) {
+                *change = (*change - after) * h;
+            }
+            mass.solve(compiled, change);
+        });
+        assess_corrector(compiled, alive, [v, v_next, change], h, (motions, &mut *unresolved));
+        for lanes in unresolved {
+            *lanes = runs_away.or(fast.and(*lanes));
+        }
     }
 
     /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.

@@ -29,6 +29,29 @@ use crate::tuning::{
     DAMPING, MAX_CORRECTION_ROTATION, MAX_REBOUND_SPEED_RATIO, MAX_SPEED_RATIO, MIN_UNMET_TARGET, NEGLIGIBLE_CORRECTION,
 };
 
+/// Lanes whose position targets are proven infeasible, and the size of the contradiction.
+#[derive(Clone, Copy, Debug)]
+pub struct Infeasible<R: Real> {
+    /// Lanes in which no motion within the bounds of a position correction meets the position targets.
+    pub lanes: R::Mask,
+    /// Largest velocity by which a constraint misses its position target in these lanes, m/s or rad/s; 0 in the other lanes.
+    pub unmet: R,
+}
+
+impl<R: Real> Infeasible<R> {
+    /// No lanes.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self { lanes: R::Mask::splat(false), unmet: R::zero() }
+    }
+
+    /// Lanes of either, with the larger velocity.
+    #[inline(always)]
+    pub fn or(self, other: Self) -> Self {
+        Self { lanes: self.lanes.or(other.lanes), unmet: self.unmet.max(other.unmet) }
+    }
+}
+
 /// Bounds of the speed of a position correction (displacement divided by the time step).
 #[derive(Clone, Copy, Debug)]
 struct Bounds<R> {
@@ -82,12 +105,16 @@ pub struct PositionInput<'a, R: Real> {
 }
 
 /// Corrects the configuration `position.q`, which has advanced with `velocity.v`, and writes the result to `position.q_corrected`. Returns
-/// the lanes whose position errors provably cannot be removed.
+/// the lanes whose position errors provably cannot be removed, and stores the worst constraint of these lanes in `velocity.worst`.
 ///
 /// The caller has computed the position rows and the free velocity with `integrators::impact::prepare_position_solve`. The solve starts
 /// from the impulses of the velocity solution and overwrites them.
 #[inline(always)]
-pub fn stabilise<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>) -> R::Mask {
+pub fn stabilise<R: Real>(
+    input: &PositionInput<'_, R>,
+    velocity: &mut VelocitySolution<R>,
+    position: &mut PositionSolution<R>,
+) -> Infeasible<R> {
     let infeasible = correct(input, velocity, position);
     displace(input.compiled, &position.q, &position.correction, input.h, &mut position.q_corrected);
     infeasible
@@ -109,8 +136,8 @@ pub fn limit_baumgarte<R: Real>(
     velocity: &mut VelocitySolution<R>,
     position: &mut PositionSolution<R>,
     outcome: &mut Outcome<R>,
-) -> R::Mask {
-    let never = R::Mask::splat(false);
+) -> Infeasible<R> {
+    let never = Infeasible::none();
     let PositionInput { compiled, options, problem: ConstraintProblem { rows, biased, .. }, .. } = *input;
     if biased.none() {
         return never;
@@ -175,7 +202,7 @@ pub fn limit_baumgarte<R: Real>(
 /// The function limits the speed of this correction and writes it to `position.correction`. It returns the lanes whose position targets are
 /// proven infeasible.
 #[inline(always)]
-fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>) -> R::Mask {
+fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>) -> Infeasible<R> {
     let PositionInput { compiled, options, lanes, .. } = *input;
     damp_rows(input, &velocity.impulses, position);
     let [sweeps, newton] = options.iteration_limits();
@@ -187,7 +214,7 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
-    let VelocitySolution { impulses, v: v_next, newton, saved_impulses, islands, .. } = velocity;
+    let VelocitySolution { impulses, v: v_next, newton, worst, saved_impulses, islands, .. } = velocity;
     let PositionSolution { rows, reference, v_free, correction: out, impact_displacement: scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
     // The residual of a correction is not reported. The solve need not end with its evaluation, unless the tolerance is smaller than the
@@ -195,18 +222,22 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.without_final_residual() };
     stepper_solve::solve(system, impulses, settings, lanes, newton);
     let bounds = Bounds::new(options, input.h);
-    let (fast, lacking) = kernel!(R, || {
+    let (fast, lacking, unmet) = kernel!(R, || {
         find_motion(input, impulses, [v_free, v_next], out);
         let rebounding = lanes.and(input.rebounding);
         if rebounding.any() {
             bound_rebound(input, [v_free, v_next], out, scratch, rebounding);
         }
-        let short = system.shortfall(impulses, reference);
-        let blocked = system.immovable_target();
+        let unmet = system.shortfall(impulses, reference).max(system.immovable_target());
         let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
-        (fast, lanes.and(short.max(blocked).gt(R::of(MIN_UNMET_TARGET))))
+        (fast, lanes.and(unmet.gt(R::of(MIN_UNMET_TARGET))), unmet)
     });
-    let infeasible = if lacking.any() { prove_infeasible(input, system, impulses, reference, lacking, bounds) } else { lacking };
+    let mut infeasible = Infeasible::none();
+    if lacking.any() {
+        infeasible.lanes = prove_infeasible(input, system, impulses, reference, lacking, bounds);
+        infeasible.unmet = R::select(infeasible.lanes, unmet, R::zero());
+        worst.find_position_targets(input.problem, (system, impulses, reference), input.contacts, infeasible.lanes);
+    }
     if fast.any() {
         // With Baumgarte's method, the user can read the impulses. They are reduced in the same ratio as the motion.
         let snapshot = (options.stabilization == Stabilization::Baumgarte).then_some(&*saved_impulses);

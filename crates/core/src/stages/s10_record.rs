@@ -52,7 +52,8 @@ bitflags! {
         /// In two cases speed and kinetic energy were bounded: velocity-dependent inertial forces were left out, or impulses turned a joint
         /// by more than half a turn. In the third case nothing was bounded: the error of the step added so much energy that the kinetic
         /// energy would double within 0.1 s. In the fourth case elastic impacts became inelastic, because Newton's law has no plausible
-        /// solution. In the fifth case the active bounds of stiff servos still changed after the last solve.
+        /// solution. In the fifth case the active bounds of stiff servos still changed after the last solve. In the sixth case explicit
+        /// forces diverged, with Euler's rule or MuJoCo's contact law, or a number of the state exceeds 1e10.
         const UNRESOLVED = 8;
         /// A geom moved so fast that it may have passed through a thin geom.
         const TUNNELLED = 16;
@@ -82,8 +83,9 @@ impl fmt::Display for Status {
 /// Record of one step: residual, iterations, largest errors and status flags of each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<R: Real> {
-    /// Larger of the residual and the largest target velocity of an immovable row (one that no degree of freedom moves), m/s. 0 if the step
-    /// was not finite.
+    /// Largest of three numbers, m/s: the solver's residual, the largest target velocity of an immovable row (one that no degree of freedom
+    /// moves), and, in infeasible lanes, the largest velocity by which a constraint misses its position target. Infinite if the step was
+    /// not finite.
     pub residual: R,
     /// Number of Gauss-Seidel iterations (sweeps).
     pub sweeps: R,

@@ -61,14 +61,15 @@ impl Stepper {
         structured(py, &envs, &contacts)
     }
 
-    /// Constraint with the largest residual in the last unsolved step (`status` NOT_CONVERGED) of the last call of `step`.
+    /// Cause of the last unsolved step in the last call of `step`: the constraint with the largest residual (`status` NOT_CONVERGED), the
+    /// constraint that misses its target by most (INFEASIBLE), or the element with a number that is not finite (NON_FINITE).
     ///
     /// Args:
     ///     env: Index of the environment.
     ///
     /// Returns:
-    ///     Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'. None if all steps were
-    ///     solved, or if no single constraint is responsible.
+    ///     Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"', 'equality "loop"' or 'number that is not finite:
+    ///     actuator "servo"'. None if all steps were solved, or if no single constraint is responsible.
     #[pyo3(signature = (env=Env(0), **others), text_signature = "($self, env=0)")]
     fn worst_row(slf: Reading<'_>, env: Env, others: Option<&Bound<'_, PyDict>>) -> PyResult<Option<String>> {
         no_others("Stepper.worst_row", others, &["env"])?;
@@ -113,8 +114,9 @@ impl Stepper {
 getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`.
     status: slf.per_env(py, "status", |env| slf.simulation.status(env).bits()),
-    /// Residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE. It is the size of the natural map, a
-    /// function of impulses and velocities that is zero at the exact solution.
+    /// Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero at
+    /// the exact solution. In environments with INFEASIBLE it is at least the largest velocity by which a constraint misses its position
+    /// target. In environments with NON_FINITE it is infinite.
     residual: slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual),
     /// Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps.
     iterations: slf.per_env(py, "iterations", |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps),

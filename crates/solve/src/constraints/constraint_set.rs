@@ -679,33 +679,31 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         rows.compliant = true;
     }
 
-    /// Larger of `most` and the largest velocity by which damping prevents a normal row from meeting its target, m/s or rad/s. `before` has
-    /// the normal impulses of the reference solution, at which damping causes no velocity.
+    /// Calls `f` with the velocity by which damping prevents the normal row of each constraint from meeting its target, m/s or rad/s.
+    /// `before` has the normal impulses of the reference solution, at which damping causes no velocity.
     #[inline(always)]
-    pub(crate) fn shortfall(&self, rows: &Rows<T>, impulses: &[T::Impulse], before: &[R], mut most: R) -> R {
+    pub(crate) fn for_each_shortfall(&self, rows: &Rows<T>, impulses: &[T::Impulse], before: &[R], mut f: impl FnMut(R)) {
         for (k, ((row, now), &before)) in rows.items.iter().zip(impulses).zip(before).enumerate() {
             let change = if k < self.eliminated { R::zero() } else { now.normal() - before };
-            most = most.max(masked(row.active(), row.shortfall(change)));
+            f(masked(row.active(), row.shortfall(change)));
         }
-        most
     }
 
-    /// Larger of `most` and the largest target of a row that no impulse can move, m/s or rad/s.
+    /// Calls `f` with the target of each constraint that no impulse can move, m/s or rad/s; 0 for the others.
     #[inline(always)]
-    pub(crate) fn immovable_target(&self, rows: &Rows<T>, mut most: R) -> R {
+    pub(crate) fn for_each_immovable_target(&self, rows: &Rows<T>, mut f: impl FnMut(R)) {
         for row in &rows.items {
-            most = most.max(masked(row.immovable(), row.immovable_target()));
+            f(masked(row.immovable(), row.immovable_target()));
         }
-        most
     }
 
-    /// Larger of `most` and the largest target velocity of a row that no impulse can move, without position corrections, m/s or rad/s.
+    /// Calls `f` with the target velocity of each constraint that no impulse can move, without position corrections, m/s or rad/s; 0 for
+    /// the others.
     #[inline(always)]
-    pub(crate) fn unmet_velocity(&self, rows: &Rows<T>, mut most: R) -> R {
+    pub(crate) fn for_each_unmet_velocity(&self, rows: &Rows<T>, mut f: impl FnMut(R)) {
         for row in &rows.items {
-            most = most.max(masked(row.immovable(), row.unmet_velocity()));
+            f(masked(row.immovable(), row.unmet_velocity()));
         }
-        most
     }
 
     /// Adds the constraints of this kind to a proof of infeasibility, see [`System::witness`](crate::System::witness).

@@ -183,7 +183,9 @@ impl Simulation {
         Certificate { residual: outcome.residual, sweeps: outcome.sweeps as u32, newton_steps: outcome.newton_steps as u32 }
     }
 
-    /// Constraint row with the largest residual in the last unsolved step ([`Status::NOT_CONVERGED`](crate::Status)) of the last call.
+    /// Cause of the last unsolved step of the last call: the constraint row with the largest residual
+    /// ([`Status::NOT_CONVERGED`](crate::Status)), the constraint that misses its position target by most
+    /// ([`Status::INFEASIBLE`](crate::Status)), or the element whose number is not finite ([`Status::NON_FINITE`](crate::Status)).
     ///
     /// `None` if all steps were solved, or if no row exceeds the tolerance.
     ///

@@ -36,6 +36,8 @@ use crate::options::{Integrator, StepSettings};
 use crate::probe::{Counter, NoProbe, Probe, span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
+use crate::stages::s08_stabilise::Infeasible;
+use crate::tuning::{FAST_ROTATION, MAX_IMPULSE_ROTATION};
 
 /// Makes stages 1 to 7 of a step with MuJoCo's contact law: from forces to positions. Writes the next state to the velocity and position
 /// solutions.
@@ -60,14 +62,26 @@ pub(crate) fn solve_step<R: Real>(
         solver
     };
     let none = R::Mask::splat(false);
-    free.unresolved.fill(none);
     let contacts_at_end = options.integrator == Integrator::Rk4;
+    // The Runge-Kutta method resolves larger rotations.
+    let rotation = if contacts_at_end { MAX_IMPULSE_ROTATION } else { FAST_ROTATION };
+    let (inertia, h) = ((&evaluation.kinematics, &free.smooth.mass), R::of(options.timestep));
+    let (velocities, outputs) = ([&state.v[..], &velocity.v[..]], (&mut free.scratch.motions[..], &mut free.unresolved[..]));
+    span!(probe, GuardEnergy, || s.step_resolution.assess_explicit_step(compiled, *alive, inertia, velocities, (rotation, h), outputs));
     let motion = TestedMotion { velocity: &velocity.v, is_free: false, time: R::of(options.timestep), contacts_at_end };
     let Evaluation { kinematics, collision, .. } = evaluation;
     let tunnelled = span!(probe, Tunnelling, || may_have_passed(compiled, kinematics, motion, *alive, collision));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
     std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
-    StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled, energy_unresolved: none }
+    StepOutcome {
+        solver,
+        impulses_act: true,
+        ambiguous: none,
+        limited: none,
+        infeasible: Infeasible::none(),
+        tunnelled,
+        energy_unresolved: none,
+    }
 }
 
 /// Makes stages 6 and 7 of a step: advances velocity and positions with the constrained acceleration.

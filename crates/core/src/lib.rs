@@ -164,6 +164,7 @@ pub use options::{ContactLaw, Integrator, Options, Solver, Stabilization};
 pub use sensing::errors::Transfer;
 pub use stages::s10_record::Status;
 pub use stepper_real::{Level, LevelError};
+pub use tuning::MAX_FRICTION;
 
 /// Recorded quantities of [`Simulation::rollout`], and their output arrays.
 pub mod rollout {

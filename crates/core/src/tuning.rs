@@ -306,6 +306,12 @@ pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
 /// rotate a joint towards its limit in the same step.
 pub(crate) const LIMIT_LOOK_AHEAD: f64 = 0.01;
 
+/// Coefficient of friction above which a hard contact acts as with this one. For torsional and rolling friction it is in m.
+///
+/// A cone of the coefficient 30 has a half-angle of 88.1 degrees. Evidence: stacked cubes sink through each other with coefficients above
+/// 100, because the smallest slip opens their contacts by mu times as much.
+pub const MAX_FRICTION: f64 = 30.0;
+
 /// Ratio of a constraint row's squared lengths after and before the elimination of the equalities, below which the equalities may block the
 /// row. Each entry of such a row is then tested with the same ratio.
 ///

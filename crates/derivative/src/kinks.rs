@@ -8,7 +8,7 @@
 use std::cmp::Ordering;
 
 use stepper_core::model::Pair;
-use stepper_core::{Contact, ContactLaw, Error, Model, Parameter, Simulation, Status};
+use stepper_core::{Contact, ContactLaw, Error, MAX_FRICTION, Model, Parameter, Simulation, Status};
 
 use crate::kink::*;
 use crate::rows::check_length;
@@ -258,6 +258,7 @@ impl ContactFriction<'_> {
     /// The margin is zero (within rounding) while the contact slips, and infinite for a contact without friction.
     fn slack(&self, Contact { geoms, force, torque, .. }: &Contact) -> f64 {
         let (condim, mu) = self.of(*geoms);
+        let mu = mu.map(|mu| mu.min(MAX_FRICTION));
         if condim == 1 {
             return f64::INFINITY;
         }

@@ -24,7 +24,7 @@
 //!
 //! | to do | see |
 //! |---|---|
-//! | contact points of two solids | [`Narrow::collide`], [`collide`], [`collide_plane`], [`collide_surface`] |
+//! | contact points of two solids | [`Narrow::collide`], [`collide`], [`collide_surface`] |
 //! | distance and normal of two convex shapes | [`distance`] |
 //! | contacts of two simple shapes in every lane of a SIMD type | [`pairs`] |
 //! | tests over lanes that two solids are too far apart to touch | [`BoundingBox`], [`SeparatingPlanes`] |
@@ -115,7 +115,7 @@ pub use cached_normal::CachedNormal;
 pub use distance::distance;
 pub use hull::{Face, Hull, HullError};
 pub use manifold::{MAX_POINTS, Manifold, Point};
-pub use narrow::{Narrow, collide, collide_plane};
+pub use narrow::{Narrow, collide};
 pub use passing::SolidMotion;
 pub use ray::RaySurface;
 pub use search_limits::SearchLimits;

@@ -1,7 +1,8 @@
 //! Contact points of two shapes along a given normal.
 //!
 //! The features that face each other are projected along the normal. Contacts are at the corners of their intersection. At most
-//! [`MAX_POINTS`] of the contacts are kept. They span nearly the same area and include the deepest contact.
+//! [`MAX_POINTS`] of the contacts are kept. They span nearly the same area and include the deepest contact. The search distance grows with
+//! the speed of the shapes. A larger one adds contacts, and removes none of those that touch ([`Reach`]).
 
 use crate::clip::{Shared, Work, behind, edges_of_triangle, overlay};
 use crate::facing::Facing;
@@ -12,11 +13,23 @@ use crate::separating_plane::SeparatingPlane;
 use crate::shape::ConvexShape;
 use crate::vectors::{Pose, V};
 
-/// Largest number of contact points of two convex shapes: four, or five with an end face of a cylinder.
-pub const MAX_POINTS: usize = 5;
+/// Largest number of contact points of two convex shapes.
+pub const MAX_POINTS: usize = 8;
 
-/// Largest number of contact points of two facing polygons. Further points are dropped.
+/// Largest number of touching contact points of two facing polygons, and of farther ones. Further points are dropped.
 const KEPT: usize = 4;
+
+/// Distances that select the contact points of two shapes, m.
+///
+/// Points that touch are reduced without regard to farther ones. The touching points of a manifold are therefore the same for every
+/// `max_distance`, and for every speed of the shapes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    /// Largest distance of a contact point.
+    pub(super) max_distance: f64,
+    /// Distance below which a point touches. If no point is as near, the nearest ones count instead.
+    pub(super) touching: f64,
+}
 
 /// Contact point of two shapes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -109,11 +122,10 @@ impl Clipper {
         self.work.reserve(2 * corners);
     }
 
-    /// Adds the contact points of two shapes along the normal of `facing` whose distance is at most `max_distance`, m, in the frame of the
-    /// first shape.
+    /// Adds the contact points of two shapes along the normal of `facing` within `reach`, in the frame of the first shape.
     ///
-    /// There is at least one point if the distance of the shapes along the normal is at most `max_distance`.
-    pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, max_distance: f64, out: &mut Manifold) {
+    /// There is at least one point if the distance of the shapes along the normal is at most `reach.max_distance`.
+    pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, reach: Reach, out: &mut Manifold) {
         let Facing { found, corners, .. } = *facing;
         let n = found.normal;
         let axes = contact_frame(n);
@@ -122,11 +134,11 @@ impl Clipper {
         let tilts = pair.flats(n, corners).map(|m| m.map_or(f64::INFINITY, |m| 1.0 - dot(m, n)));
         if tilts.iter().any(|t| *t <= FLAT) {
             self.fill(pair, &views, corners);
-            self.faces(pair, &axes, usize::from(tilts[0] > FLAT), max_distance, out);
-        } else if !self.level_faces(pair, &axes, tilts, facing, max_distance, out) {
-            self.lines(pair, &views, &axes, corners, max_distance, out);
+            self.faces(pair, &axes, usize::from(tilts[0] > FLAT), reach, out);
+        } else if !self.level_faces(pair, &axes, tilts, facing, reach, out) {
+            self.lines(pair, &views, &axes, corners, reach, out);
         }
-        if out.points.is_empty() && distance <= max_distance {
+        if out.points.is_empty() && distance <= reach.max_distance {
             // Halfway between the surfaces, on the line through the middle of the closest points.
             let [x, y] = found.points;
             let middle = scale(add(x, y), 0.5);
@@ -135,35 +147,27 @@ impl Clipper {
         }
     }
 
-    /// Adds the corners of the intersection of the two projected features as contact points, if their distance along the normal is at most
-    /// `max_distance`, m.
+    /// Adds the corners of the intersection of the two projected features as contact points, if their distance along the normal is within
+    /// `reach`.
     ///
     /// `axes` are the normal and the axes of the projection plane. `reference` is the index of the feature whose plane is perpendicular to
     /// the normal, or nearly so.
-    fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, max_distance: f64, out: &mut Manifold) {
+    fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, reach: Reach, out: &mut Manifold) {
         let (r, o) = (&self.features[reference], &self.features[1 - reference]);
         overlay(r, o, pair.tolerance, &mut self.work, &mut self.shared);
         if reference == 1 {
             self.shared.iter_mut().for_each(|s| s.h.swap(0, 1));
         }
-        self.emit(pair, axes, self.has_rim(), max_distance, out);
+        self.emit(pair, axes, self.has_rim(), reach, out);
     }
 
     /// Adds the contact points of two edges that cross, if a face next to one of the edges is nearly perpendicular to the contact normal.
     /// Returns whether points were added.
     ///
-    /// Such a face is nearly level: other points of it are about as close to the other shape as the crossing. Points of the whole face at a
-    /// distance of at most `max_distance`, m, are therefore added. `tilts` is 1 - cos(angle) between each shape's face normal and the
+    /// Such a face is nearly level: other points of it are about as close to the other shape as the crossing. Points of the whole face
+    /// within `reach` are therefore added. `tilts` is 1 - cos(angle) between each shape's face normal and the
     /// contact normal. Triangles of a surface get no points, because their neighbours have these points.
-    fn level_faces(
-        &mut self,
-        pair: &Pair<'_>,
-        axes: &[V; 3],
-        tilts: [f64; 2],
-        facing: &Facing,
-        max_distance: f64,
-        out: &mut Manifold,
-    ) -> bool {
+    fn level_faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], tilts: [f64; 2], facing: &Facing, reach: Reach, out: &mut Manifold) -> bool {
         let Some(reference) = tilts.iter().position(|t| *t <= LEVEL) else { return false };
         if matches!(pair.a, ConvexShape::Triangle(_)) {
             return false;
@@ -173,7 +177,7 @@ impl Clipper {
         if !matches!(r.kind, Kind::Polygon | Kind::Disc) || o.corners.len() == 1 || !o.is_level(ALONG) {
             return false;
         }
-        self.faces(pair, axes, reference, max_distance, out);
+        self.faces(pair, axes, reference, reach, out);
         // The closest points, or points of equal depth, must be among the added points. They are not if the edge does not belong to the
         // face.
         if out.deepest() > facing.found.separation - pair.rounding_radii() + EQUAL_DEPTH * pair.size {
@@ -195,7 +199,7 @@ impl Clipper {
     }
 
     /// Adds the contact points of a triangle of a surface with a shape that is above or below it, along the triangle's normal. The
-    /// triangle is the first shape of `pair`. Points at a distance of more than `max_distance`, m, are left out.
+    /// triangle is the first shape of `pair`. Points beyond `reach` are left out.
     ///
     /// `face` has the normal and the farthest corner of each shape. Corners of the second shape count if they are above or below the
     /// triangle. In the valley between two triangles they also count if they are behind both planes, see `Facet::rises` for the tangents
@@ -207,7 +211,7 @@ impl Clipper {
         face: &Facing,
         bulges: &[bool; 3],
         rises: &[f64; 3],
-        max_distance: f64,
+        reach: Reach,
         out: &mut Manifold,
     ) {
         let axes = contact_frame(face.found.normal);
@@ -220,12 +224,12 @@ impl Clipper {
         if rises.iter().any(|&x| x > 0.0) {
             behind(facet, other, rises, &mut self.shared);
         }
-        self.emit(pair, &axes, self.has_rim(), max_distance, out);
+        self.emit(pair, &axes, self.has_rim(), reach, out);
     }
 
-    /// Adds the contact points of the second shape of `pair` with a half space, at a distance of at most `max_distance`, m. The half
-    /// space is below the xy plane of the first shape's frame.
-    pub(super) fn half_space(&mut self, pair: &Pair<'_>, max_distance: f64, out: &mut Manifold) {
+    /// Adds the contact points of the second shape of `pair` with a half space within `reach`. The half space is
+    /// below the xy plane of the first shape's frame.
+    pub(super) fn half_space(&mut self, pair: &Pair<'_>, reach: Reach, out: &mut Manifold) {
         let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
         let feature = &mut self.features[1];
@@ -236,29 +240,29 @@ impl Clipper {
         self.shared.extend(feature.corners.iter().map(|c| Shared { x: c.x, y: c.y, h: [0.0, c.h], id: c.id }));
         // The half space has no feature: `features[0]` belongs to an earlier pair.
         let rim = feature.kind == Kind::Disc;
-        self.emit(pair, &axes, rim, max_distance, out);
+        self.emit(pair, &axes, rim, reach, out);
     }
 
-    /// Adds the contact points of a half space with those `points` that are at a distance of at most `max_distance`, m. The points are in
-    /// the frame of the second shape, m.
+    /// Adds the contact points of a half space with those `points` that are within `reach`. The points are in the frame of the second
+    /// shape, m.
     ///
     /// The half space is below the xy plane of the first shape's frame.
-    pub(super) fn cloud(&mut self, pair: &Pair<'_>, points: &[V], max_distance: f64, out: &mut Manifold) {
+    pub(super) fn cloud(&mut self, pair: &Pair<'_>, points: &[V], reach: Reach, out: &mut Manifold) {
         let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
         self.shared.clear();
         let seen = points.iter().map(|p| view.project(*p)).enumerate();
         let shared = seen.map(|(i, [x, y, h])| Shared { x, y, h: [0.0, h], id: i as u32 });
-        self.shared.extend(shared.filter(|s| s.h[1] <= max_distance));
-        self.emit(pair, &axes, false, max_distance, out);
+        self.shared.extend(shared.filter(|s| s.h[1] <= reach.max_distance));
+        self.emit(pair, &axes, false, reach, out);
     }
 
     /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap. No points are added
-    /// for edges that are not parallel. Points at a distance of more than `max_distance`, m, are left out.
+    /// for edges that are not parallel. Points beyond `reach` are left out.
     ///
     /// `axes` are the normal and the axes of the projection plane. `corners` are the corners of the shapes that are farthest towards the
     /// other shape.
-    fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], corners: [u32; 2], max_distance: f64, out: &mut Manifold) {
+    fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], corners: [u32; 2], reach: Reach, out: &mut Manifold) {
         let edges = [edge(pair.a, views[0].towards(), corners[0], ALONG), edge(pair.b, views[1].towards(), corners[1], ALONG)];
         let [Some(p), Some(q)] = edges else { return };
         let (u, v) = (sub(p[1], p[0]), rotate(views[1].mat, sub(q[1], q[0])));
@@ -294,23 +298,25 @@ impl Clipper {
                 self.shared.push(Shared { x: 0.5 * (a[0] + b[0]), y: 0.5 * (a[1] + b[1]), h: [a[2], b[2]], id });
             }
         }
-        self.emit(pair, axes, false, max_distance, out);
+        self.emit(pair, axes, false, reach, out);
     }
 
-    /// Adds the corners of the intersection of the two projected features as contact points, if their distance is at most `max_distance`,
-    /// m.
+    /// Adds the corners of the intersection of the two projected features as contact points, if their distance is within `reach`.
     ///
-    /// If there are more than four points, the function adds four that span nearly the same area. Five points are kept if one feature is
-    /// the end face of a cylinder (`rim`): four fixed points of the rim and its lowest point. `axes` are the normal and the axes of the
-    /// projection plane.
-    fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], rim: bool, max_distance: f64, out: &mut Manifold) {
+    /// If more than four points touch, the function adds four of them that span nearly the same area. Five points are kept if one feature
+    /// is the end face of a cylinder (`rim`): four fixed points of the rim and its lowest point. Farther points are added up to
+    /// [`MAX_POINTS`]. `axes` are the normal and the axes of the projection plane.
+    fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], rim: bool, reach: Reach, out: &mut Manifold) {
         let (ra, rb) = (pair.a.radius(), pair.b.radius());
         let distance = |s: &Shared| (s.h[1] - rb) - (s.h[0] + ra);
-        self.shared.retain(|s| distance(s) <= max_distance);
+        self.shared.retain(|s| distance(s) <= reach.max_distance);
         self.shared.sort_unstable_by_key(|s| s.id);
         self.shared.dedup_by_key(|s| s.id);
-        if self.shared.len() > KEPT + usize::from(rim) {
-            reduce(&mut self.shared, ra, rb, pair.size);
+        let touching = KEPT + usize::from(rim);
+        if self.shared.len() > touching {
+            // Only the distance of the surfaces matters here. It becomes the second height, and the first is 0.
+            let see = |s: &Shared| Shared { h: [0.0, distance(s)], ..*s };
+            reduce(&mut self.shared, 0, see, touching, reach, pair.size);
         }
         for s in &self.shared {
             let h = 0.5 * (s.h[0] + ra + s.h[1] - rb);
@@ -336,9 +342,9 @@ pub(super) fn mix(part: u32, feature: u32) -> u32 {
 
 /// Moves contact points of several triangles from `all` to `out`, and reduces their number.
 ///
-/// Points at the same place with the same normal are merged. Points with the same normal are reduced to four. At most `most` points remain,
-/// the deepest. `size` is the size of the pair, m.
-pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, most: usize, out: &mut Manifold) {
+/// Points at the same place with the same normal are merged. Of those with the same normal, at most [`MAX_POINTS`] remain, see [`reduce`].
+/// At most `most` points remain in all, the deepest. `size` is the size of the pair, m.
+pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, reach: Reach, most: usize, out: &mut Manifold) {
     let alike = |a: &Point, b: &Point| dot(a.normal, b.normal) > 1.0 - 1e-6;
     all.sort_unstable_by(|a, b| a.feature.cmp(&b.feature).then(a.distance.total_cmp(&b.distance)));
     while let Some(&first) = all.first() {
@@ -355,13 +361,8 @@ pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, most: usize, out: &
             !same
         });
         if out.points.len() > start + 2 {
-            let group = &mut out.points[start..];
             let see = |p: &Point| Shared { x: dot(p.pos, axes[1]), y: dot(p.pos, axes[2]), h: [0.0, p.distance], id: p.feature };
-            let (kept, count) = spanning(&|k| see(&group[k]), group.len(), size);
-            for (k, &i) in kept[..count].iter().enumerate() {
-                group[k] = group[i];
-            }
-            out.points.truncate(start + count);
+            reduce(&mut out.points, start, see, 2, reach, size);
         }
     }
     if out.points.len() > most {
@@ -370,33 +371,55 @@ pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, most: usize, out: &
     }
     out.points.sort_unstable_by(|a, b| a.feature.cmp(&b.feature).then(a.distance.total_cmp(&b.distance)));
     // One vertex may touch several triangles.
-    for k in 1..out.points.len() {
-        if out.points[k].feature == out.points[k - 1].feature {
-            out.points[k].feature = mix(k as u32, out.points[k].feature);
+    let (mut last, mut copies) = (None, 0);
+    for p in &mut out.points {
+        copies = if last == Some(p.feature) { copies + 1 } else { 0 };
+        last = Some(p.feature);
+        if copies > 0 {
+            p.feature = mix(copies, p.feature);
         }
     }
     out.points.sort_unstable_by_key(|p| p.feature);
 }
 
-/// Keeps at most four of the contact points, see [`spanning`]. `ra` and `rb` are the rounding radii of the two shapes and `size` the size
-/// of the pair, m.
-fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
-    // Only the distance of the surfaces matters here. It becomes the second height, and the first is 0.
-    let see = |s: &Shared| Shared { h: [0.0, (s.h[1] - rb) - (s.h[0] + ra)], ..*s };
-    let (kept, count) = spanning(&|k| see(&points[k]), points.len(), size);
-    for (k, &i) in kept[..count].iter().enumerate() {
-        points[k] = points[i];
+/// Reduces the points from index `start` on, to at most [`MAX_POINTS`]. They must ascend by identifier, and the remaining ones do.
+///
+/// If more than `all` points touch, [`KEPT`] of them remain, which span nearly the same area. Farther points fill the rest; if there are
+/// too many, those remain that span nearly the area of the farther points. `see` returns a point with its distance as second height, m, and
+/// `size` is the size of the pair, m.
+fn reduce<T: Copy>(points: &mut Vec<T>, start: usize, see: impl Fn(&T) -> Shared, all: usize, reach: Reach, size: f64) {
+    let group = &mut points[start..];
+    let deepest = group.iter().map(|p| see(p).h[1]).fold(f64::INFINITY, f64::min);
+    let limit = reach.touching.max(deepest + EQUAL_DEPTH * size);
+    let is_far = |p: &T| see(p).h[1] > limit;
+    let order = |p: &T, q: &T| see(p).id.cmp(&see(q).id).then(see(p).h[1].total_cmp(&see(q).h[1]));
+    group.sort_unstable_by(|p, q| is_far(p).cmp(&is_far(q)).then_with(|| order(p, q)));
+    let touching = group.partition_point(|p| !is_far(p));
+    let mut count = 0;
+    for (range, all) in [(0..touching, Some(all)), (touching..group.len(), None)] {
+        let room = MAX_POINTS - count;
+        if range.len() <= all.unwrap_or(room) {
+            group.copy_within(range.clone(), count);
+            count += range.len();
+        } else {
+            let (kept, number) = spanning(&|k| see(&group[range.start + k]), range.len(), room, size);
+            for i in &kept[..number] {
+                group[count] = group[range.start + i];
+                count += 1;
+            }
+        }
     }
-    points.truncate(count);
+    group[..count].sort_unstable_by(order);
+    points.truncate(start + count);
 }
 
 /// Indices, ascending, and number of contact points that span nearly the area of all points.
 ///
 /// The point that is chosen first is the deepest of the `count` points (smallest `h[1]`), the second the point farthest from it. The third
 /// is the point farthest from the line through these two, and the fourth adds most area to the triangle of the three. Of points that are
-/// equal up to rounding, the first in the list is chosen. The choice therefore does not change from step to step. `size` is the size of
-/// the pair, m.
-fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize; KEPT], usize) {
+/// equal up to rounding, the first in the list is chosen. The choice therefore does not change from step to step. At most `most` >= 3
+/// points are chosen. `size` is the size of the pair, m.
+fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, most: usize, size: f64) -> ([usize; KEPT], usize) {
     let (tie, tie_area) = (EQUAL_DEPTH * size, 1e-6 * size * size);
     let mut kept = [0; KEPT];
     kept[0] = pick(point, count, &[], tie, |p| -p.h[1]);
@@ -415,7 +438,7 @@ fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize
     let mut number = 2;
     if side(&c).abs() > tie_area {
         number = 3;
-        if count > 3 {
+        if count.min(most) > 3 {
             kept[3] = pick(point, count, &kept[..3], tie_area, beyond);
             number += usize::from(beyond(&point(kept[3])) > tie_area);
         }
@@ -440,13 +463,35 @@ fn pick(point: &dyn Fn(usize) -> Shared, count: usize, but: &[usize], tie: f64, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Touching points are reduced as without farther ones, so that the search distance removes none.
+        #[test]
+        fn far_points_do_not_change_the_touching_ones(
+            points in prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64, prop_oneof![-1e-3..1e-3f64, 2e-3..1.0f64]), 1..20),
+            all in 2..6usize,
+        ) {
+            let reach = Reach { max_distance: 1.0, touching: 1e-3 };
+            let mut every: Vec<Shared> = (0..).zip(&points).map(|(id, &(x, y, h))| Shared { x, y, h: [0.0, h], id }).collect();
+            let mut near: Vec<Shared> = every.iter().filter(|s| s.h[1] <= reach.touching).copied().collect();
+            let ids = |points: &[Shared]| points.iter().map(|s| s.id).collect::<Vec<_>>();
+            reduce(&mut every, 0, |s| *s, all, reach, 2.0);
+            prop_assert!(every.len() <= MAX_POINTS && every.is_sorted_by_key(|s| s.id));
+            if !near.is_empty() {
+                reduce(&mut near, 0, |s| *s, all, reach, 2.0);
+                every.retain(|s| s.h[1] <= reach.touching);
+                prop_assert_eq!(ids(&every), ids(&near));
+            }
+        }
+    }
 
     #[test]
     fn points_without_a_normal_are_thinned_too() {
         let point = |normal: V, feature: u32| Point { normal, feature, ..Point::default() };
         let mut all = vec![point([f64::NAN; 3], 0), point([0.0; 3], 1), point([0.0, 0.0, 1.0], 2), point([f64::INFINITY, 0.0, 0.0], 3)];
         let mut out = Manifold::default();
-        reduce_points(&mut all, 1.0, 16, &mut out);
+        reduce_points(&mut all, 1.0, Reach { max_distance: 1.0, touching: 1.0 }, 16, &mut out);
         assert!(all.is_empty());
         assert_eq!(out.points.len(), 4);
     }

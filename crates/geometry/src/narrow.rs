@@ -3,7 +3,7 @@
 use crate::boxes;
 use crate::cached_normal::CachedNormal;
 use crate::facing::Facing;
-use crate::manifold::{Manifold, Point};
+use crate::manifold::{Manifold, Point, Reach};
 use crate::pair::Pair;
 use crate::search_limits::SearchLimits;
 use crate::separating_plane::SeparatingPlane;
@@ -49,18 +49,16 @@ impl Narrow {
     /// a surface, it is the motion of the convex shape in the frame of the surface.
     pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], limits: SearchLimits) -> (&[Point], Option<SeparatingPlane>) {
         let Self { workspace, found } = self;
-        let max_distance = limits.max_distance;
+        let reach = limits.reach();
         match solids {
             [Solid::Convex(a), Solid::Convex(b)] => collide(a, &poses[0], b, &poses[1], limits, found, workspace),
-            [Solid::HalfSpace, Solid::Convex(b)] => collide_plane(&poses[0], b, &poses[1], max_distance, found, workspace),
+            [Solid::HalfSpace, Solid::Convex(b)] => collide_plane(&poses[0], b, &poses[1], reach, found, workspace),
             [Solid::Surface(a), Solid::Convex(b)] => collide_surface(a, &poses[0], b, &poses[1], limits, found, workspace),
             [Solid::Convex(a), Solid::Surface(b)] => {
                 collide_surface(b, &poses[1], a, &poses[0], limits, found, workspace);
                 found.flip_normals();
             }
-            [Solid::HalfSpace, Solid::Surface(b)] => {
-                surface::collide_plane_surface(&poses[0], b, &poses[1], max_distance, found, workspace)
-            }
+            [Solid::HalfSpace, Solid::Surface(b)] => surface::collide_plane_surface(&poses[0], b, &poses[1], reach, found, workspace),
             [_, Solid::Surface(_)] => unreachable!("a surface meets convex shapes"),
             [_, Solid::HalfSpace] => unreachable!("a half space comes first, and two never meet"),
         }
@@ -83,7 +81,7 @@ pub fn collide(
     workspace: &mut Workspace,
 ) {
     let mut limits = limits.into();
-    let max_distance = limits.max_distance;
+    let (max_distance, reach) = (limits.max_distance, limits.reach());
     out.clear();
     let pair = Pair::new(a, pose_a, b, pose_b).rounded(limits.epsilon, pose_a, pose_b);
     if !pair.is_near(max_distance) {
@@ -92,7 +90,7 @@ pub fn collide(
     if let (ConvexShape::Box { half: ha }, ConvexShape::Box { half: hb }) = (a, b) {
         let Some(by_axes) = boxes::separation(&pair, *ha, *hb, max_distance) else { return };
         if let Some(found) = by_axes {
-            workspace.clipper.manifold(&pair, &Facing::new(&pair, found), max_distance, out);
+            workspace.clipper.manifold(&pair, &Facing::new(&pair, found), reach, out);
             // The face's normal gives the exact distance if a feature of the other box is above the face.
             if found.separation <= 0.0 || (!out.is_single_unnamed() && out.deepest() <= found.separation + 1e-9 * pair.size) {
                 out.move_to_world(pose_a);
@@ -104,7 +102,7 @@ pub fn collide(
     limits.cached = limits.cached.map(|cached| CachedNormal { normal: unit_or(cached.normal, [0.0, 0.0, 1.0]), ..cached });
     let facing = separation::nearest(&pair, &limits, &mut workspace.polytope);
     if !limits.excludes_contact(&pair, &facing.found) {
-        workspace.clipper.manifold(&pair, &facing, max_distance, out);
+        workspace.clipper.manifold(&pair, &facing, reach, out);
         out.move_to_world(pose_a);
     }
     out.separating_plane = (a.is_hull() && b.is_hull()).then(|| limits.separating_plane(&pair, &facing));
@@ -112,11 +110,10 @@ pub fn collide(
 
 /// Finds the contact points of a half space and a convex shape and writes them to `out`, in the world frame.
 ///
-/// The half space is below the xy plane of the pose `plane`. Only points at a distance of up to `max_distance`, m, are added. Normals point
-/// out of the half space.
-pub fn collide_plane(plane: &Pose, shape: &ConvexShape, pose: &Pose, max_distance: f64, out: &mut Manifold, workspace: &mut Workspace) {
+/// The half space is below the xy plane of the pose `plane`. Only points within `reach` are added. Normals point out of the half space.
+fn collide_plane(plane: &Pose, shape: &ConvexShape, pose: &Pose, reach: Reach, out: &mut Manifold, workspace: &mut Workspace) {
     out.clear();
     let pair = Pair::new(&ConvexShape::Sphere { radius: 0.0 }, plane, shape, pose);
-    workspace.clipper.half_space(&pair, max_distance, out);
+    workspace.clipper.half_space(&pair, reach, out);
     out.move_to_world(plane);
 }

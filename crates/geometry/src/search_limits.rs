@@ -3,6 +3,7 @@
 use crate::approach::Approach;
 use crate::cached_normal::CachedNormal;
 use crate::facing::{Facing, Separation};
+use crate::manifold::Reach;
 use crate::pair::Pair;
 use crate::separating_plane::SeparatingPlane;
 use crate::vectors::V;
@@ -12,6 +13,8 @@ use crate::vectors::V;
 pub struct SearchLimits {
     /// Largest distance of the surfaces at which a contact is added, m.
     pub max_distance: f64,
+    /// Distance below which surfaces count as touching, m. Far points never replace the points of touching surfaces, see [`Reach`].
+    pub touching: f64,
     /// Contact normal of the pair of hulls in the previous step, from which the search starts. This normal saves time, and changes the
     /// result by rounding errors at most.
     pub cached: Option<CachedNormal>,
@@ -22,6 +25,11 @@ pub struct SearchLimits {
 }
 
 impl SearchLimits {
+    /// Distances of the contact points.
+    pub(super) fn reach(&self) -> Reach {
+        Reach { max_distance: self.max_distance, touching: self.touching }
+    }
+
     /// Whether the separation `found` proves that the pair has no contact within `self.max_distance` that can push within the step.
     pub(super) fn excludes(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         self.excludes_gap(found.normal, found.separation - pair.rounding_radii(), pair.size)
@@ -48,8 +56,9 @@ impl SearchLimits {
 }
 
 impl From<f64> for SearchLimits {
-    /// Limits with `max_distance` as the largest distance of a contact, m, without a cached normal or a motion.
+    /// Limits with `max_distance` as the largest distance of a contact, m, without a cached normal or a motion. Surfaces within this distance
+    /// count as touching.
     fn from(max_distance: f64) -> Self {
-        Self { max_distance, cached: None, approach: None, epsilon: f64::EPSILON }
+        Self { max_distance, touching: max_distance, cached: None, approach: None, epsilon: f64::EPSILON }
     }
 }

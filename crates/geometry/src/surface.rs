@@ -29,7 +29,7 @@ use crate::ball::{Ball, TriangleTest, ball_over};
 use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
-use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
+use crate::manifold::{LEVEL, Manifold, Point, Reach, VERTICES, reduce_points};
 use crate::mesh_heights::{MeshHeights, cells_between};
 use crate::pair::Pair;
 use crate::round::{ends, is_over, may_touch, nearest_of_triangle};
@@ -478,7 +478,8 @@ pub fn collide_surface(
     out: &mut Manifold,
     workspace: &mut Workspace,
 ) {
-    let SearchLimits { max_distance, approach, .. } = limits.into();
+    let limits = limits.into();
+    let (SearchLimits { max_distance, approach, .. }, within) = (limits, limits.reach());
     out.clear();
     let nothing = ConvexShape::Sphere { radius: 0.0 };
     let whole = Pair::new(&nothing, pose_a, b, pose_b);
@@ -552,7 +553,7 @@ pub fn collide_surface(
         let facet = a.facet(t as usize);
         let triangle = ConvexShape::Triangle(facet.corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
-        if let Some(facing) = touch(a, t as usize, &facet, &pair, along, max_distance, out, workspace)
+        if let Some(facing) = touch(a, t as usize, &facet, &pair, along, within, out, workspace)
             && left.as_ref().is_none_or(|(_, other)| facing.found.separation < other.found.separation)
         {
             left = Some((t, facing));
@@ -566,16 +567,16 @@ pub fn collide_surface(
     workspace.triangles = triangles;
     if culled && left.is_some() && workspace.all.is_empty() {
         // The closest point may belong to a skipped triangle: one whose contacts cannot push within the step. The second search skips none.
-        return collide_surface(a, pose_a, b, pose_b, max_distance, out, workspace);
+        return collide_surface(a, pose_a, b, pose_b, SearchLimits { approach: None, ..limits }, out, workspace);
     }
     // If no triangle accepted a point, rounding caused all to reject the closest one.
     if let Some((t, facing)) = left.filter(|_| workspace.all.is_empty()) {
         let triangle = ConvexShape::Triangle(a.facet(t as usize).corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
-        workspace.clipper.manifold(&pair, &facing, max_distance, out);
+        workspace.clipper.manifold(&pair, &facing, within, out);
         workspace.all.extend(out.points.drain(..).map(|p| Point { feature: feature_id(t, p.feature), ..p }));
     }
-    reduce_points(&mut workspace.all, whole.size, MAX_SURFACE_POINTS, out);
+    reduce_points(&mut workspace.all, whole.size, within, MAX_SURFACE_POINTS, out);
     out.move_to_world(pose_a);
 }
 
@@ -596,20 +597,19 @@ pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, appro
 
 /// Finds the contact points of a half space and the vertices of a mesh and writes them to `out`, in the world frame.
 ///
-/// The half space is below the xy plane of the pose `plane`. Points have a distance of at most `max_distance`, m. A height field gets no
-/// contact points.
+/// The half space is below the xy plane of the pose `plane`. Points are within `reach`. A height field gets no contact points.
 pub(super) fn collide_plane_surface(
     plane: &Pose,
     surface: &Surface,
     pose: &Pose,
-    max_distance: f64,
+    reach: Reach,
     out: &mut Manifold,
     workspace: &mut Workspace,
 ) {
     out.clear();
     let nothing = ConvexShape::Sphere { radius: 0.0 };
     if let Surface::Mesh(mesh) = surface {
-        workspace.clipper.cloud(&Pair::new(&nothing, plane, &nothing, pose), &mesh.vertices, max_distance, out);
+        workspace.clipper.cloud(&Pair::new(&nothing, plane, &nothing, pose), &mesh.vertices, reach, out);
         out.move_to_world(plane);
     }
 }
@@ -622,8 +622,8 @@ fn feature_id(triangle: u32, feature: u32) -> u32 {
 
 /// Adds the contact points of triangle `t` and a shape to `out`. The shape is the second one of `pair`.
 ///
-/// `along` is the separation of the triangle and the shape without its rounding radius, along the normal of the triangle, m. Points at a
-/// distance of more than `max_distance`, m, are left out. If there are no points because the closest point belongs to a neighbour, the
+/// `along` is the separation of the triangle and the shape without its rounding radius, along the normal of the triangle, m. Points beyond
+/// `reach` are left out. If there are no points because the closest point belongs to a neighbour, the
 /// result is the separation of triangle and shape; else `None`.
 #[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
 fn touch(
@@ -632,12 +632,12 @@ fn touch(
     facet: &Facet,
     pair: &Pair<'_>,
     along: f64,
-    max_distance: f64,
+    reach: Reach,
     out: &mut Manifold,
     workspace: &mut Workspace,
 ) -> Option<Facing> {
     if let ConvexShape::Sphere { radius } = *pair.b {
-        let ball = Ball { facet, pair, height: along, radius, max_distance };
+        let ball = Ball { facet, pair, height: along, radius, max_distance: reach.max_distance };
         let grid = if let Surface::Grid(grid) = surface { Some(grid) } else { None };
         let is_below = grid.map(|grid| |p: V| grid.is_below(p));
         match ball.touch(is_below, |at, p, d| surface.is_nearest(t, facet, at, p, d), out) {
@@ -646,7 +646,7 @@ fn touch(
             TriangleTest::Unclear => {}
         }
     }
-    touch_any(surface, t, facet, pair, along, max_distance, out, workspace)
+    touch_any(surface, t, facet, pair, along, reach, out, workspace)
 }
 
 /// Adds the contact points of triangle `t` and a shape by the general search, which works for all shapes. The arguments and the result are
@@ -658,7 +658,7 @@ fn touch_any(
     facet: &Facet,
     pair: &Pair<'_>,
     along: f64,
-    max_distance: f64,
+    reach: Reach,
     out: &mut Manifold,
     workspace: &mut Workspace,
 ) -> Option<Facing> {
@@ -667,7 +667,7 @@ fn touch_any(
     let over = |workspace: &mut Workspace, out: &mut Manifold| {
         let rises = if along < 0.0 { facet.rises() } else { [0.0; 3] };
         if facet.may_be_under(pair, &rises) {
-            workspace.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &rises, max_distance, out);
+            workspace.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &rises, reach, out);
         }
     };
     let behind = dot(normal, pair.apart) <= 0.0;
@@ -695,9 +695,9 @@ fn touch_any(
         over(workspace, out);
         return None;
     }
-    let facing = separation::nearest(pair, &max_distance.into(), &mut workspace.polytope);
+    let facing = separation::nearest(pair, &reach.max_distance.into(), &mut workspace.polytope);
     let found = &facing.found;
-    if found.separation - pair.rounding_radii() > max_distance {
+    if found.separation - pair.rounding_radii() > reach.max_distance {
         return None;
     }
     let cos = dot(found.normal, normal);
@@ -710,7 +710,7 @@ fn touch_any(
     }
     let (at, p) = facet.furthest(found.normal);
     if cos > 0.0 && !matches!(at, Outline::Inside) && surface.is_nearest(t, facet, &at, p, found.normal) {
-        workspace.clipper.manifold(pair, &facing, max_distance, out);
+        workspace.clipper.manifold(pair, &facing, reach, out);
         if out.is_single_unnamed() && 1.0 - cos <= LEVEL {
             // The other corners of a slightly tilted shape above the triangle are as close, or soon will be.
             over(workspace, out);
@@ -794,7 +794,7 @@ mod tests {
             let ball = Ball { facet: &facet, pair: &pair, height, radius, max_distance };
             let Surface::Grid(grid) = &surface else { unreachable!("made above") };
             let left = ball.touch(Some(|p: V| grid.is_below(p)), |at, p, d| surface.is_nearest(t, &facet, at, p, d), &mut own);
-            let left_any = touch_any(&surface, t, &facet, &pair, height, max_distance, &mut any, &mut Workspace::default());
+            let left_any = touch_any(&surface, t, &facet, &pair, height, SearchLimits::from(max_distance).reach(), &mut any, &mut Workspace::default());
             match left {
                 TriangleTest::Unclear => return Ok(()),
                 TriangleTest::Complete => prop_assert!(left_any.is_none()),

@@ -28,7 +28,7 @@ pub enum Kernel {
     /// Convex shape and surface of triangles (concave mesh, height field): up to 16 contact points. The function runs for one environment
     /// at a time.
     Surface,
-    /// Other pairs of convex shapes, or half space and mesh: up to 5 contact points. The function runs for one environment at a time.
+    /// Other pairs of convex shapes, or half space and mesh: up to 8 contact points. The function runs for one environment at a time.
     Convex,
 }
 

@@ -180,6 +180,7 @@ impl<R: Real> Scene<'_, R> {
             let NarrowWorkspace { narrow, last_planes, new_planes } = &mut *workspace;
             let mut limits = SearchLimits::from(reach.lane(lane).to_f64());
             limits.epsilon = R::Scalar::EPSILON.to_f64();
+            limits.touching = (margin + self.slack).lane(lane).to_f64();
             limits.cached = last_planes.of(lane, index).map(SeparatingPlane::cached_normal);
             if let Some(moving) = &approach {
                 limits.approach = Some(moving.lane(lane));

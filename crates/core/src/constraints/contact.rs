@@ -1,4 +1,5 @@
-//! Rows of contacts with sliding friction: one along the normal and two along the tangents.
+//! Rows of contacts with sliding friction: one along the normal and two along the tangents. Contacts with more rows
+//! (`torsional_rolling.rs`) use [`Assembler::sliding_rows`] and [`Assembler::push_contact_rows`] too.
 //!
 //! This file calls methods of `Assembler` and of the row builder that are defined in other files of this folder:
 //!
@@ -14,20 +15,21 @@
 //! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`: velocity changes by the motion of the contact point; `remove_curvature` |
 //! | `equality.rs` | `propagate_scales`: sizes below which entries of the rows count as rounding errors |
 //!
-//! `RowInput` (`assembler.rs`) has the numbers that all rows share. `push_contact` makes the rows a part of the solver's problem
-//! (`crates/solve/src/problem.rs`).
+//! `RowInput` (`assembler.rs`) has the numbers that all rows share. [`Assembler::push_contact_rows`] makes the rows a part of the solver's
+//! problem (`crates/solve/src/problem.rs`).
 
 use stepper_real::{Mask, Real, Scalar, kernel};
-use stepper_solve::velocity_rounding;
+use stepper_solve::{FrictionContacts, Iterate, LocalSolver, Problem, velocity_rounding};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::approaching::resting_speed;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
 use crate::constraints::elimination::mobility_ratio;
+use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
-use crate::tuning::MIN_UNMET_TARGET;
+use crate::tuning::{MAX_FRICTION, MIN_UNMET_TARGET};
 
 /// Smallest inverse inertia along a contact's normal with which the contact counts as movable. The number is a fraction of 1 / (total mass
 /// of all moving bodies).
@@ -66,6 +68,13 @@ fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R
     R::select(correction.gt(resting).and_not(stage_8_reports), R::zero(), resting)
 }
 
+/// Friction coefficient with which the solver computes a contact whose coefficient is `mu`, see [`MAX_FRICTION`]. For torsional and rolling
+/// friction, both are in m.
+#[inline(always)]
+pub(crate) fn effective_friction<R: Real>(mu: R) -> R {
+    mu.min(R::of(MAX_FRICTION))
+}
+
 /// Three rows of the contact in one slot, along the normal and the tangents. Their entries are in `column` of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
     /// Offset g of each row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
@@ -74,13 +83,35 @@ pub(crate) struct SlidingRows<R: Real> {
     pub(crate) curvature: Option<[R; 2]>,
     /// Squared lengths of the rows before and after equalities were eliminated from them; `None` without elimination.
     pub(crate) lengths: Option<[[R; 3]; 2]>,
+    /// Numbers that do not depend on the number of rows.
+    pub(crate) common: CommonRows<R>,
+}
+
+/// Numbers of the contact in one slot that do not depend on its number of rows.
+pub(crate) struct CommonRows<R: Real> {
     /// Lanes in which the contact has rows, including lanes in which the solver leaves them out.
-    pub(crate) exists: R::Mask,
-    /// Deferred contact, with the lanes in which the solver leaves out the rows. The caller sets the fields `contact` and `impulse`, and
-    /// removes lanes in which the contact is immovable.
-    pub(crate) deferred: DeferredContact<R>,
+    exists: R::Mask,
+    /// Deferred contact, with the lanes in which the solver leaves out the rows. [`Assembler::push_contact_rows`] sets the fields `contact`
+    /// and `impulse`, and removes lanes in which the contact is immovable.
+    deferred: DeferredContact<R>,
     /// Compliance of the normal row, 1/kg; `None` if no surface of the model is soft (has a contact spring).
-    pub(crate) compliance: Option<R>,
+    compliance: Option<R>,
+}
+
+/// Contact with `N` rows, of which the normal row is the first, as input of [`Assembler::push_contact_rows`].
+pub(crate) struct ContactRows<R: Real, const N: usize> {
+    /// Numbers that do not depend on the number of rows.
+    pub(crate) common: CommonRows<R>,
+    /// Friction coefficient of the scaled rows.
+    pub(crate) mu: R,
+    /// Offset g of each row in the velocity solve and in the position solve, m/s.
+    pub(crate) offsets: [[R; 2]; N],
+    /// Curvature terms that the offsets of the tangents contain, m/s; `None` if they were not computed.
+    pub(crate) curvature: Option<[R; 2]>,
+    /// Mobility of the contact before the elimination of equalities, divided by that after it; `None` without elimination.
+    pub(crate) mobility_ratio: Option<R>,
+    /// Impulse of each row from which the solve starts, N s.
+    pub(crate) impulse: [R; N],
 }
 
 impl<R: Real> Assembler<'_, R> {
@@ -91,53 +122,115 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
-        let SlidingRows { offsets: g, curvature, lengths, exists, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
-        let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
-        self.problem.rows.push_contact(
-            &self.builder.dofs,
+        let SlidingRows { offsets, curvature, lengths, common } = self.sliding_rows(input, contacts, k, lanes);
+        let rows = ContactRows {
+            common,
+            mu: effective_friction(slot.mu),
+            offsets,
+            curvature,
+            // The residual of a contact is scaled by its mobility. Mobilities are those before equalities were eliminated.
+            mobility_ratio: lengths.map(
+                #[inline(always)]
+                |[before, after]| mobility_ratio(&before, &after),
+            ),
+            impulse: slot.impulse,
+        };
+        self.push_contact_rows(
+            input,
+            contacts,
+            (k, lanes),
+            &rows,
             #[inline(always)]
-            |d| scale(column[d], mass.sqrt_inv_d[d]),
-            exists,
-            slot.mu,
-            [g[0][0], g[1][0], g[2][0]],
+            |builder, d| scale(builder.column[d], mass.sqrt_inv_d[d]),
+            #[inline(always)]
+            |problem| &mut problem.contacts,
+            #[inline(always)]
+            |impulses| &mut impulses.contacts,
         );
-        if self.problem.rows.contacts.last_is_immovable().any() {
-            let (movable, negligible) = self.find_movable(input, contacts, k, lanes, g[0]);
-            self.problem.rows.contacts.make_movable(movable);
-            self.problem.rows.contacts.clear_negligible_approach(negligible);
+        self.problem.sliding_slots.push((k, R::Mask::from_bits(lanes)));
+    }
+
+    /// Makes the rows of the contact in slot `k` a part of the solver's problem, in the lanes `lanes` (bits), with the impulse from which
+    /// the solve starts.
+    ///
+    /// `entries` returns the entries of the rows at a coordinate. `set` selects the list of the contact, and `impulses` that of its
+    /// impulse.
+    #[expect(clippy::too_many_arguments, reason = "rows, their entries, and two lists")]
+    #[inline(always)]
+    pub(crate) fn push_contact_rows<const N: usize, L: LocalSolver<R, N>>(
+        &mut self,
+        input: &RowInput<'_, R>,
+        contacts: &Contacts<R>,
+        (k, lanes): (usize, u32),
+        rows: &ContactRows<R, N>,
+        entries: impl Fn(&RowBuilder<R>, usize) -> [R; N],
+        set: impl Fn(&mut Problem<R>) -> &mut FrictionContacts<R, N, L>,
+        impulses: impl Fn(&mut Iterate<R>) -> &mut Vec<[R; N]>,
+    ) {
+        let ContactRows { common: CommonRows { exists, deferred, compliance }, mu, offsets: g, curvature, mobility_ratio, impulse } = *rows;
+        let contact = self.problem.rows.contacts.len() + self.problem.rows.rolling_contacts.len();
+        let (builder, least) = (&self.builder, self.problem.rows.least_mobility);
+        let mut offsets = [R::zero(); N];
+        for i in 0..N {
+            offsets[i] = g[i][0];
         }
-        if let Some(curvature) = curvature {
-            self.problem.curvature_terms.push(CurvatureTerms { contact, terms: curvature });
+        set(&mut self.problem.rows).push(
+            &builder.dofs,
+            #[inline(always)]
+            |d| entries(builder, d),
+            exists,
+            mu,
+            offsets,
+            least,
+        );
+        if set(&mut self.problem.rows).last_is_immovable().any() {
+            let (movable, negligible) = self.find_movable(input, contacts, k, lanes, g[0]);
+            let set = set(&mut self.problem.rows);
+            set.make_movable(movable);
+            set.clear_negligible_approach(negligible);
+        }
+        if let Some(terms) = curvature {
+            self.problem.curvature_terms.push(CurvatureTerms { contact, terms });
             // A self-locking contact, such as a wedge, carries any load by friction. Curvature terms could prescribe velocities that the
             // joints do not allow, and no impulses would be a solution.
-            let is_self_locking = self.problem.rows.contacts.is_self_locking();
+            let is_self_locking = set(&mut self.problem.rows).is_self_locking();
             if is_self_locking.any() {
                 self.problem.remove_curvature(self.problem.curvature_terms.len() - 1, is_self_locking);
             }
         }
-        if let Some([before, after]) = lengths {
-            // The residual of a contact is scaled by its mobility. Mobilities are those before equalities were eliminated.
-            self.problem.rows.contacts.set_mobility_ratio(mobility_ratio(&before, &after));
+        let set = set(&mut self.problem.rows);
+        if let Some(ratio) = mobility_ratio {
+            set.set_mobility_ratio(ratio);
         }
         if let Some(compliance) = compliance {
-            self.problem.rows.contacts.set_compliance(compliance);
+            set.set_compliance(compliance);
         }
-        // The position solve has another g of the normal row. For tangents, the difference of g in the two solves is stored, so that a
-        // later change of a tangent's g applies in both.
-        self.problem.rows.contacts.set_position_offset([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
+        // The position solve has another g of the normal row. For the other rows, the difference of g in the two solves is stored, so that
+        // a later change of g applies in both.
+        let mut position = [g[0][1]; N];
+        for i in 1..N {
+            position[i] = g[i][1] - g[i][0];
+        }
+        set.set_position_offset(position);
         // The solver has no rows for an immovable contact, and could not activate them.
-        let immovable = self.problem.rows.contacts.last_is_immovable();
+        let immovable = set.last_is_immovable();
         let deferred_lanes = deferred.lanes.and_not(immovable);
         let not_deferred = exists.and_not(deferred_lanes);
         if deferred_lanes.any() {
-            self.problem.rows.contacts.defer(deferred_lanes);
-            let [n, a, b] = slot.impulse;
-            let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
-            self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: deferred_lanes, impulse, ..deferred });
+            set.defer(deferred_lanes);
+            let mut initial = [R::zero(); 6];
+            for i in 0..N {
+                initial[i] = impulse[i];
+            }
+            self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: deferred_lanes, impulse: initial, ..deferred });
         }
         // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
-        self.velocity.impulses.contacts.push(select(not_deferred.and_not(immovable), slot.impulse, zero()));
-        self.problem.sliding_slots.push((k, R::Mask::from_bits(lanes)));
+        let acts = not_deferred.and_not(immovable);
+        let mut initial = [R::zero(); N];
+        for i in 0..N {
+            initial[i] = R::select(acts, impulse[i], R::zero());
+        }
+        impulses(&mut self.velocity.impulses).push(initial);
         self.problem.constrained = self.problem.constrained.or(not_deferred);
     }
 
@@ -233,6 +326,6 @@ impl<R: Real> Assembler<'_, R> {
         let deferred = DeferredContact { contact: 0, slot: k, lanes, doubtful, bounces, bias: offsets[0][0] - free_eliminated[0], impulse };
         // Curvature terms are added last. The code above needs offsets without them to decide whether the contact is deferred.
         let curvature = has_curvature.then(|| self.add_curvature(input, contacts, k, exists, [free, change], &mut offsets));
-        SlidingRows { offsets, curvature, lengths, exists, deferred, compliance: springs.map(|row| row.compliance) }
+        SlidingRows { offsets, curvature, lengths, common: CommonRows { exists, deferred, compliance: springs.map(|row| row.compliance) } }
     }
 }

@@ -7,8 +7,7 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
 use crate::constraints::assembler::{Assembler, RowInput};
-use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
-use crate::constraints::contact::SlidingRows;
+use crate::constraints::contact::{ContactRows, SlidingRows, effective_friction};
 use crate::constraints::elimination::mobility_ratio;
 use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
@@ -51,8 +50,7 @@ impl<R: Real> Assembler<'_, R> {
             let RowInput { compiled, mass, .. } = *input;
             let slot = &contacts.data[k];
             let friction = Friction::of(compiled, contacts, k, lanes);
-            let SlidingRows { offsets: mut sliding_offsets, curvature, lengths: sliding, exists, deferred, compliance } =
-                self.sliding_rows(input, contacts, k, lanes);
+            let SlidingRows { offsets: [normal, a, b], curvature, lengths, common } = self.sliding_rows(input, contacts, k, lanes);
             self.builder.keep_sliding_rows();
             let n = slot.point.normal;
             let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -64,79 +62,46 @@ impl<R: Real> Assembler<'_, R> {
             let free_rotation = self.builder.rotation_columns(input, &axes, friction.scale, surface);
             let change = if self.problem.resolves_impacts { self.builder.change_by_free_motion(input) } else { zero() };
             self.builder.half_solve::<3>(compiled, mass);
-            let mut rotation_offsets = [[free_rotation[0]; 2], [free_rotation[1]; 2], [free_rotation[2]; 2]];
-            let rotation_lengths = self.builder.eliminate(&self.problem.rows, mass, &mut rotation_offsets);
-            self.shift_rotation_to_impact(change, &mut rotation_offsets);
-            let contact = self.problem.rows.contacts.len() + self.problem.rows.rolling_contacts.len();
-            let (linear, column, sliding_factor) = (&self.builder.linear, &self.builder.column, friction.sliding_factor);
-            sliding_offsets[1] = scale(sliding_offsets[1], sliding_factor);
-            sliding_offsets[2] = scale(sliding_offsets[2], sliding_factor);
-            self.problem.rows.push_rolling_contact(
-                &self.builder.dofs,
+            let mut rotation = [[free_rotation[0]; 2], [free_rotation[1]; 2], [free_rotation[2]; 2]];
+            let rotation_lengths = self.builder.eliminate(&self.problem.rows, mass, &mut rotation);
+            self.shift_rotation_to_impact(change, &mut rotation);
+            let factor = friction.sliding_factor;
+            let (push, torque) = (slot.impulse, friction.row_impulses(contacts.torque[k]));
+            let rows = ContactRows {
+                common,
+                mu: friction.mu,
+                offsets: [normal, scale(a, factor), scale(b, factor), rotation[0], rotation[1], rotation[2]],
+                curvature: curvature.map(
+                    #[inline(always)]
+                    |terms| scale(terms, factor),
+                ),
+                mobility_ratio: match (lengths, rotation_lengths) {
+                    (Some(sliding), Some(rotation)) => {
+                        let before = [scale_tangents(sliding[0], factor), rotation[0]];
+                        let after = [scale_tangents(sliding[1], factor), rotation[1]];
+                        Some(mobility_ratio(before.as_flattened(), after.as_flattened()))
+                    }
+                    _ => None,
+                },
+                impulse: [push[0], push[1] * factor, push[2] * factor, torque[0], torque[1], torque[2]],
+            };
+            self.push_contact_rows(
+                input,
+                contacts,
+                (k, lanes),
+                &rows,
                 #[inline(always)]
-                |d| {
-                    let (a, b, s) = (linear[d], column[d], mass.sqrt_inv_d[d]);
-                    let t = s * sliding_factor;
+                |builder, d| {
+                    let (a, b, s) = (builder.linear[d], builder.column[d], mass.sqrt_inv_d[d]);
+                    let t = s * factor;
                     [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
                 },
-                exists,
-                friction.mu,
-                [
-                    sliding_offsets[0][0],
-                    sliding_offsets[1][0],
-                    sliding_offsets[2][0],
-                    rotation_offsets[0][0],
-                    rotation_offsets[1][0],
-                    rotation_offsets[2][0],
-                ],
+                #[inline(always)]
+                |problem| &mut problem.rolling_contacts,
+                #[inline(always)]
+                |impulses| &mut impulses.rolling_contacts,
             );
-            if self.problem.rows.rolling_contacts.last_is_immovable().any() {
-                let (movable, negligible) = self.find_movable(input, contacts, k, lanes, sliding_offsets[0]);
-                self.problem.rows.rolling_contacts.make_movable(movable);
-                self.problem.rows.rolling_contacts.clear_negligible_approach(negligible);
-            }
-            if let Some(curvature) = curvature {
-                self.problem.curvature_terms.push(CurvatureTerms { contact, terms: scale(curvature, sliding_factor) });
-            }
-            if let (Some(sliding), Some(rotation)) = (sliding, rotation_lengths) {
-                let before = [scale_tangents(sliding[0], sliding_factor), rotation[0]];
-                let after = [scale_tangents(sliding[1], sliding_factor), rotation[1]];
-                self.problem.rows.rolling_contacts.set_mobility_ratio(mobility_ratio(before.as_flattened(), after.as_flattened()));
-            }
-            if let Some(compliance) = compliance {
-                self.problem.rows.rolling_contacts.set_compliance(compliance);
-            }
-            // As in `add_contact`: the position solve replaces g of the normal row, and adds to g of the other rows.
-            let change = |[velocity, position]: [R; 2]| position - velocity;
-            let [spin, roll_a, roll_b] = rotation_offsets.map(change);
-            self.problem.rows.rolling_contacts.set_position_offset([
-                sliding_offsets[0][1],
-                change(sliding_offsets[1]),
-                change(sliding_offsets[2]),
-                spin,
-                roll_a,
-                roll_b,
-            ]);
-            let (push, torque) = (slot.impulse, friction.row_impulses(contacts.torque[k]));
-            let initial_impulse = [push[0], push[1] * sliding_factor, push[2] * sliding_factor, torque[0], torque[1], torque[2]];
-            // The solver has no rows for an immovable contact, and could not activate them.
-            let immovable = self.problem.rows.rolling_contacts.last_is_immovable();
-            let deferred_lanes = deferred.lanes.and_not(immovable);
-            let not_deferred = exists.and_not(deferred_lanes);
-            if deferred_lanes.any() {
-                self.problem.rows.rolling_contacts.defer(deferred_lanes);
-                self.problem.deferred.push(DeferredContact {
-                    contact,
-                    slot: k,
-                    lanes: deferred_lanes,
-                    impulse: initial_impulse,
-                    ..deferred
-                });
-            }
-            // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
-            self.velocity.impulses.rolling_contacts.push(select(not_deferred.and_not(immovable), initial_impulse, zero()));
             self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
-            self.problem.constrained = self.problem.constrained.or(not_deferred);
         })
     }
 }
@@ -161,7 +126,7 @@ impl<R: Real> Friction<R> {
             let (params, pair_lanes) = (compiled.contact(pair), R::Mask::from_bits(lanes));
             (spin, roll) = (R::select(pair_lanes, params.torsion, spin), R::select(pair_lanes, params.rolling, roll));
         }
-        let mu = contacts.data[k].mu;
+        let (mu, spin, roll) = (effective_friction(contacts.data[k].mu), effective_friction(spin), effective_friction(roll));
         let slides = mu.gt(R::zero());
         let mu = R::select(slides, mu, R::one());
         Self { mu, sliding_factor: R::select(slides, R::one(), R::zero()), scale: [spin / mu, roll / mu, roll / mu] }

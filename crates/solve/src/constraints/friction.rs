@@ -13,6 +13,7 @@ use crate::cone::{masked, movable, project};
 use crate::constraints::constraint_set::{
     ConstraintSet, Damping, LaneConstraint, Row, Rows, SavedConstraint, Span, SweepLanes, Unknowns, is_nonzero, multiply, number_of,
 };
+use crate::constraints::orthogonalisation::velocity_rounding;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar, kernel};
 
@@ -41,6 +42,14 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// It updates the normal impulse at constant tangential impulse. Then it projects the tangential impulse on the disc of the new normal
     /// impulse.
     fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N];
+
+    /// Directions of the tangential impulse, among the principal axes of the tangential problem, in which no impulse moves the contact.
+    /// `None` if there are none in any lane.
+    ///
+    /// Each direction has an entry in the two results, from index 1 on: its velocity offset, m/s, with the normal impulse that stops the
+    /// normal row, and its coupling G_tn / G_nn to the normal row. The entries of other directions are 0. `g` has the offsets of the rows,
+    /// m/s, and `trace` is the trace of the contact's block of the Delassus matrix, 1/kg.
+    fn fixed_directions(&self, g: [R; N], trace: R) -> Option<[[R; N]; 2]>;
 
     /// Mean diagonal entry of the contact's block of the Delassus matrix before elimination of equality rows, 1/kg. `step` is the step of
     /// the contact's natural map.
@@ -153,7 +162,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// velocity before any impulse, plus its bias (minus the target velocity). A contact is immovable if its normal mobility is below
     /// `least`, 1/kg, or a tiny fraction of its mobility in all directions.
     #[inline(always)]
-    pub(crate) fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], exists: R::Mask, mu: R, g: [R; N], least: R) {
+    pub fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], exists: R::Mask, mu: R, g: [R; N], least: R) {
         let mut gram = [[R::zero(); N]; N];
         let span = self.push_entries(
             columns,
@@ -163,6 +172,39 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         );
         let movable = movable(exists, gram[0][0], gram[0][0] + gram[1][1] + gram[2][2], least);
         self.rows.items.push(FrictionContact::new(span, [movable, exists.and_not(movable)], mu, g, &gram));
+    }
+
+    /// Lanes in which the last contact of the list is self-locking: no impulse of the friction cone makes it stick with its velocity
+    /// offsets g. The caller must ask before setting the mobility ratio and the compliance of the contact.
+    ///
+    /// If fewer degrees of freedom move the contact than it has rows, there is an impulse that changes no velocity. If the friction cone
+    /// contains such an impulse, the impulse can grow without bound, and the contact carries any load. Offsets that the joints cannot
+    /// produce then have no solution.
+    ///
+    /// Let `x` be a tangential impulse along the directions without mobility ([`LocalSolver::fixed_directions`]), and `c` the coupling of
+    /// these directions to the normal row. Together with the normal impulse `n = -c . x`, it changes no velocity. The impulse (n, x) is in
+    /// the friction cone if the angle between `x` and `-c` is at most `acos(1 / (mu |c|))`.
+    pub fn is_self_locking(&self) -> R::Mask {
+        kernel!(R, || {
+            let never = R::Mask::splat(false);
+            let Some(FrictionContact { active, mu, g, step, local, .. }) = self.rows.items.last() else { return never };
+            let trace = step.inv_rho * R::of(N as f64);
+            let Some([p, c]) = local.fixed_directions(*g, trace) else { return never };
+            let (mut along, mut square, mut across, mut sizes) = (R::zero(), R::zero(), R::zero(), R::zero());
+            for i in 0..N {
+                along += c[i] * p[i];
+                square += c[i] * c[i];
+                sizes += g[i].abs();
+                for j in 0..i {
+                    across += (c[j] * p[i] - c[i] * p[j]).square();
+                }
+            }
+            let length = square.sqrt();
+            // Largest power against the offsets g, times |c|, of the impulses (n, x) with |x| = 1 on the edge of the friction cone.
+            let turned = ((*mu * length).square() - R::one()).max(R::zero()).sqrt();
+            let power = along + across.sqrt() * turned;
+            active.and((*mu * length).gt(R::one())).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
+        })
     }
 
     /// Lanes in which the last contact of the list is immovable along its normal.

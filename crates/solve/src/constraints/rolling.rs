@@ -207,6 +207,21 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     }
 
     #[inline(always)]
+    fn fixed_directions(&self, g: [R; 6], trace: R) -> Option<[[R; 6]; 2]> {
+        // The principal values are bounded by this floor. The trace of the caller has another rounding error.
+        let floor = least_tangent(trace) * R::of(1.0 + 8.0 * <R::Scalar as Scalar>::EPSILON.to_f64());
+        let (offsets, mut any) = (in_axes(&self.axes, tangential(g)), R::Mask::splat(false));
+        let mut out = [[R::zero(); 6]; 2];
+        for i in 0..T {
+            let fixed = self.a[i].le(floor);
+            any = any.or(fixed);
+            out[0][i + 1] = masked(fixed, offsets[i] - self.coupling[i] * g[0]);
+            out[1][i + 1] = masked(fixed, self.coupling[i]);
+        }
+        any.any().then_some(out)
+    }
+
+    #[inline(always)]
     fn mobility(&self, step: &NaturalStep<R>) -> R {
         step.inv_rho
     }

@@ -3,9 +3,8 @@
 
 use crate::cone::{masked, norm2};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, NaturalStep, least_tangent, slip_multiplier};
-use crate::constraints::orthogonalisation::velocity_rounding;
 use crate::lane_map::LaneMap;
-use stepper_real::{Mask, Real, Scalar, kernel};
+use stepper_real::{Mask, Real, Scalar};
 
 /// Contact with sliding friction: rows (n, t1, t2).
 pub type SlidingContact<R> = FrictionContact<R, 3, SlidingSolver<R>>;
@@ -68,30 +67,6 @@ impl<R: Real> SlidingSolver<R> {
         trace
     }
 
-    /// Lanes in which a contact is self-locking, see [`SlidingContacts::is_self_locking`]. `g` has the offset of each row, m/s: its
-    /// velocity before any impulse, plus its bias (minus the target velocity).
-    ///
-    /// Let `x` be a tangential impulse along principal axes of A that have no mobility. Together with the normal impulse `n = -coupling .
-    /// x`, it changes no velocity. The impulse (n, x) is in the friction cone if the angle between `x` and `-coupling` is at most `acos(1
-    /// / (mu |coupling|))`.
-    #[inline(always)]
-    fn is_self_locking(&self, mu: R, g: [R; 3]) -> R::Mask {
-        let [nn, na, nb, aa, _, bb] = self.gram;
-        let (floor, [cos, sin]) = (least_tangent(nn + aa + bb - self.normal_compliance), self.axis);
-        let fixed = self.a.map(|a| a.le(floor));
-        if fixed[0].or(fixed[1]).none() {
-            return R::Mask::splat(false);
-        }
-        let (t1, t2) = (g[1] - na * self.inv_gnn * g[0], g[2] - nb * self.inv_gnn * g[0]);
-        let p = [masked(fixed[0], cos * t1 + sin * t2), masked(fixed[1], cos * t2 - sin * t1)];
-        let c = [masked(fixed[0], self.coupling[0]), masked(fixed[1], self.coupling[1])];
-        let (length, sizes) = (norm2(c[0], c[1]), g[0].abs() + g[1].abs() + g[2].abs());
-        // Largest power against the velocities g, times |coupling|, of the impulses (n, x) with |x| = 1 on the edge of the friction cone.
-        let turned = ((mu * length).square() - R::one()).max(R::zero()).sqrt();
-        let power = c[0] * p[0] + c[1] * p[1] + (c[0] * p[1] - c[1] * p[0]).abs() * turned;
-        (mu * length).gt(R::one()).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
-    }
-
     /// Impulse of a slipping contact in the lanes `todo`, at the multiplier s > 0 for which |lambda_t(s)| = mu lambda_n(s).
     ///
     /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
@@ -130,21 +105,6 @@ impl<R: Real> SlidingSolver<R> {
         let n = push * d - (self.coupling[0] * x[0] + self.coupling[1] * x[1]);
         let dn = push * (d0 + d1) + (self.coupling[0] * p[0] + self.coupling[1] * p[1]);
         Sliding { x, n, dn, d }
-    }
-}
-
-impl<R: Real> SlidingContacts<R> {
-    /// Lanes in which the last contact of the list is self-locking: no impulse of the friction cone makes it stick with its velocity
-    /// offsets g.
-    ///
-    /// If fewer than three degrees of freedom move the contact, there is an impulse that changes no velocity. If the friction cone contains
-    /// such an impulse, the impulse can grow without bound, and the contact carries any load. Offsets that the joints cannot produce then
-    /// have no solution.
-    pub fn is_self_locking(&self) -> R::Mask {
-        kernel!(R, || match self.rows.items.last() {
-            Some(contact) => contact.active.and(contact.local.is_self_locking(contact.mu, contact.g)),
-            None => R::Mask::splat(false),
-        })
     }
 }
 
@@ -221,6 +181,19 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         let (length, most) = (norm2(x[0], x[1]), mu * n);
         let scale = R::select(length.gt(most), most / R::select(length.gt(zero), length, R::one()), R::one());
         [n, x[0] * scale, x[1] * scale]
+    }
+
+    #[inline(always)]
+    fn fixed_directions(&self, g: [R; 3], _trace: R) -> Option<[[R; 3]; 2]> {
+        let [nn, na, nb, aa, _, bb] = self.gram;
+        let (floor, [cos, sin]) = (least_tangent(nn + aa + bb - self.normal_compliance), self.axis);
+        let fixed = [self.a[0].le(floor), self.a[1].le(floor)];
+        if fixed[0].or(fixed[1]).none() {
+            return None;
+        }
+        let (t1, t2) = (g[1] - na * self.inv_gnn * g[0], g[2] - nb * self.inv_gnn * g[0]);
+        let p = [R::zero(), masked(fixed[0], cos * t1 + sin * t2), masked(fixed[1], cos * t2 - sin * t1)];
+        Some([p, [R::zero(), masked(fixed[0], self.coupling[0]), masked(fixed[1], self.coupling[1])]])
     }
 
     #[inline(always)]

@@ -15,7 +15,7 @@ use crate::integrators::velocity_loop::VelocityLoop;
 use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, span};
-use crate::stages::s05_solve::store_impulses;
+use crate::stages::s05_solve::{share_sticking_loads, store_impulses};
 use crate::stages::s10_record::Record;
 
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
@@ -105,6 +105,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     integrate_positions(StepContext { input, evaluation }, velocity, position, probe);
     // The impulses of the step are stored here, because stage 8 solves again and overwrites them.
     span!(probe, IntegrateVelocity, || {
+        share_sticking_loads(options, &state.v, problem, velocity);
         store_impulses(problem, velocity, &mut evaluation.contacts);
         store_generalized_impulse(compiled, &free.smooth.mass, velocity, &mut free.constraint_impulse);
     });

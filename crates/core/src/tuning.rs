@@ -330,20 +330,36 @@ pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
 /// Smallest number of contacts of a contact group. With three contacts between two bodies, statics does not determine the forces.
 pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
 
-/// Sliding speed above which a loaded contact of a redundant support counts as slipping, m/s. The torque of friction then depends on how
-/// the contacts share the load.
+/// Sliding speed above which a loaded contact of a redundant support counts as slipping, m/s; the tolerance of the solve replaces it where
+/// it is larger. The torque of friction then depends on how the contacts share the load.
 pub(crate) const SLIP_SPEED: f64 = 1e-6;
 
-/// Length of a row after the elimination of other rows, below which the row counts as linearly dependent on them. Before the elimination
-/// the length is 1. The two values are for double and for single precision.
+/// Fraction of the options' tolerance at which the tolerance of a lane means rest.
+///
+/// In 32 bits the smallest tolerance of a lane is 1.2e-2 of the default.
+pub(crate) const MAX_REST_TOLERANCE: f64 = 3e-2;
+
+/// Length of a row after the elimination of other rows, below which the row counts as linearly dependent on them, relative to the longest
+/// row. The two values are for double and for single precision.
 pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
 
 /// Smallest change of a contact's normal impulse for which redundant supports redistribute their load, relative to the largest normal
 /// impulse. The two values are for double and for single precision.
 pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 
+/// Smallest change of an impulse for which sticking supports at rest redistribute their load, relative to the largest normal impulse.
+pub(crate) const MIN_SHARE_CHANGE_AT_REST: f64 = 1e-2;
+
 /// Largest number of contacts in a cluster of redundant supports that share their loads. The work grows with the cube of the number.
 pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
+
+/// Largest number of operations of load sharing in a cluster that sticks: number of impulses times the square of the number of coordinates.
+///
+/// A hand of seven coordinates that holds a box at sixteen points needs 8,000.
+pub(crate) const MAX_STICKING_WORK: usize = 20_000;
+
+/// Largest number of rounds of load sharing. Each takes one contact to its friction cone.
+pub(crate) const MAX_SHARE_ROUNDS: usize = 4;
 
 /// Largest number of contacts in an environment for which Newton's method computes the first impulses of a contact group (see
 /// `constraints/redundant_supports.rs`).

@@ -27,7 +27,7 @@ use stepper_real::{Mask, Real, Scalar};
 const MAGIC: [u8; 8] = *b"problem\xff";
 
 /// Version of the format of saved problems. It changes whenever the payload changes.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 
 /// Number of bytes of a saved problem before its payload.
 const HEADER: usize = 8 + 4 + 32;
@@ -45,6 +45,7 @@ by_kind! {
         newton_steps: u32,
         tolerance: f64,
         newton_threshold: f64,
+        accepted_residual: f64,
     } each same Vec<SavedConstraint>
 }
 
@@ -81,10 +82,13 @@ impl<R: Real> System<'_, R> {
     /// [`Problem::from_bytes`] reads them.
     pub fn to_bytes(&self, iterate: &Iterate<R>, settings: &Settings<R>, lane: usize) -> Vec<u8> {
         let (dimension, redundant) = (self.problem.dimension(), self.problem.newly_loaded.bits() >> lane & 1 == 1);
-        let Settings { sweeps, newton_steps, tolerance, newton_threshold } = *settings;
-        let [tolerance, newton_threshold] = [tolerance, newton_threshold].map(|x| x.lane(lane).to_f64());
-        let payload = make_kinds!(Payload { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, }
-            [set: &self.problem] [rows: self] [impulses: &iterate] => set.save(rows, impulses, lane));
+        let Settings { sweeps, newton_steps, tolerance, newton_threshold, accepted_residual } = *settings;
+        let [tolerance, newton_threshold, accepted_residual] =
+            [tolerance, newton_threshold, accepted_residual].map(|x| x.lane(lane).to_f64());
+        let payload = make_kinds!(
+            Payload { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, accepted_residual, }
+            [set: &self.problem] [rows: self] [impulses: &iterate] => set.save(rows, impulses, lane)
+        );
         let payload = postcard::to_stdvec(&payload).expect("a problem is plain data in memory: numbers and sequences of known length");
         let digest: [u8; 32] = Sha256::digest(&payload).into();
         [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
@@ -138,9 +142,10 @@ fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
 impl Payload {
     /// Problem with the numbers of the payload in every lane of `R`.
     fn problem<R: Real>(&self) -> Result<LoadedProblem<R>, String> {
-        let Self { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, .. } = *self;
-        if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && newton_threshold >= tolerance) {
-            return Err(format!("{dimension} coordinates, tolerances {tolerance} and {newton_threshold}: not of a problem"));
+        let Self { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, accepted_residual, .. } = *self;
+        let limits = [newton_threshold, accepted_residual];
+        if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && limits.iter().all(|&limit| limit >= tolerance)) {
+            return Err(format!("{dimension} coordinates, tolerance {tolerance}, limits {limits:?}: not of a problem"));
         }
         let capacity = make_kinds!(Capacity { dimension, scalar_entries: 0, columns_per_contact: 0, } [saved: &self] => saved.len());
         let (mut problem, mut iterate) = (Problem::<R>::new(&capacity), Iterate::<R>::new(&capacity));
@@ -157,7 +162,8 @@ impl Payload {
         });
         problem.newly_loaded = R::Mask::splat(redundant);
         iterate.compute_w(&problem);
-        let settings = Settings { sweeps, newton_steps, tolerance: R::of(tolerance), newton_threshold: R::of(newton_threshold) };
+        let [tolerance, newton_threshold, accepted_residual] = [tolerance, newton_threshold, accepted_residual].map(R::of);
+        let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold, accepted_residual };
         Ok(LoadedProblem { problem, iterate, settings })
     }
 }

@@ -3,11 +3,12 @@
 use crate::capacity::Capacity;
 use crate::cone::masked;
 use crate::constraints::constraint_set::{Impulse, Impulses, SweepLanes, Unknowns};
+use crate::constraints::friction::padded;
 use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
 use crate::gauss_seidel::history::History;
 use crate::lane_map::LaneMap;
 use crate::problem::{Problem, System};
-use stepper_real::{Mask, Real, kernel};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 by_kind! {
     /// Unknowns of a problem, with the history of sweeps. Impulses are in N s, those of angular rows in N m s.
@@ -226,6 +227,25 @@ impl<R: Real> Iterate<R> {
     #[inline(always)]
     pub fn take_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask) -> [R; 6] {
         at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &mut self] => set.take_impulse(i, lanes, impulses, &mut self.w))
+    }
+
+    /// Impulse of contact `i`, N s or N m s, as six numbers. The last three are zeros for a contact with three rows.
+    ///
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
+    #[inline(always)]
+    pub fn contact_impulse(&self, i: usize) -> [R; 6] {
+        at_contact!(i of self.contacts.len(), [impulses: &self] => padded(&impulses[i]))
+    }
+
+    /// Sets the impulse of contact `i` in the lane `lane`. The scaled velocity change w is not updated. A contact with three rows reads the
+    /// first three numbers.
+    ///
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
+    #[inline(always)]
+    pub fn set_contact_impulse(&mut self, i: usize, lane: usize, lambda: &[f64; 6]) {
+        at_contact!(i of self.contacts.len(), [impulses: &mut self] => {
+            impulses[i].iter_mut().zip(lambda).for_each(|(row, &x)| row.set_lane(lane, Scalar::from_f64(x)));
+        });
     }
 
     /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.

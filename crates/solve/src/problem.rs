@@ -162,6 +162,40 @@ impl<R: Real> Problem<R> {
         at_contact!(i of self.contacts.len(), [set: &mut self] => &mut set[i].g[0])
     }
 
+    /// Lanes in which the solver reads contact `i`: it exists there, is movable along its normal, and is not deferred.
+    ///
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
+    #[inline(always)]
+    pub fn contact_lanes(&self, i: usize) -> R::Mask {
+        at_contact!(i of self.contacts.len(), [set: &self] => set[i].active)
+    }
+
+    /// Friction coefficient of the rows of contact `i`.
+    ///
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
+    #[inline(always)]
+    pub fn contact_friction(&self, i: usize) -> R {
+        at_contact!(i of self.contacts.len(), [set: &self] => set[i].mu)
+    }
+
+    /// Velocity of contact `i` under impulses that cause the scaled velocity change `w`, m/s, as six numbers. The last three are zeros for a
+    /// contact with three rows.
+    ///
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
+    #[inline(always)]
+    pub fn contact_velocity(&self, i: usize, w: &[R]) -> [R; 6] {
+        at_contact!(i of self.contacts.len(), [set: &self] => set.padded_velocity(i, w))
+    }
+
+    /// Calls `f` with each coordinate of contact `i` and with the entries of the contact's rows there in the lane `lane`. The entries are six
+    /// numbers; the last three are zeros for a contact with three rows.
+    ///
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
+    #[inline(always)]
+    pub fn for_each_contact_entry(&self, i: usize, lane: usize, f: impl FnMut(u32, [f64; 6])) {
+        at_contact!(i of self.contacts.len(), [set: &self] => set.for_each_entry(i, lane, f))
+    }
+
     /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
     /// at the contact's target velocity.
     ///

@@ -49,7 +49,7 @@ fn chain(contacts: usize) -> (Problem<f64>, Iterate<f64>) {
 
 #[test]
 fn a_solve_allocates_nothing_the_second_time() {
-    let settings = Settings { sweeps: 1, newton_steps: 50, tolerance: 1e-10, newton_threshold: 1e-10 };
+    let settings = Settings::new(1, 50, 1e-10);
     let mut newton = Newton::default();
     let mut all = [chain(30), chain(7), chain(12)];
     for pass in 0..2 {

@@ -138,7 +138,7 @@ impl<R: Real> ConstraintProblem<R> {
                 self.activate_contact(velocity, i, colliding, self.deferred[i].impulse);
             }
         });
-        let newly_loaded = velocity.contact_groups.newly_loaded_lanes(contacts, &self.sliding_slots, &self.rows, &velocity.impulses);
+        let newly_loaded = velocity.contact_groups.newly_loaded_lanes(contacts, self, &velocity.impulses);
         self.rows.newly_loaded = self.rows.newly_loaded.and_not(lanes).or(newly_loaded.and(lanes));
     }
 

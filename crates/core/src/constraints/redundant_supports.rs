@@ -7,9 +7,14 @@
 //!
 //! Three or more contacts between the same two bodies form a contact group, if one of the bodies floats freely (is alone on a free joint).
 //! Groups that act on a common degree of freedom form a cluster, whose loads are shared together. Example: a box between two fingers has
-//! two groups in one cluster. Among all nonnegative normal impulses with the same effect on the joints, the impulses of least norm are
-//! used. Friction of a slipping contact is recomputed as mu times the normal impulse, against the motion. If a group slips without
-//! rotating, this changes no velocity. If it rotates, its friction torque changes, and the solver continues from the shared loads.
+//! two groups in one cluster. Among all impulses with the same effect on the joints, the impulses of least norm are used, as far as the
+//! friction cones allow.
+//!
+//! * If a loaded contact of the cluster slips, the normal impulses are shared. Friction of a slipping contact is recomputed as mu times the
+//!   normal impulse, against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque
+//!   changes, and the solver continues from the shared loads.
+//! * If the cluster sticks, all impulses are shared at the end of the step, which changes no velocity. Without this the residuals of many
+//!   steps would move load from contact to contact, until some contacts reach their cones and the cluster slips.
 
 use std::ops::Range;
 
@@ -19,8 +24,7 @@ use stepper_solve::{Iterate, Problem};
 use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;
 use crate::constraints::constraint_problem::ConstraintProblem;
-use crate::math::spatial::*;
-use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS, SLIP_SPEED};
+use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARE_ROUNDS, MAX_SHARED_CONTACTS, MAX_STICKING_WORK, MIN_SHARED_CONTACTS};
 
 /// Contact groups of all lanes.
 #[derive(Clone, Debug)]
@@ -33,22 +37,14 @@ pub(crate) struct ContactGroups<R> {
     pairs: Vec<([usize; 2], usize)>,
     /// Workspace of the search for contact groups in one lane: index of the group of every contact.
     of_contact: Vec<usize>,
-    /// Contacts of the cluster whose loads are being shared (groups that move a common coordinate).
-    points: Vec<Point>,
-    /// Matrix of the load sharing. Its entries are the effects of a unit normal impulse of each contact (column) on each coordinate of the
-    /// solver's velocity w (row).
-    rows: Vec<f64>,
-    /// For each row of `rows`, sum of the effects of all normal impulses on the row's coordinate, in the scale of the row. Load sharing
-    /// must not change it.
-    sums: Vec<f64>,
-    /// Index of the coordinate of each row of `rows`.
-    coordinates: Vec<u32>,
-    /// Whether each row of `rows` has already been orthonormalised.
-    done: Vec<bool>,
     /// For each coordinate, index of a contact group that moves it. Groups with a common coordinate belong to the same cluster.
     owners: Vec<usize>,
     /// Velocities of all contacts of the problem, m/s.
-    velocities: Vec<V3<R>>,
+    velocities: Vec<[R; 6]>,
+    /// Contacts of the cluster whose loads are being shared (groups that move a common coordinate).
+    points: Vec<Point>,
+    /// Loads of the cluster whose loads are being shared.
+    loads: Loads,
 }
 
 /// Contact group: three or more contacts between the same two bodies in one lane. At least one of the bodies floats freely.
@@ -64,52 +60,215 @@ struct ContactGroup {
 }
 
 impl ContactGroup {
-    /// Indices of the group's contacts in the problem. The iterator leaves out contacts that have six rows, are immovable, or are deferred
-    /// in the group's lane.
-    fn contacts<'a, R: Real>(
-        &self,
-        slots: &'a [usize],
-        assembled: &'a [(usize, R::Mask)],
-        problem: &'a Problem<R>,
-    ) -> impl Iterator<Item = usize> + 'a {
-        let lane = self.lane;
-        let index = move |k: &usize| assembled.binary_search_by_key(k, |slot| slot.0).ok();
-        let exists = move |i: &usize| problem.contacts[*i].active.bits() >> lane & 1 == 1;
-        slots[self.slots[0]..self.slots[1]].iter().filter_map(index).filter(exists)
+    /// Indices of the group's contacts in the problem. Contacts with three rows come first, then those with six. The iterator leaves out
+    /// contacts that are immovable or deferred in the group's lane.
+    fn contacts<'a, R: Real>(&self, slots: &'a [usize], problem: &'a ConstraintProblem<R>) -> impl Iterator<Item = usize> + 'a {
+        let (lane, has) = (self.lane, |lanes: R::Mask, lane: usize| lanes.bits() >> lane & 1 == 1);
+        let ConstraintProblem { rows, sliding_slots, rolling_slots, .. } = problem;
+        let index = move |k: &usize| {
+            let sliding = sliding_slots.binary_search_by_key(k, |slot| slot.0).ok().filter(|&i| has(sliding_slots[i].1, lane));
+            sliding.or_else(|| rolling_slots.binary_search_by_key(k, |slot| slot.0).ok().map(|i| sliding_slots.len() + i))
+        };
+        slots[self.slots[0]..self.slots[1]].iter().filter_map(index).filter(move |&i| has(rows.contact_lanes(i), lane))
     }
+}
+
+/// Clusters whose loads [`ContactGroups::share`] shares.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Clusters {
+    /// Clusters in which a loaded contact slips. Their normal impulses are shared, and friction impulses follow from these.
+    Slipping,
+    /// Clusters in which no loaded contact slips. All their impulses are shared.
+    Sticking,
+}
+
+/// Rule of load sharing, with its limits in each lane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sharing<R> {
+    /// Clusters whose loads are shared.
+    pub(crate) clusters: Clusters,
+    /// Speed above which a loaded contact slips, m/s.
+    pub(crate) slip_speed: R,
+    /// Smallest change of an impulse for which loads are shared, relative to the largest normal impulse of the cluster.
+    pub(crate) min_change: R,
 }
 
 /// Contact in the cluster whose loads are being shared.
 #[derive(Clone, Copy, Debug)]
 struct Point {
-    /// Index of the contact in the problem.
+    /// Index of the contact in the problem. Contacts with three rows come first, then those with six.
     contact: usize,
+    /// Friction coefficient of the contact's rows.
+    mu: f64,
     /// Velocity of the contact along the normal and the tangents, m/s.
-    velocity: [f64; 3],
-    /// Normal impulse of the contact before the loads are shared, N s.
-    before: f64,
-    /// Normal impulse of the contact after the loads are shared, N s.
-    shared: f64,
-    /// Whether load sharing may give the contact a nonzero normal impulse.
+    velocity: [f64; 6],
+    /// Whether load sharing may change the impulse of the contact.
     free: bool,
 }
 
+impl Point {
+    /// Replaces the friction impulse in `lambda` by one that belongs to the normal impulse: mu times the normal impulse against the motion
+    /// if the contact moves faster than `slip_speed`, otherwise at most mu times the normal impulse.
+    fn set_friction(&self, slip_speed: f64, lambda: &mut [f64; 6]) {
+        let (most, slip) = (self.mu * lambda[0], slip(&self.velocity));
+        let (sign, direction, size) = if slip > slip_speed { (-1.0, self.velocity, slip) } else { (1.0, *lambda, self::slip(lambda)) };
+        let scale = if slip > slip_speed || size > most { sign * most / size } else { 1.0 };
+        (1..6).for_each(|i| lambda[i] = direction[i] * scale);
+    }
+}
+
+/// Impulses of a cluster with the matrix of their effects, and those of least norm with the same effects.
+///
+/// A cluster has `width` impulses per contact: the normal impulse, or the impulses of all rows. Zeros fill the lists up to a multiple of
+/// [`PARTS`].
+#[derive(Clone, Debug)]
+struct Loads {
+    /// Number of impulses per contact.
+    width: usize,
+    /// Impulses, N s, contact by contact.
+    impulses: Vec<f64>,
+    /// Impulses of least norm with the same effects, N s.
+    targets: Vec<f64>,
+    /// Matrix of the effects of a unit impulse (column) on each coordinate of the solver's velocity w (row).
+    rows: Vec<f64>,
+    /// Index of the coordinate of each row of `rows`.
+    coordinates: Vec<u32>,
+    /// Squared length of each row of `rows`, without its parts along the rows that are already orthonormal; 0 for the latter.
+    squares: Vec<f64>,
+}
+
+/// Number of partial sums of a scalar product.
+const PARTS: usize = 4;
+
+impl Loads {
+    /// Workspace for problems with `dimension` coordinates.
+    fn new(dimension: usize) -> Self {
+        let list = || Vec::with_capacity(6 * MAX_SHARED_CONTACTS);
+        Self {
+            width: 1,
+            impulses: list(),
+            targets: list(),
+            rows: Vec::with_capacity((dimension * MAX_SHARED_CONTACTS).max((6 * MAX_SHARED_CONTACTS * MAX_STICKING_WORK).isqrt())),
+            coordinates: Vec::with_capacity(dimension),
+            squares: Vec::with_capacity(dimension),
+        }
+    }
+
+    /// Computes `rows` from the free contacts in `points`: one row for each coordinate that they move. Returns whether `max_rows` rows are
+    /// enough.
+    fn make_rows<R: Real>(&mut self, points: &[Point], lane: usize, problem: &Problem<R>, max_rows: usize) -> bool {
+        let Self { width, impulses, rows, coordinates, .. } = self;
+        let (width, stride) = (*width, impulses.len());
+        let mut enough = true;
+        coordinates.clear();
+        rows.clear();
+        for (k, p) in points.iter().enumerate().filter(|(_, p)| p.free) {
+            let used = if p.mu > 0.0 { width } else { 1 };
+            problem.for_each_contact_entry(p.contact, lane, |c, y| {
+                if y[..used].iter().all(|&y| y == 0.0) {
+                    return;
+                }
+                let row = coordinates.iter().position(|&known| known == c).unwrap_or(coordinates.len());
+                if row == max_rows {
+                    enough = false;
+                    return;
+                }
+                if row == coordinates.len() {
+                    coordinates.push(c);
+                    rows.resize(rows.len() + stride, 0.0);
+                }
+                rows[row * stride + k * width..][..used].copy_from_slice(&y[..used]);
+            });
+        }
+        enough
+    }
+
+    /// Computes `targets`: the projection of `impulses` on the space of the rows.
+    ///
+    /// The rows become orthonormal one by one (modified Gram-Schmidt), the longest first. Rows shorter than the fraction `dependent` of the
+    /// longest one are left out.
+    #[inline(always)]
+    fn find_targets(&mut self, dependent: f64) {
+        let Self { impulses, targets, rows, coordinates, squares, .. } = self;
+        let stride = impulses.len();
+        targets.clear();
+        targets.resize(stride, 0.0);
+        squares.clear();
+        squares.extend(rows.chunks_exact(stride).map(|row| dot(row, row)));
+        let least = squares.iter().copied().fold(0.0, f64::max) * dependent * dependent;
+        for _ in 0..coordinates.len() {
+            let longest = squares.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((r, square)) = longest.filter(|(_, square)| *square > least) else { break };
+            squares[r] = 0.0;
+            let (before, rest) = rows.split_at_mut(r * stride);
+            let (row, after) = rest.split_at_mut(stride);
+            let inverse = 1.0 / square.sqrt();
+            row.iter_mut().for_each(|y| *y *= inverse);
+            add_scaled(targets, row, dot(row, impulses));
+            let (lower, upper) = squares.split_at_mut(r);
+            let others = before.chunks_exact_mut(stride).zip(lower).chain(after.chunks_exact_mut(stride).zip(&mut upper[1..]));
+            for (other, square) in others.filter(|(_, square)| **square > 0.0) {
+                add_scaled(other, row, -dot(row, other));
+                *square = dot(other, other);
+            }
+        }
+    }
+
+    /// Moves the impulses of the free contacts in `points` towards their targets, until one of them is on its friction cone. Returns the
+    /// index of this contact; `None` if all reach their targets.
+    fn move_to_targets(&mut self, points: &[Point]) -> Option<usize> {
+        let Self { width, impulses, targets, .. } = self;
+        let (mut step, mut first) = (1.0, None);
+        for (k, p) in points.iter().enumerate().filter(|(_, p)| p.free) {
+            let range = k * *width..(k + 1) * *width;
+            let reach = cone_exit(p.mu, &impulses[range.clone()], &targets[range]);
+            if reach < step {
+                (step, first) = (reach, Some(k));
+            }
+        }
+        for (k, _) in points.iter().enumerate().filter(|(_, p)| p.free) {
+            for i in k * *width..(k + 1) * *width {
+                impulses[i] += step * (targets[i] - impulses[i]);
+            }
+        }
+        first
+    }
+}
+
+/// Fraction of the way from the impulse `from` to the impulse `to` at which it leaves the friction cone, at most 1. The first number of an
+/// impulse is normal. The impulse `from` is in the cone, except for rounding.
+fn cone_exit(mu: f64, from: &[f64], to: &[f64]) -> f64 {
+    // The impulse at the fraction s is in the cone if a s^2 + 2 b s + c >= 0 and its normal part is not negative.
+    let change = to[0] - from[0];
+    let (mut a, mut b, mut c) = ((mu * change).powi(2), mu * mu * from[0] * change, (mu * from[0]).powi(2));
+    for (x, to) in from.iter().zip(to).skip(1) {
+        let d = to - x;
+        (a, b, c) = (a - d * d, b - x * d, c - x * x);
+    }
+    let c = c.max(0.0);
+    let root = (b * b - a * c).max(0.0).sqrt();
+    let exit = match (b < 0.0, a < 0.0) {
+        (true, _) => c / (root - b),
+        (false, true) => (b + root) / -a,
+        (false, false) => 1.0,
+    };
+    let opens = if to[0] < 0.0 { from[0].max(0.0) / -change } else { 1.0 };
+    exit.min(opens).min(1.0)
+}
+
 impl<R: Real> ContactGroups<R> {
-    /// Workspace for `max_contacts` contacts per environment.
-    pub(crate) fn new(max_contacts: usize) -> Self {
+    /// Workspace for problems with `dimension` coordinates and `max_contacts` contacts per environment.
+    pub(crate) fn new(dimension: usize, max_contacts: usize) -> Self {
         let n = max_contacts;
         Self {
             slots: Vec::with_capacity(n * R::LANES),
             groups: Vec::with_capacity(n.div_ceil(MIN_SHARED_CONTACTS) * R::LANES),
             pairs: Vec::with_capacity(n),
             of_contact: Vec::with_capacity(n),
-            points: Vec::with_capacity(n.min(MAX_SHARED_CONTACTS)),
-            rows: vec![],
-            sums: vec![],
-            coordinates: vec![],
-            done: vec![],
-            owners: vec![],
+            owners: Vec::with_capacity(dimension),
             velocities: Vec::with_capacity(n),
+            points: Vec::with_capacity(n),
+            loads: Loads::new(dimension),
         }
     }
 
@@ -163,228 +322,160 @@ impl<R: Real> ContactGroups<R> {
     ///
     /// The first impulses of such a group must have the least norm. Gauss-Seidel iterations would load the contacts that they visit first.
     #[inline(always)]
-    pub(crate) fn newly_loaded_lanes(
-        &self,
-        contacts: &Contacts<R>,
-        assembled_slots: &[(usize, R::Mask)],
-        problem: &Problem<R>,
-        iterate: &Iterate<R>,
-    ) -> R::Mask {
+    pub(crate) fn newly_loaded_lanes(&self, contacts: &Contacts<R>, problem: &ConstraintProblem<R>, iterate: &Iterate<R>) -> R::Mask {
         let mut lanes = 0;
         for group in self.groups.iter().filter(|p| contacts.count[p.lane] <= MAX_NEW_CONTACTS) {
-            let own = || group.contacts::<R>(&self.slots, assembled_slots, problem);
-            let unloaded = |i: usize| iterate.contacts[i][0].lane(group.lane) <= R::Scalar::default();
-            let closes = |i: usize| problem.contacts.velocity(&problem.contacts[i], &iterate.w)[0].lane(group.lane) < R::Scalar::default();
-            if lanes >> group.lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
-                lanes |= 1 << group.lane;
+            let (own, lane) = (|| group.contacts(&self.slots, problem), group.lane);
+            let unloaded = |i: usize| iterate.contact_impulse(i)[0].lane(lane) <= R::Scalar::default();
+            let closes = |i: usize| problem.rows.contact_velocity(i, &iterate.w)[0].lane(lane) < R::Scalar::default();
+            if lanes >> lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
+                lanes |= 1 << lane;
             }
         }
         R::Mask::from_bits(lanes)
     }
 
-    /// Finds the contact groups in the lanes `lanes` that slip under load. Returns the lanes with such a group.
+    /// Finds the contact groups in the lanes `lanes` that slip under load: a loaded contact moves faster than `slip_speed`, m/s. Returns the
+    /// lanes with such a group.
     #[inline(always)]
-    pub(crate) fn find_slips(&mut self, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
+    pub(crate) fn find_slips(&mut self, problem: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask, slip_speed: R) -> R::Mask {
         if lanes.none() {
             return lanes;
         }
-        let (contacts, velocities) = (&assembled.rows.contacts, &mut self.velocities);
+        let Self { groups, slots, velocities, .. } = self;
         velocities.clear();
         kernel!(R, || {
-            for contact in contacts.iter() {
-                velocities.push(contacts.velocity(contact, &iterate.w));
+            for i in 0..problem.rows.contacts.len() + problem.rows.rolling_contacts.len() {
+                velocities.push(problem.rows.contact_velocity(i, &iterate.w));
             }
         });
         let (all, mut slipping) = (lanes.bits(), 0);
-        let Self { groups, slots, velocities, .. } = self;
         for group in groups.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
-            let lane = group.lane;
-            let slips = |i: usize| iterate.contacts[i][0].lane(lane).to_f64() > 0.0 && slip(of_lane(&velocities[i], lane)) > SLIP_SPEED;
-            group.slips = group.contacts::<R>(slots, &assembled.sliding_slots, &assembled.rows).any(slips);
+            let (lane, most) = (group.lane, slip_speed.lane(group.lane).to_f64());
+            let loaded = |i: usize| iterate.contact_impulse(i)[0].lane(lane).to_f64() > 0.0;
+            group.slips = group.contacts(slots, problem).any(|i| loaded(i) && slip(&numbers_of(&velocities[i], lane)) > most);
             slipping |= u32::from(group.slips) << lane;
         }
         R::Mask::from_bits(slipping)
     }
 
-    /// Shares the loads evenly in those clusters of contact groups that [`ContactGroups::find_slips`] found to slip, in the lanes `lanes`.
-    /// Returns the lanes in which a load changed.
+    /// Shares the loads evenly in the lanes `lanes`. [`ContactGroups::find_slips`] has found which contact groups slip, at the speed of
+    /// `sharing`. Returns the lanes in which a load changed.
     ///
-    /// The function recomputes `iterate.w`, which may change by rounding in other lanes.
+    /// The scaled velocity change w of `iterate` is not updated.
     #[inline(always)]
-    pub(crate) fn share(&mut self, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
+    pub(crate) fn share(
+        &mut self,
+        sharing: Sharing<R>,
+        problem: &ConstraintProblem<R>,
+        iterate: &mut Iterate<R>,
+        lanes: R::Mask,
+    ) -> R::Mask {
         let (mut start, mut shared) = (0, 0);
         while start < self.groups.len() {
             let lane = self.groups[start].lane;
             let end = start + self.groups[start..].iter().take_while(|p| p.lane == lane).count();
-            if lanes.bits() >> lane & 1 == 1 && self.share_lane(start..end, assembled, iterate) {
+            if lanes.bits() >> lane & 1 == 1 && self.share_lane(sharing, start..end, problem, iterate) {
                 shared |= 1 << lane;
             }
             start = end;
         }
-        if shared != 0 {
-            kernel!(R, || iterate.compute_w(&assembled.rows));
-        }
         R::Mask::from_bits(shared)
     }
 
-    /// Shares the loads in the contact groups with the indices `groups`, all in one lane. Returns whether any load has changed.
-    fn share_lane(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
+    /// Shares the loads in the clusters of the contact groups with the indices `groups`, all in one lane. Returns whether a load changed.
+    fn share_lane(&mut self, sharing: Sharing<R>, groups: Range<usize>, problem: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
         let lane = self.groups[groups.start].lane;
-        self.find_clusters(groups.clone(), assembled);
+        let slip_speed = sharing.slip_speed.lane(lane).to_f64();
+        self.find_clusters(groups.clone(), problem);
         let mut changed = false;
         for cluster in groups.clone() {
-            self.points.clear();
+            let Self { slots, groups: all, points, velocities, .. } = &mut *self;
+            points.clear();
             let mut slips = false;
-            for p in groups.clone() {
-                if self.groups[p].cluster == cluster {
-                    self.gather(p, assembled, iterate);
-                    slips |= self.groups[p].slips;
-                }
+            for group in all[groups.clone()].iter().filter(|group| group.cluster == cluster) {
+                slips |= group.slips;
+                points.extend(group.contacts(slots, problem).map(|i| {
+                    let (velocity, mu) = (numbers_of(&velocities[i], lane), problem.rows.contact_friction(i).lane(lane).to_f64());
+                    let loaded = iterate.contact_impulse(i)[0].lane(lane).to_f64() > 0.0;
+                    Point { contact: i, mu, velocity, free: loaded || velocity[0] <= slip_speed }
+                }));
             }
-            if slips && self.points.len() <= MAX_SHARED_CONTACTS && self.distribute(lane, &assembled.rows) {
-                self.scatter(lane, &assembled.rows, iterate);
-                changed = true;
+            let wanted =
+                slips == (sharing.clusters == Clusters::Slipping) && (MIN_SHARED_CONTACTS..=MAX_SHARED_CONTACTS).contains(&points.len());
+            changed |= wanted && self.share_cluster(sharing, lane, &problem.rows, iterate);
+        }
+        changed
+    }
+
+    /// Shares the loads of the contacts in `points`. Returns whether a load changed.
+    fn share_cluster(&mut self, sharing: Sharing<R>, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>) -> bool {
+        let (Self { points, loads, .. }, clusters) = (self, sharing.clusters);
+        let rolls = points.iter().any(|p| p.contact >= problem.contacts.len());
+        loads.width = match clusters {
+            Clusters::Slipping => 1,
+            Clusters::Sticking if rolls => 6,
+            Clusters::Sticking => 3,
+        };
+        let width = loads.width;
+        loads.impulses.clear();
+        points.iter().for_each(|p| loads.impulses.extend(&numbers_of(&iterate.contact_impulse(p.contact), lane)[..width]));
+        let max_rows = match clusters {
+            Clusters::Slipping => usize::MAX,
+            Clusters::Sticking => (MAX_STICKING_WORK / (width * points.len())).isqrt(),
+        };
+        let largest = loads.impulses.iter().step_by(width).copied().fold(0.0, f64::max);
+        loads.impulses.resize(loads.impulses.len().next_multiple_of(PARTS), 0.0);
+        for _ in 0..MAX_SHARE_ROUNDS {
+            if !loads.make_rows(points, lane, problem, max_rows) {
+                return false;
+            }
+            kernel!(R, || loads.find_targets(DEPENDENT_LENGTH[precision::<R>()]));
+            match loads.move_to_targets(points) {
+                Some(first) => points[first].free = false,
+                None => break,
+            }
+        }
+        let least = sharing.min_change.lane(lane).to_f64() * largest;
+        let mut changed = false;
+        for (p, shared) in points.iter().zip(loads.impulses.chunks_exact(width)) {
+            let before = numbers_of(&iterate.contact_impulse(p.contact), lane);
+            changed |= before.iter().zip(shared).any(|(before, shared)| (shared - before).abs() > least);
+        }
+        if changed {
+            for (p, shared) in points.iter().zip(loads.impulses.chunks_exact(width)) {
+                let mut lambda = numbers_of(&iterate.contact_impulse(p.contact), lane);
+                lambda[..width].copy_from_slice(shared);
+                if clusters == Clusters::Slipping {
+                    p.set_friction(sharing.slip_speed.lane(lane).to_f64(), &mut lambda);
+                }
+                iterate.set_contact_impulse(p.contact, lane, &lambda);
             }
         }
         changed
     }
 
-    /// Appends the contacts of group number `group` that have three rows to the list `points`.
-    fn gather(&mut self, group: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
-        let Self { slots, groups, points, velocities, .. } = self;
-        let lane = groups[group].lane;
-        for i in groups[group].contacts::<R>(slots, &assembled.sliding_slots, &assembled.rows) {
-            let (velocity, before) = (of_lane(&velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
-            points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIP_SPEED });
-        }
-    }
-
     /// Finds clusters among the contact groups with the indices `groups`: groups that move a common coordinate get the same cluster.
-    fn find_clusters(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>) {
+    fn find_clusters(&mut self, groups: Range<usize>, problem: &ConstraintProblem<R>) {
         let Self { slots, groups: all, owners, .. } = self;
         owners.clear();
-        owners.resize(assembled.rows.dimension(), usize::MAX);
+        owners.resize(problem.rows.dimension(), usize::MAX);
         let lane = all[groups.start].lane;
-        let contacts = &assembled.rows.contacts;
         for p in groups.clone() {
-            for contact in all[p].contacts::<R>(slots, &assembled.sliding_slots, &assembled.rows).map(|i| &contacts[i]) {
-                let (columns, y) = contacts.entries(contact);
-                for (&c, _) in columns.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
+            for i in all[p].contacts(slots, problem) {
+                problem.rows.for_each_contact_entry(i, lane, |c, y| {
                     let (owner, cluster) = (owners[c as usize], all[p].cluster);
+                    if y == [0.0; 6] || owner == cluster {
+                        return;
+                    }
                     if owner == usize::MAX {
                         owners[c as usize] = cluster;
-                    } else if owner != cluster {
+                    } else {
                         // The cluster of that group may have changed since it was stored.
                         let known = all[owner].cluster;
                         all[groups.clone()].iter_mut().filter(|other| other.cluster == cluster).for_each(|other| other.cluster = known);
                     }
-                }
-            }
-        }
-    }
-
-    /// Redistributes the load of the contacts in `points`.
-    ///
-    /// The function finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there are
-    /// no such impulses, or if no load would change by more than a tolerance.
-    fn distribute(&mut self, lane: usize, problem: &Problem<R>) -> bool {
-        let (total, most) = self.points.iter().fold((0.0, 0.0_f64), |(sum, most), p| (sum + p.before, most.max(p.before)));
-        for _ in 0..self.points.len() {
-            self.make_rows(lane, problem);
-            if !self.least_norm(total) {
-                return false;
-            }
-            let mut negative = false;
-            for p in self.points.iter_mut().filter(|p| p.shared < 0.0) {
-                (p.free, p.shared, negative) = (false, 0.0, true);
-            }
-            if !negative {
-                return self.points.iter().any(|p| (p.shared - p.before).abs() > MIN_SHARE_CHANGE[precision::<R>()] * most);
-            }
-        }
-        false
-    }
-
-    /// Computes `rows` and `sums` from the contacts in `points`.
-    ///
-    /// Each coordinate that a contact in `points` moves gets a row in `rows`, with zeros for contacts that are not free. The row is scaled
-    /// to unit length. `sums` gets the effect of all normal impulses on the coordinate, in the same scale.
-    fn make_rows(&mut self, lane: usize, problem: &Problem<R>) {
-        let Self { points, rows, sums, coordinates, .. } = self;
-        coordinates.clear();
-        sums.clear();
-        rows.clear();
-        let n = points.len();
-        for (k, p) in points.iter().enumerate() {
-            let (columns, y) = problem.contacts.entries(&problem.contacts[p.contact]);
-            for (&c, y) in columns.iter().zip(y) {
-                let y = y[0].lane(lane).to_f64();
-                if y == 0.0 {
-                    continue;
-                }
-                let row = coordinates.iter().position(|&known| known == c).unwrap_or_else(|| {
-                    coordinates.push(c);
-                    sums.push(0.0);
-                    rows.resize(rows.len() + n, 0.0);
-                    coordinates.len() - 1
                 });
-                sums[row] += y * p.before;
-                rows[row * n + k] = if p.free { y } else { 0.0 };
-            }
-        }
-        for (row, sum) in rows.chunks_exact_mut(n).zip(sums) {
-            let size = row.iter().map(|y| y * y).sum::<f64>().sqrt();
-            if size > 0.0 {
-                row.iter_mut().for_each(|y| *y /= size);
-                *sum /= size;
-            }
-        }
-    }
-
-    /// Computes normal impulses of least norm for the free contacts in `points`, with the effects in `sums`, and stores them in `shared`.
-    ///
-    /// The rows become orthonormal one by one (modified Gram-Schmidt), and the sums with them. `total` is the sum of the normal impulses
-    /// before the sharing, N s. Returns false if the free contacts cannot give the sums, up to a fraction of `total`.
-    fn least_norm(&mut self, total: f64) -> bool {
-        let Self { points, rows, sums, done, .. } = self;
-        let (n, m) = (points.len(), sums.len());
-        let dependent = DEPENDENT_LENGTH[precision::<R>()];
-        points.iter_mut().for_each(|p| p.shared = 0.0);
-        done.clear();
-        done.resize(m, false);
-        for _ in 0..m.min(n) {
-            let size = |r: usize| rows[r * n..(r + 1) * n].iter().map(|y| y * y).sum::<f64>();
-            let longest = (0..m).filter(|&r| !done[r]).map(|r| (r, size(r))).max_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((r, square)) = longest.filter(|(_, square)| *square > dependent * dependent) else { break };
-            done[r] = true;
-            let inverse = 1.0 / square.sqrt();
-            sums[r] *= inverse;
-            rows[r * n..(r + 1) * n].iter_mut().for_each(|y| *y *= inverse);
-            for other in (0..m).filter(|&o| !done[o]) {
-                let part: f64 = (0..n).map(|k| rows[r * n + k] * rows[other * n + k]).sum();
-                sums[other] -= part * sums[r];
-                (0..n).for_each(|k| rows[other * n + k] -= part * rows[r * n + k]);
-            }
-            points.iter_mut().enumerate().for_each(|(k, p)| p.shared += rows[r * n + k] * sums[r]);
-        }
-        (0..m).all(|r| done[r] || sums[r].abs() <= 10.0 * dependent * total)
-    }
-
-    /// Writes the shared normal impulses of `points` to `iterate`, with friction impulses that match them.
-    fn scatter(&self, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>) {
-        for p in &self.points {
-            let lambda = &mut iterate.contacts[p.contact];
-            let most = p.shared * problem.contacts[p.contact].mu.lane(lane).to_f64();
-            let slip = slip(p.velocity);
-            let friction = if slip > SLIP_SPEED {
-                [-p.velocity[1] / slip * most, -p.velocity[2] / slip * most]
-            } else {
-                let friction_before = [lambda[1].lane(lane).to_f64(), lambda[2].lane(lane).to_f64()];
-                let size = friction_before[0].hypot(friction_before[1]);
-                friction_before.map(|x| if size > most { x * (most / size) } else { x })
-            };
-            for (row, x) in lambda.iter_mut().zip([p.shared, friction[0], friction[1]]) {
-                row.set_lane(lane, Scalar::from_f64(x));
             }
         }
     }
@@ -395,7 +486,32 @@ fn precision<R: Real>() -> usize {
     usize::from(R::Scalar::IS_SINGLE)
 }
 
-/// Slip speed of a contact, m/s, from its velocity along normal and tangents.
-fn slip(velocity: [f64; 3]) -> f64 {
-    velocity[1].hypot(velocity[2])
+/// Numbers of the lane `lane`.
+fn numbers_of<R: Real>(numbers: &[R; 6], lane: usize) -> [f64; 6] {
+    numbers.map(|x| x.lane(lane).to_f64())
+}
+
+/// Length of the tangential part of a contact's velocity, m/s, or of its impulse, N s.
+fn slip(numbers: &[f64; 6]) -> f64 {
+    numbers[1..].iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Scalar product of two lists whose length is a multiple of [`PARTS`].
+#[inline(always)]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; PARTS];
+    for (a, b) in a.chunks_exact(PARTS).zip(b.chunks_exact(PARTS)) {
+        for i in 0..PARTS {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// Adds `factor` times the list `from` to the list `to`.
+#[inline(always)]
+fn add_scaled(to: &mut [f64], from: &[f64], factor: f64) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to += factor * from;
+    }
 }

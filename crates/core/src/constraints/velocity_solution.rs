@@ -53,7 +53,7 @@ impl<R: Real> VelocitySolution<R> {
             impulses: Iterate::new(&capacity),
             v: vec![R::zero(); compiled.nv],
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
-            contact_groups: ContactGroups::new(max_contacts),
+            contact_groups: ContactGroups::new(capacity.dimension, max_contacts),
             saved_impulses: Snapshot::new(&capacity),
             newton: Newton::default(),
             islands: Islands::new(compiled.ntree),

@@ -276,7 +276,7 @@ impl Pass {
             Self::Nominal => {
                 let [sweeps, newton_steps] = options.iteration_limits();
                 let tolerance = R::of(options.tolerance);
-                let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
+                let settings = Settings::new(sweeps, newton_steps, tolerance);
                 let outcome = stepper_solve::solve(problem.system, problem.impulses, settings, constrained, newton);
                 rule.keep(problem, outcome.residual);
             }

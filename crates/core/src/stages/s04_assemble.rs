@@ -103,7 +103,6 @@ impl<R: Real> Assembler<'_, R> {
         }
         velocity.contact_groups.find(compiled, contacts, problem.constrained.bits());
         velocity.impulses.compute_w(&problem.rows);
-        problem.rows.newly_loaded =
-            velocity.contact_groups.newly_loaded_lanes(contacts, &problem.sliding_slots, &problem.rows, &velocity.impulses);
+        problem.rows.newly_loaded = velocity.contact_groups.newly_loaded_lanes(contacts, problem, &velocity.impulses);
     }
 }

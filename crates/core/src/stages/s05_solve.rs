@@ -5,12 +5,13 @@ use stepper_solve::{Outcome, Settings, System, residual};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
+use crate::constraints::redundant_supports::{Clusters, Sharing};
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
 use crate::tuning::{
-    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MAX_ROUGH_MOTION, MIN_ROUGH_MOTION_OF_SEVERAL_TREES, MIN_TOLERANCE,
-    RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS,
+    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MAX_REST_TOLERANCE, MAX_ROUGH_MOTION, MIN_ROUGH_MOTION_OF_SEVERAL_TREES,
+    MIN_SHARE_CHANGE, MIN_SHARE_CHANGE_AT_REST, MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS, SLIP_SPEED,
 };
 
 /// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or a smaller one. Afterwards, [`store_impulses`] can
@@ -42,7 +43,8 @@ pub fn solve_to<R: Real>(
     contacts: &Contacts<R>,
 ) -> Outcome<R> {
     let [sweeps, newton_steps] = options.iteration_limits();
-    let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
+    let enough = R::of(options.tolerance);
+    let settings = Settings { accepted_residual: enough, ..Settings::new(sweeps, newton_steps, tolerance) };
     let rows = &problem.rows;
     let VelocitySolution { impulses, newton, capture, .. } = velocity;
     // If the user requested the problem of a lane as bytes, it is stored with the impulses from which the solve starts.
@@ -50,7 +52,6 @@ pub fn solve_to<R: Real>(
         capture.bytes = System::from(rows).to_bytes(impulses, &settings, lane);
     }
     let mut outcome = stepper_solve::solve(rows, impulses, settings, lanes, newton);
-    let enough = R::of(options.tolerance);
     share_loads(problem, settings, velocity, lanes.and(outcome.residual.le(enough)), &mut outcome);
     // Users can read the row with the largest residual of an unsolved lane.
     let unsolved = lanes.and_not(outcome.residual.le(enough));
@@ -78,6 +79,35 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
     });
 }
 
+/// Distributes the load evenly over the contacts of each cluster of contact groups that sticks (see
+/// [`crate::constraints::redundant_supports`]). `v` is the velocity before the step. The function changes impulses, and no velocity.
+///
+/// Lanes at rest are solved so exactly that their loads do not drift, and the rounding of new impulses would exceed their tolerance. There
+/// only a noticeable change of the loads counts.
+#[inline(always)]
+pub fn share_sticking_loads<R: Real>(options: &StepSettings, v: &[R], problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
+    let VelocitySolution { impulses, contact_groups, .. } = velocity;
+    let has_groups = contact_groups.lanes().and(problem.constrained);
+    if has_groups.none() {
+        return;
+    }
+    let tolerance = tolerance(options, v, has_groups);
+    let mut sharing = sharing(Clusters::Sticking, tolerance);
+    sharing.min_change = kernel!(R, || {
+        let rests = tolerance.le(R::of(MAX_REST_TOLERANCE * options.tolerance));
+        R::select(rests, R::of(MIN_SHARE_CHANGE_AT_REST), sharing.min_change)
+    });
+    contact_groups.find_slips(problem, impulses, has_groups, sharing.slip_speed);
+    contact_groups.share(sharing, problem, impulses, has_groups);
+}
+
+/// Rule by which the loads of `clusters` are shared after a solve to the residual `tolerance`, m/s.
+#[inline(always)]
+fn sharing<R: Real>(clusters: Clusters, tolerance: R) -> Sharing<R> {
+    let min_change = MIN_SHARE_CHANGE[usize::from(R::Scalar::IS_SINGLE)];
+    kernel!(R, || Sharing { clusters, slip_speed: tolerance.max(R::of(SLIP_SPEED)), min_change: R::of(min_change) })
+}
+
 /// Distributes the load evenly over the contacts of each contact group that slips (see [`crate::constraints::redundant_supports`]). The
 /// function changes only the lanes `solved`.
 ///
@@ -92,14 +122,22 @@ fn share_loads<R: Real>(
     outcome: &mut Outcome<R>,
 ) {
     let VelocitySolution { impulses, newton, contact_groups, saved_impulses, .. } = velocity;
-    let slipping = contact_groups.find_slips(problem, impulses, solved.and(contact_groups.lanes()));
+    let sharing = sharing(Clusters::Slipping, settings.tolerance);
+    let slipping = contact_groups.find_slips(problem, impulses, solved.and(contact_groups.lanes()), sharing.slip_speed);
     if slipping.none() {
         return;
     }
     saved_impulses.save(impulses, slipping);
-    let redistributed = contact_groups.share(problem, impulses, slipping);
-    saved_impulses.restore(impulses, redistributed.not());
-    let left = kernel!(R, || residual(&problem.rows, impulses));
+    let redistributed = contact_groups.share(sharing, problem, impulses, slipping);
+    if redistributed.none() {
+        return;
+    }
+    let left = kernel!(R, || {
+        // The sum over all impulses may differ by rounding from the scaled velocity change of the solve.
+        impulses.compute_w(&problem.rows);
+        saved_impulses.restore(impulses, redistributed.not());
+        residual(&problem.rows, impulses)
+    });
     let before = outcome.residual;
     outcome.residual = R::select(redistributed, left, before);
     let moved = redistributed.and_not(left.le(before.max(settings.tolerance)));

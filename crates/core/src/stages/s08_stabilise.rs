@@ -158,7 +158,7 @@ pub fn limit_baumgarte<R: Real>(
     // Iteration limits of the solver.
     let [sweeps, newton_steps] = options.iteration_limits();
     let tolerance = R::of(options.tolerance);
-    let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
+    let settings = Settings::new(sweeps, newton_steps, tolerance);
     kernel!(R, || {
         // With Baumgarte's method, the offsets of the position solve contain no position correction. `correct` exchanges the offsets back.
         position.rows.copy(rows);
@@ -213,7 +213,7 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let rough = CORRECTION_NEWTON_THRESHOLD / accuracy_factor.powi(2);
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
-    let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
+    let settings = Settings { newton_threshold: R::of(threshold), ..Settings::new(sweeps, newton, R::of(tolerance)) };
     let VelocitySolution { impulses, v: v_next, newton, worst, saved_impulses, islands, .. } = velocity;
     let PositionSolution { rows, reference, v_free, correction: out, impact_displacement: scratch, .. } = position;
     let system = rows.system(&input.problem.rows);

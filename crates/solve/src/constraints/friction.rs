@@ -302,6 +302,24 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
     }
 
+    /// Velocity of contact `i` under impulses that cause the scaled velocity change `w`, m/s, as six numbers. The last three are zeros for a
+    /// contact with three rows.
+    #[inline(always)]
+    pub(crate) fn padded_velocity(&self, i: usize, w: &[R]) -> [R; 6] {
+        padded(&self.velocity(&self.rows.items[i], w))
+    }
+
+    /// Calls `f` with each coordinate of contact `i` and with the entries of the contact's rows there in the lane `lane`, as six numbers.
+    #[inline(always)]
+    pub(crate) fn for_each_entry(&self, i: usize, lane: usize, mut f: impl FnMut(u32, [f64; 6])) {
+        let (columns, y) = self.entries(&self.rows.items[i]);
+        for (&c, y) in columns.iter().zip(y) {
+            let mut entries = [0.0; 6];
+            entries.iter_mut().zip(y).for_each(|(to, &y)| *to = number_of(y, lane));
+            f(c, entries);
+        }
+    }
+
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     #[inline(always)]
     pub(crate) fn activate(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
@@ -442,6 +460,14 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
         most
     }
+}
+
+/// Numbers of the rows of a contact, followed by zeros.
+#[inline(always)]
+pub(crate) fn padded<R: Real, const N: usize>(numbers: &[R; N]) -> [R; 6] {
+    let mut out = [R::zero(); 6];
+    out[..N].copy_from_slice(numbers);
+    out
 }
 
 /// Adds the products of the entries of a contact's rows at one coordinate to the upper triangle of its block of the Delassus matrix.

@@ -131,7 +131,7 @@ proptest! {
             0 => worse.scalars[0].g.set_lane(3, bad),
             k => worse.contacts[k - 1].g[0].set_lane(3, bad),
         }
-        let settings = Settings { sweeps: 20, newton_steps: STEPS, tolerance: F64Lanes::of(1e-9), newton_threshold: F64Lanes::of(1e-9) };
+        let settings = Settings::new(20, STEPS, F64Lanes::of(1e-9));
         let run = |problem: &Problem<F64Lanes>| {
             let (mut iterate, mut newton) = (iterate.clone(), Newton::default());
             let outcome = solve(problem, &mut iterate, settings, Mask::splat(true), &mut newton);

@@ -61,7 +61,7 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
     for (sweeps, newton_steps) in [(20_000, 0), (2, 200)] {
         let solved = Share::default();
         proptest!(cases(300), |(case in case())| {
-            let settings = Settings { sweeps, newton_steps, tolerance: 1e-11, newton_threshold: 1e-11 };
+            let settings = Settings::new(sweeps, newton_steps, 1e-11);
             let (problem, mut iterate) = build::<f64>(&case, false);
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
             // Impulses have a rounding error of 1e-16 of the largest. It changes velocities by up to ten times that (ten squares of at most
@@ -93,7 +93,7 @@ fn what_is_much_softer_than_bodies_are_heavy_is_solved_in_32_bits_too() {
     let solved = Share::default();
     proptest!(cases(300), |(case in case())| {
         // Eight rounding errors of a velocity of 1 m/s, as in the default tolerance of 32 bits.
-        let settings = Settings { sweeps: 500, newton_steps: 0, tolerance: R32::of(1.2e-6), newton_threshold: R32::of(1.2e-6) };
+        let settings = Settings::new(500, 0, R32::of(1.2e-6));
         let (problem, mut iterate) = build::<R32>(&case, false);
         let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
         let left = f64::from(outcome.residual.lane(0));

@@ -8,7 +8,7 @@ use stepper_solve::newton::Newton;
 use stepper_solve::{FORMAT_VERSION, Iterate, LoadedProblem, Problem, Settings, System, residual, solve};
 
 const N: usize = 8;
-const SETTINGS: Settings<f64> = Settings { sweeps: 5, newton_steps: 40, tolerance: 1e-9, newton_threshold: 1e-9 };
+const SETTINGS: Settings<f64> = Settings::new(5, 40, 1e-9);
 
 /// Random problem with an eliminated equality, a limit with a compliance, and contacts with three and six rows, of which one has a
 /// compliance.

@@ -87,7 +87,7 @@ fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64, sweeps_alone
         let outcome = gauss_seidel::solve(&problem, &mut iterate, SweepSettings { sweeps: 60, tolerance }, all);
         [outcome.residual, outcome.sweeps]
     } else {
-        let settings = Settings { sweeps: 3, newton_steps: 20, tolerance, newton_threshold: tolerance };
+        let settings = Settings::new(3, 20, tolerance);
         let outcome = stepper_solve::solve(&problem, &mut iterate, settings, all, &mut Newton::default());
         [outcome.residual, outcome.newton_steps]
     };

@@ -103,9 +103,9 @@ proptest! {
     /// Each of eight problems of different sizes has the same bits in its lane as alone, after sweeps and Newton's method.
     #[test]
     fn lanes_have_the_bits_of_one(cases in prop::collection::vec(case(7, 1e1, 0.0..1.5), F64Lanes::LANES)) {
-        let settings = Settings { sweeps: 3, newton_steps: 12, tolerance: 1e-9, newton_threshold: 1e-9 };
+        let settings = Settings::new(3, 12, 1e-9);
         let (problem, mut iterate) = build::<F64Lanes>(&cases);
-        let group_settings = Settings { sweeps: 3, newton_steps: 12, tolerance: F64Lanes::of(1e-9), newton_threshold: F64Lanes::of(1e-9) };
+        let group_settings = Settings::new(3, 12, F64Lanes::of(1e-9));
         let outcome = solve(&problem, &mut iterate, group_settings, Mask::splat(true), &mut Newton::default());
         let mut newton = Newton::default();
         for (l, case) in cases.iter().enumerate() {
@@ -126,7 +126,7 @@ proptest! {
     #[test]
     fn single_precision_is_judged_as_it_is_returned(cases in prop::collection::vec(case(5, 1e1, 0.0..1.0), F32Lanes::LANES)) {
         let (problem, mut iterate) = build::<F32Lanes>(&cases);
-        let settings = Settings { sweeps: 2, newton_steps: 40, tolerance: F32Lanes::of(1e-4), newton_threshold: F32Lanes::of(1e-4) };
+        let settings = Settings::new(2, 40, F32Lanes::of(1e-4));
         let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
         let left = residual(&problem, &iterate);
         for l in 0..F32Lanes::LANES {
@@ -321,7 +321,7 @@ fn painleve_problems_stay_finite_and_are_reported() {
         for slip in [-5.0, -0.1, 0.0, 0.1, 5.0] {
             for sweeps in [1, 10] {
                 let (problem, mut iterate) = build::<f64>(&[painleve(coupling, slip)]);
-                let settings = Settings { sweeps, newton_steps: 50, tolerance: 1e-9, newton_threshold: 1e-9 };
+                let settings = Settings::new(sweeps, 50, 1e-9);
                 let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
                 assert!(bits(&iterate).iter().all(|&x| f64::from_bits(x).is_finite()), "{coupling} {slip}");
                 let size = 1.0 + iterate.contacts[0].iter().fold(0.0f64, |m, x| m.max(x.abs())) * coupling.abs();
@@ -338,7 +338,7 @@ fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
         let mut sweeps = f64::INFINITY;
         for newton in [0, 1, 2, 4] {
             let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
-            let settings = Settings { sweeps: 2, newton_steps: newton, tolerance: 1e-12, newton_threshold: 1e-12 };
+            let settings = Settings::new(2, newton, 1e-12);
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
             // The last pass also makes steps with the exact friction law.
             let most = PASSES - 1 + EXACT_RATIO as usize;
@@ -357,7 +357,7 @@ fn a_solved_lane_keeps_its_bits() {
     let cases = problems(F64Lanes::LANES, 6, 1e1, 0.0..0.5);
     let (problem, mut iterate) = build::<F64Lanes>(&cases);
     let mut newton = Newton::default();
-    let settings = Settings { sweeps: 200, newton_steps: 100, tolerance: F64Lanes::of(1e-8), newton_threshold: F64Lanes::of(1e-8) };
+    let settings = Settings::new(200, 100, F64Lanes::of(1e-8));
     let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut newton);
     let (mut left, mut taken) = (outcome.residual, F64Lanes::zero());
     let before = iterate.clone();
@@ -374,13 +374,7 @@ fn numbers_that_are_none_are_left_alone() {
     let mut case = painleve(0.2, 1.0);
     case.contacts[0].g[1] = f64::NAN;
     let (problem, mut iterate) = build::<f64>(&[case]);
-    let outcome = solve(
-        &problem,
-        &mut iterate,
-        Settings { sweeps: 3, newton_steps: 5, tolerance: 1e-9, newton_threshold: 1e-9 },
-        true,
-        &mut Newton::default(),
-    );
+    let outcome = solve(&problem, &mut iterate, Settings::new(3, 5, 1e-9), true, &mut Newton::default());
     assert!(outcome.residual.is_nan());
     assert_eq!(outcome.newton_steps, 0.0);
 }

@@ -1,0 +1,116 @@
+"""Grasps: fingers press on an object by constant forces, and a heavy hand lifts, carries, turns and shakes it.
+
+Coulomb's law: the object sticks if mu times the sum of finger forces is at least its mass times the largest |acceleration - gravity|.
+"""
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from stepper import Status
+
+G, MASS, FORCE, HALF, HAND = 9.81, 0.1, 0.981, 0.02, 1e3
+"""Gravity, m/s^2; mass of the object, kg; force of each finger, N; half size of the object, m; mass of the hand, kg."""
+
+MAX_SLIP = 5e-5
+"""Largest displacement of a held object relative to the hand, m: below what a robot's encoders resolve at the fingertips."""
+
+SETTLED = 0.4
+"""Time after which displacements count, s. Before, the fingers close and the loads are shared."""
+
+
+def prism(corners: int) -> str:
+    """Vertices of an upright prism whose side faces are at the distance HALF from its axis."""
+    angles = (np.arange(corners) + 0.5) * 2 * np.pi / corners
+    radius = HALF / np.cos(np.pi / corners)
+    return " ".join(f"{radius * np.cos(a):.9f} {radius * np.sin(a):.9f} {z}" for z in (-HALF, HALF) for a in angles)
+
+
+OBJECTS = {
+    "cube": (2, f'type="box" size="{HALF} {HALF} {HALF}"'),
+    "cube of rolling friction": (2, f'type="box" size="{HALF} {HALF} {HALF}" condim="6" friction="1 .001 .0001"'),
+    "mesh": (2, 'type="mesh" mesh="prism4"'),
+    "upright cylinder": (2, f'type="cylinder" size="{HALF} {HALF}"'),
+    "cylinder held by its ends": (2, f'type="cylinder" size="{HALF} {HALF}" euler="0 90 0"'),
+    "hexagon": (3, 'type="mesh" mesh="prism6"'),
+    "cylinder between three fingers": (3, f'type="cylinder" size="{HALF} {HALF}"'),
+}
+"""Number of fingers and geom of each object."""
+
+
+def grasp(name: str) -> str:
+    """MJCF of a hand whose fingers, on radial slides, touch the object."""
+    count, geom = OBJECTS[name]
+    fingers = motors = ""
+    for k, angle in enumerate(2 * np.pi * np.arange(count) / count):
+        pos = f"{1.5 * HALF * np.cos(angle)} {1.5 * HALF * np.sin(angle)} 0"
+        fingers += f'<body pos="{pos}" euler="0 0 {np.degrees(angle)}"><joint name="finger{k}" type="slide" axis="-1 0 0"/>'
+        fingers += f'<geom type="box" size="{HALF / 2} {0.02 if count == 2 else 0.012} .05" mass=".1"/></body>'
+        motors += f'<motor joint="finger{k}"/>'
+    meshes = "".join(f'<mesh name="prism{n}" vertex="{prism(n)}"/>' for n in (4, 6))
+    return f"""<mujoco><asset>{meshes}</asset><worldbody><body><joint name="y" type="slide" axis="0 1 0"/>
+      <joint name="z" type="slide" axis="0 0 1"/><joint name="turn" axis="1 0 0"/>
+      <inertial pos="0 0 0" mass="{HAND}" diaginertia="{HAND} {HAND} {HAND}"/>{fingers}</body>
+      <body><freejoint/><geom name="object" {geom} mass="{MASS}"/></body></worldbody>
+      <actuator><motor joint="y"/><motor joint="z"/><motor joint="turn"/>{motors}</actuator></mujoco>"""
+
+
+def hand_velocity(t: np.ndarray, *, travels: bool) -> np.ndarray:
+    """Velocities (y, z, turn) of the hand at the times `t`: lift, carry, quarter turn and way back, one second each, if it travels.
+
+    Then, or at once, the hand shakes by 12 mm at 1 Hz.
+    """
+
+    def ease(begin: float) -> np.ndarray:
+        s = np.clip(t - begin, 0, 1)
+        return 30 * s**2 * (1 - s) ** 2
+
+    shake = 0.012 * 2 * np.pi * np.sin(2 * np.pi * np.maximum(t - (4.5 if travels else 0.5), 0))
+    way = 0.1 * travels
+    return np.stack([way * (ease(1.5) - ease(3.5)), way * ease(0.5) + shake, np.pi / 2 * travels * ease(2.5)], axis=-1)
+
+
+class Grasp:
+    """Environments with a grasp whose friction is `factors` times the critical one, and its hand's motion."""
+
+    def __init__(self, name, factors, *, precision="f64", seconds=30.0, travels=False, seed=None, **options):
+        self.fingers = OBJECTS[name][0]
+        factors = np.asarray(factors)
+        self.sim = sim = stepper.Stepper(stepper.load(grasp(name)), len(factors), options=stepper.Options(**options), precision=precision)
+        # Forces are constant over about 10 ms.
+        self.hold = max(1, round(0.01 / sim.timestep))
+        t = np.arange(round(seconds / (self.hold * sim.timestep)) + 1) * self.hold * sim.timestep
+        acceleration = np.diff(hand_velocity(t, travels=travels), axis=0) / t[1]
+        demand = MASS * np.hypot(acceleration[:, 0], acceleration[:, 1] + G).max()
+        self.friction = demand / (self.fingers * FORCE) * factors
+        sim.randomize({"geom_friction[:][0]": np.tile(self.friction[:, None], (1, sim.model.ngeom))})
+        moved = HAND + 0.1 * self.fingers + MASS
+        forces = np.concatenate([moved * (acceleration[:, :2] + [0, G]), HAND * acceleration[:, 2:]], axis=1)
+        self.forces = np.concatenate([forces, np.full((len(forces), self.fingers), FORCE)], axis=1)
+        if seed is not None:
+            rng, qpos = np.random.default_rng(seed), sim.qpos.copy()
+            qpos[:, -5] = rng.uniform(-0.005, 0.005, len(factors))
+            if self.fingers == 2 and name != "upright cylinder":
+                half = rng.uniform(-0.5, 0.5, len(factors)) / 2
+                qpos[:, -6] = rng.uniform(-0.005, 0.005, len(factors))
+                qpos[:, -4:-2] = np.stack([np.cos(half), np.sin(half)], axis=-1)
+            sim.set_state(qpos=qpos)
+
+    def place(self) -> np.ndarray:
+        """Displacement of the object in the frame of the hand, m: along the fingers' faces, and of its corners as it turns about their axis."""
+        qpos = self.sim.qpos
+        turn = qpos[:, 2]
+        (y, z), (cos, sin) = (qpos[:, -6:-4] - qpos[:, :2]).T, (np.cos(turn), np.sin(turn))
+        twist = np.unwrap(np.stack([np.zeros_like(turn), 2 * np.arctan2(qpos[:, -3], qpos[:, -4]) - turn]), axis=0)[1]
+        return np.stack([cos * y + sin * z, cos * z - sin * y, HALF * twist], axis=-1)
+
+    def slip(self) -> np.ndarray:
+        """Largest displacement of each environment after it has settled, m."""
+        start, slips = None, np.zeros(len(self.friction))
+        for k, forces in enumerate(self.forces):
+            self.sim.step(np.broadcast_to(forces, (len(slips), len(forces))), self.hold)
+            if (k + 1) * self.hold * self.sim.timestep >= SETTLED:
+                start = self.place() if start is None else start
+                slips = np.maximum(slips, np.linalg.norm(self.place() - start, axis=-1))
+        return slips

@@ -334,7 +334,7 @@ pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
 /// it is larger. The torque of friction then depends on how the contacts share the load.
 pub(crate) const SLIP_SPEED: f64 = 1e-6;
 
-/// Fraction of the options' tolerance at which the tolerance of a lane means rest.
+/// Fraction of the options' tolerance at which the tolerance of a lane means rest. There sticking contacts keep their loads.
 ///
 /// In 32 bits the smallest tolerance of a lane is 1.2e-2 of the default.
 pub(crate) const MAX_REST_TOLERANCE: f64 = 3e-2;
@@ -346,9 +346,6 @@ pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
 /// Smallest change of a contact's normal impulse for which redundant supports redistribute their load, relative to the largest normal
 /// impulse. The two values are for double and for single precision.
 pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
-
-/// Smallest change of an impulse for which sticking supports at rest redistribute their load, relative to the largest normal impulse.
-pub(crate) const MIN_SHARE_CHANGE_AT_REST: f64 = 1e-2;
 
 /// Largest number of contacts in a cluster of redundant supports that share their loads. The work grows with the cube of the number.
 pub(crate) const MAX_SHARED_CONTACTS: usize = 64;

@@ -24,7 +24,9 @@ use stepper_solve::{Iterate, Problem};
 use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;
 use crate::constraints::constraint_problem::ConstraintProblem;
-use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARE_ROUNDS, MAX_SHARED_CONTACTS, MAX_STICKING_WORK, MIN_SHARED_CONTACTS};
+use crate::tuning::{
+    DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARE_ROUNDS, MAX_SHARED_CONTACTS, MAX_STICKING_WORK, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS,
+};
 
 /// Contact groups of all lanes.
 #[derive(Clone, Debug)]
@@ -80,17 +82,6 @@ pub(crate) enum Clusters {
     Slipping,
     /// Clusters in which no loaded contact slips. All their impulses are shared.
     Sticking,
-}
-
-/// Rule of load sharing, with its limits in each lane.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sharing<R> {
-    /// Clusters whose loads are shared.
-    pub(crate) clusters: Clusters,
-    /// Speed above which a loaded contact slips, m/s.
-    pub(crate) slip_speed: R,
-    /// Smallest change of an impulse for which loads are shared, relative to the largest normal impulse of the cluster.
-    pub(crate) min_change: R,
 }
 
 /// Contact in the cluster whose loads are being shared.
@@ -359,23 +350,24 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(slipping)
     }
 
-    /// Shares the loads evenly in the lanes `lanes`. [`ContactGroups::find_slips`] has found which contact groups slip, at the speed of
-    /// `sharing`. Returns the lanes in which a load changed.
+    /// Shares the loads of the clusters `clusters` evenly, in the lanes `lanes`. [`ContactGroups::find_slips`] has found which contact groups
+    /// slip, at the same `slip_speed`. Returns the lanes in which a load changed.
     ///
     /// The scaled velocity change w of `iterate` is not updated.
     #[inline(always)]
     pub(crate) fn share(
         &mut self,
-        sharing: Sharing<R>,
+        clusters: Clusters,
         problem: &ConstraintProblem<R>,
         iterate: &mut Iterate<R>,
         lanes: R::Mask,
+        slip_speed: R,
     ) -> R::Mask {
         let (mut start, mut shared) = (0, 0);
         while start < self.groups.len() {
             let lane = self.groups[start].lane;
             let end = start + self.groups[start..].iter().take_while(|p| p.lane == lane).count();
-            if lanes.bits() >> lane & 1 == 1 && self.share_lane(sharing, start..end, problem, iterate) {
+            if lanes.bits() >> lane & 1 == 1 && self.share_lane(clusters, start..end, problem, iterate, slip_speed.lane(lane).to_f64()) {
                 shared |= 1 << lane;
             }
             start = end;
@@ -384,9 +376,15 @@ impl<R: Real> ContactGroups<R> {
     }
 
     /// Shares the loads in the clusters of the contact groups with the indices `groups`, all in one lane. Returns whether a load changed.
-    fn share_lane(&mut self, sharing: Sharing<R>, groups: Range<usize>, problem: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
+    fn share_lane(
+        &mut self,
+        clusters: Clusters,
+        groups: Range<usize>,
+        problem: &ConstraintProblem<R>,
+        iterate: &mut Iterate<R>,
+        slip_speed: f64,
+    ) -> bool {
         let lane = self.groups[groups.start].lane;
-        let slip_speed = sharing.slip_speed.lane(lane).to_f64();
         self.find_clusters(groups.clone(), problem);
         let mut changed = false;
         for cluster in groups.clone() {
@@ -401,16 +399,15 @@ impl<R: Real> ContactGroups<R> {
                     Point { contact: i, mu, velocity, free: loaded || velocity[0] <= slip_speed }
                 }));
             }
-            let wanted =
-                slips == (sharing.clusters == Clusters::Slipping) && (MIN_SHARED_CONTACTS..=MAX_SHARED_CONTACTS).contains(&points.len());
-            changed |= wanted && self.share_cluster(sharing, lane, &problem.rows, iterate);
+            let wanted = slips == (clusters == Clusters::Slipping) && (MIN_SHARED_CONTACTS..=MAX_SHARED_CONTACTS).contains(&points.len());
+            changed |= wanted && self.share_cluster(clusters, lane, &problem.rows, iterate, slip_speed);
         }
         changed
     }
 
     /// Shares the loads of the contacts in `points`. Returns whether a load changed.
-    fn share_cluster(&mut self, sharing: Sharing<R>, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>) -> bool {
-        let (Self { points, loads, .. }, clusters) = (self, sharing.clusters);
+    fn share_cluster(&mut self, clusters: Clusters, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>, slip_speed: f64) -> bool {
+        let Self { points, loads, .. } = self;
         let rolls = points.iter().any(|p| p.contact >= problem.contacts.len());
         loads.width = match clusters {
             Clusters::Slipping => 1,
@@ -436,7 +433,7 @@ impl<R: Real> ContactGroups<R> {
                 None => break,
             }
         }
-        let least = sharing.min_change.lane(lane).to_f64() * largest;
+        let least = MIN_SHARE_CHANGE[precision::<R>()] * largest;
         let mut changed = false;
         for (p, shared) in points.iter().zip(loads.impulses.chunks_exact(width)) {
             let before = numbers_of(&iterate.contact_impulse(p.contact), lane);
@@ -447,7 +444,7 @@ impl<R: Real> ContactGroups<R> {
                 let mut lambda = numbers_of(&iterate.contact_impulse(p.contact), lane);
                 lambda[..width].copy_from_slice(shared);
                 if clusters == Clusters::Slipping {
-                    p.set_friction(sharing.slip_speed.lane(lane).to_f64(), &mut lambda);
+                    p.set_friction(slip_speed, &mut lambda);
                 }
                 iterate.set_contact_impulse(p.contact, lane, &lambda);
             }

@@ -5,13 +5,13 @@ use stepper_solve::{Outcome, Settings, System, residual};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::redundant_supports::{Clusters, Sharing};
+use crate::constraints::redundant_supports::Clusters;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
 use crate::tuning::{
     ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MAX_REST_TOLERANCE, MAX_ROUGH_MOTION, MIN_ROUGH_MOTION_OF_SEVERAL_TREES,
-    MIN_SHARE_CHANGE, MIN_SHARE_CHANGE_AT_REST, MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS, SLIP_SPEED,
+    MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS, SLIP_SPEED,
 };
 
 /// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or a smaller one. Afterwards, [`store_impulses`] can
@@ -82,8 +82,8 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
 /// Distributes the load evenly over the contacts of each cluster of contact groups that sticks (see
 /// [`crate::constraints::redundant_supports`]). `v` is the velocity before the step. The function changes impulses, and no velocity.
 ///
-/// Lanes at rest are solved so exactly that their loads do not drift, and the rounding of new impulses would exceed their tolerance. There
-/// only a noticeable change of the loads counts.
+/// Lanes at rest are left out. They are solved so exactly that their loads do not drift, and the rounding of new impulses would exceed
+/// their tolerance.
 #[inline(always)]
 pub fn share_sticking_loads<R: Real>(options: &StepSettings, v: &[R], problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
     let VelocitySolution { impulses, contact_groups, .. } = velocity;
@@ -92,20 +92,15 @@ pub fn share_sticking_loads<R: Real>(options: &StepSettings, v: &[R], problem: &
         return;
     }
     let tolerance = tolerance(options, v, has_groups);
-    let mut sharing = sharing(Clusters::Sticking, tolerance);
-    sharing.min_change = kernel!(R, || {
-        let rests = tolerance.le(R::of(MAX_REST_TOLERANCE * options.tolerance));
-        R::select(rests, R::of(MIN_SHARE_CHANGE_AT_REST), sharing.min_change)
-    });
-    contact_groups.find_slips(problem, impulses, has_groups, sharing.slip_speed);
-    contact_groups.share(sharing, problem, impulses, has_groups);
+    let moving = kernel!(R, || has_groups.and(tolerance.gt(R::of(MAX_REST_TOLERANCE * options.tolerance))));
+    contact_groups.find_slips(problem, impulses, moving, slip_speed(tolerance));
+    contact_groups.share(Clusters::Sticking, problem, impulses, moving, slip_speed(tolerance));
 }
 
-/// Rule by which the loads of `clusters` are shared after a solve to the residual `tolerance`, m/s.
+/// Speed above which a loaded contact of a redundant support slips after a solve to the residual `tolerance`, m/s.
 #[inline(always)]
-fn sharing<R: Real>(clusters: Clusters, tolerance: R) -> Sharing<R> {
-    let min_change = MIN_SHARE_CHANGE[usize::from(R::Scalar::IS_SINGLE)];
-    kernel!(R, || Sharing { clusters, slip_speed: tolerance.max(R::of(SLIP_SPEED)), min_change: R::of(min_change) })
+fn slip_speed<R: Real>(tolerance: R) -> R {
+    kernel!(R, || tolerance.max(R::of(SLIP_SPEED)))
 }
 
 /// Distributes the load evenly over the contacts of each contact group that slips (see [`crate::constraints::redundant_supports`]). The
@@ -122,13 +117,13 @@ fn share_loads<R: Real>(
     outcome: &mut Outcome<R>,
 ) {
     let VelocitySolution { impulses, newton, contact_groups, saved_impulses, .. } = velocity;
-    let sharing = sharing(Clusters::Slipping, settings.tolerance);
-    let slipping = contact_groups.find_slips(problem, impulses, solved.and(contact_groups.lanes()), sharing.slip_speed);
+    let slip_speed = slip_speed(settings.tolerance);
+    let slipping = contact_groups.find_slips(problem, impulses, solved.and(contact_groups.lanes()), slip_speed);
     if slipping.none() {
         return;
     }
     saved_impulses.save(impulses, slipping);
-    let redistributed = contact_groups.share(sharing, problem, impulses, slipping);
+    let redistributed = contact_groups.share(Clusters::Slipping, problem, impulses, slipping, slip_speed);
     if redistributed.none() {
         return;
     }

@@ -9,9 +9,10 @@
 //! The thickness is the relative displacement below which neither shape can pass the other. A collision is an overlap of an eighth of the
 //! thickness, because resting contacts overlap by rounding and slop.
 //!
-//! The search is conservative advancement (Mirtich, 1996). Let c be a bound of the relative speed of any two points of the shapes. The
-//! distance then falls by at most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of
-//! the thickness long.
+//! The search is conservative advancement (Mirtich, 1996). Let c be a bound of the speed at which the shapes approach along the direction
+//! in which they are separated. The distance then falls by at most c t in a time t. A step of distance / c therefore misses no collision.
+//! Steps are at least a quarter of the thickness long. Shapes that turn fast are first replaced by their solids of revolution. If these do
+//! not collide on their straight paths, the shapes do not collide either.
 //!
 //! A shape passes a triangle surface if one of its inner points enters the surface and leaves it again. On long paths, points next to the
 //! inner points are tested too. A shape that ends behind the surface does not pass if contact forces push it back in the next step. They
@@ -40,6 +41,9 @@ const MAX_ADVANCES: usize = 1000;
 
 /// Overlap above which two moving shapes collide, relative to the thickness (see the module).
 const COLLISION_OVERLAP: f64 = 0.125;
+
+/// Rotation on a path above which a shape is first replaced by its solid of revolution, rad.
+const REVOLVED_ROTATION: f64 = 1.0;
 
 /// Largest rotation along a part of a path that counts as straight, rad. The chord of 0.5 rad deviates by 1/32 of the radius.
 const MAX_PART_ANGLE: f64 = 0.5;
@@ -88,6 +92,55 @@ impl SolidMotion {
         Pose { pos, mat: from_columns(axes) }
     }
 
+    /// Upper bound of the speed at which the core of the shape `shape` moves along the unit vector `n`, m/s: the speed of its origin, and
+    /// the additional speed by its rotation. The rotation of a body of revolution about its axis adds nothing.
+    fn speed_along(&self, shape: &ConvexShape, n: V) -> [f64; 2] {
+        let Self { pose, angular: w, root_velocity, linear } = self;
+        let speed = norm(*w);
+        let across = norm(cross(n, *w));
+        // The part of `linear` across the axis of rotation rotates with the solid.
+        let axis = if speed > 0.0 { scale(*w, 1.0 / speed) } else { n };
+        let along = scale(axis, dot(axis, *linear));
+        let orbit = if speed > 0.0 { norm(sub(*linear, along)) * across / speed } else { 0.0 };
+        let own = match shape {
+            ConvexShape::Sphere { .. } => 0.0,
+            ConvexShape::Capsule { half_length, .. } => half_length * across.min(norm(cross(column(&pose.mat, 2), *w))),
+            ConvexShape::Cylinder { .. } => shape.bound() * across.min(norm(cross(column(&pose.mat, 2), *w))),
+            _ => (norm(shape.centre()) + shape.bound()) * across,
+        };
+        let steady = if speed > 0.0 { along } else { *linear };
+        [dot(n, add(*root_velocity, steady)), orbit + own]
+    }
+
+    /// Angular velocity of the rotation that moves the surface of a shape, rad/s. The rotation of a body of revolution about its own axis
+    /// counts only if the axis moves.
+    fn sweep(&self, shape: &ConvexShape) -> f64 {
+        let orbits = norm(cross(self.angular, self.linear)) > 1e-6 * dot(self.angular, self.angular) * shape.bound();
+        match shape {
+            _ if orbits => norm(self.angular),
+            ConvexShape::Sphere { .. } => 0.0,
+            ConvexShape::Capsule { .. } | ConvexShape::Cylinder { .. } => norm(cross(column(&self.pose.mat, 2), self.angular)),
+            _ => norm(self.angular),
+        }
+    }
+
+    /// Solid of revolution that contains the shape `shape` at all times from 0 on, with its motion, which is a translation. The solid is a
+    /// cylinder.
+    fn revolved(&self, shape: &ConvexShape) -> (ConvexShape, Self) {
+        let Self { pose, angular: w, root_velocity, linear } = *self;
+        let axis = scale(w, 1.0 / norm(w));
+        let centre = add_scaled(pose.pos, cross(w, linear), 1.0 / dot(w, w));
+        let (own_axis, offset) = (rotate_back(&pose.mat, axis), rotate_back(&pose.mat, sub(pose.pos, centre)));
+        let top = dot(own_axis, add(shape.support(own_axis), offset)) + shape.radius();
+        let bottom = dot(own_axis, add(shape.support(neg(own_axis)), offset)) - shape.radius();
+        let radius = shape.radius_about(own_axis, offset);
+        let [z, x, y] = contact_frame(axis);
+        let middle = add_scaled(centre, axis, 0.5 * (top + bottom));
+        let pose = Pose { pos: middle, mat: from_columns([x, y, z]) };
+        let still = Self { pose, angular: [0.0; 3], root_velocity: add_scaled(root_velocity, axis, dot(axis, linear)), linear: [0.0; 3] };
+        (ConvexShape::Cylinder { radius, half_length: 0.5 * (top - bottom) }, still)
+    }
+
     /// Velocity of the origin of the solid at time 0, m/s.
     fn velocity(&self) -> V {
         add(self.root_velocity, self.linear)
@@ -110,35 +163,60 @@ impl Narrow {
     }
 }
 
+/// Separation of two convex shapes at time `t`, m, and the unit vector along it from the first to the second, in world axes. NaN if a pose
+/// is not finite.
+fn separation_at([a, b]: [&ConvexShape; 2], motions: &[SolidMotion; 2], t: f64, polytope: &mut Polytope) -> (f64, V) {
+    let [first, second] = [motions[0].at(t), motions[1].at(t)];
+    let pair = Pair::new(a, &first, b, &second);
+    if !pair.is_finite() {
+        return (f64::NAN, [0.0; 3]);
+    }
+    let found = separation::nearest(&pair, &f64::INFINITY.into(), polytope).found;
+    (found.separation - pair.rounding_radii(), rotate(&first.mat, found.normal))
+}
+
 /// Whether two convex shapes pass through each other between the times `from` and `to`, s. `thickness` is the relative displacement below
 /// which neither can pass the other, m.
 fn convex_pass(
+    shapes: [&ConvexShape; 2],
+    motions: &[SolidMotion; 2],
+    [from, to]: [f64; 2],
+    thickness: f64,
+    polytope: &mut Polytope,
+) -> bool {
+    let (distance, start) = separation_at(shapes, motions, from, polytope);
+    let (last, end) = separation_at(shapes, motions, to, polytope);
+    if distance.is_nan() || last.is_nan() {
+        return false;
+    }
+    let threshold = -COLLISION_OVERLAP * thickness;
+    if distance <= threshold || last <= threshold {
+        // Normals in the frame of the larger shape.
+        let larger = usize::from(shapes[0].bound() <= shapes[1].bound());
+        let [start, end] = [(start, from), (end, to)].map(|(n, t)| rotate_back(&motions[larger].at(t).mat, n));
+        return dot(start, end) < 0.0 || (distance > threshold && is_past_middle(shapes, motions.map(|m| m.at(to)), start));
+    }
+    let sweeps = |k: usize| motions[k].sweep(shapes[k]) * (to - from) > REVOLVED_ROTATION;
+    if sweeps(0) || sweeps(1) {
+        let solids = [0, 1].map(|k| if sweeps(k) { motions[k].revolved(shapes[k]) } else { (shapes[k].clone(), motions[k]) });
+        let [(a, first), (b, second)] = &solids;
+        if !collide_between([a, b], &[*first, *second], [from, to], thickness, polytope) {
+            return false;
+        }
+    }
+    collide_between(shapes, motions, [from, to], thickness, polytope)
+}
+
+/// Whether two convex shapes collide between the times `from` and `to`, s, by conservative advancement. `thickness` is the relative
+/// displacement below which neither can pass the other, m.
+fn collide_between(
     [a, b]: [&ConvexShape; 2],
     motions: &[SolidMotion; 2],
     [from, to]: [f64; 2],
     thickness: f64,
     polytope: &mut Polytope,
 ) -> bool {
-    let mut separation_at = |t: f64| {
-        let [first, second] = [motions[0].at(t), motions[1].at(t)];
-        let pair = Pair::new(a, &first, b, &second);
-        if !pair.is_finite() {
-            return (f64::NAN, [0.0; 3]);
-        }
-        let found = separation::nearest(&pair, &f64::INFINITY.into(), polytope).found;
-        let normal = rotate(&first.mat, found.normal);
-        // Normal in the frame of the larger shape.
-        let normal = rotate_back(if a.bound() > b.bound() { &first.mat } else { &second.mat }, normal);
-        (found.separation - pair.rounding_radii(), normal)
-    };
-    let ((mut distance, start), (last, end)) = (separation_at(from), separation_at(to));
-    if distance.is_nan() || last.is_nan() {
-        return false;
-    }
     let threshold = -COLLISION_OVERLAP * thickness;
-    if distance <= threshold || last <= threshold {
-        return dot(start, end) < 0.0 || (distance > threshold && is_past_middle([a, b], motions.map(|m| m.at(to)), start));
-    }
     let spin = norm(sub(motions[1].angular, motions[0].angular));
     let speed = norm(relative_velocity(motions)) + spin * b.bound();
     // Both shapes rotate during the motion, so that the relative velocity changes.
@@ -146,14 +224,17 @@ fn convex_pass(
     let speed = speed + 2.0 * displacement * (norm(motions[0].angular) + norm(motions[1].angular));
     let mut t = from;
     for _ in 0..MAX_ADVANCES {
-        t += (distance - threshold).max(MIN_ADVANCE * thickness) / speed;
-        // NaN if nothing moves.
-        if t >= to || t.is_nan() {
-            return false;
-        }
-        distance = separation_at(t).0;
+        let (distance, n) = separation_at([a, b], motions, t, polytope);
         if distance <= threshold {
             return true;
+        }
+        let ([first, swing], [second, other_swing]) = (motions[0].speed_along(a, n), motions[1].speed_along(b, n));
+        let approach = first - second + swing + other_swing;
+        // NaN if nothing moves.
+        let least = MIN_ADVANCE * thickness / speed;
+        t += if approach > 0.0 { ((distance - threshold) / approach).max(least) } else { f64::INFINITY };
+        if t >= to || t.is_nan() {
+            return false;
         }
     }
     true

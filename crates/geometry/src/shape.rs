@@ -163,6 +163,38 @@ impl ConvexShape {
         }
     }
 
+    /// Largest distance of a point of the shape from a line along the unit vector `axis`, m. `offset` is the vector from a point of the line
+    /// to the origin of the shape's frame.
+    pub(super) fn radius_about(&self, axis: V, offset: V) -> f64 {
+        let across = |p: V| {
+            let arm = add(p, offset);
+            add_scaled(arm, axis, -dot(arm, axis))
+        };
+        let furthest_of = |points: &[V]| points.iter().map(|&p| norm(across(p))).fold(0.0, f64::max);
+        let core = match self {
+            Self::Sphere { .. } => furthest_of(&[[0.0; 3]]),
+            Self::Capsule { half_length, .. } => furthest_of(&[[0.0, 0.0, *half_length], [0.0, 0.0, -half_length]]),
+            Self::Box { half } => (0..8u32).fold(0.0, |most: f64, bits| {
+                most.max(norm(across(std::array::from_fn(|k| if bits >> k & 1 == 0 { half[k] } else { -half[k] }))))
+            }),
+            Self::Hull(hull) => furthest_of(hull.points()),
+            Self::Triangle(points) => furthest_of(points),
+            Self::Cylinder { .. } | Self::Ellipsoid { .. } => {
+                // The support point along the direction of the last point is farther from the line than the last point.
+                let [_, x, y] = contact_frame(axis);
+                (0..8).fold(0.0, |most: f64, k| {
+                    let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_4).sin_cos();
+                    let mut direction = add(scale(x, cos), scale(y, sin));
+                    for _ in 0..16 {
+                        direction = across(self.support(direction));
+                    }
+                    most.max(norm(direction))
+                })
+            }
+        };
+        core + self.radius()
+    }
+
     /// Scale of the shape, m: about half its smallest extent. Tolerances are relative to it.
     pub(super) fn least(&self) -> f64 {
         match self {

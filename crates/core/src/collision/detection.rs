@@ -9,6 +9,7 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use crate::collision::broad_phase::Broad;
 use crate::collision::contact_reduction::ContactReduction;
 use crate::collision::contact_set::Contacts;
+use crate::collision::joint_path::across_symmetry;
 use crate::collision::packed_pairs::PackedPairs;
 use crate::collision::separation_cache::SeparationCache;
 use crate::collision::static_search::{StaticSearch, merge};
@@ -438,15 +439,15 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Upper bound of the displacement of any point of geom `b` relative to geom `a` during `passing_time`, m. Neither geom may be a
-    /// plane, whose displacement has no bound.
+    /// Upper bound of the displacement of the surface of geom `b` along its normal, relative to geom `a`, during `passing_time`, m. Neither
+    /// geom may be a plane, whose displacement has no bound.
     #[inline(always)]
     pub(crate) fn relative_displacement(&self, a: usize, b: usize) -> R {
         let (motion_of_b, motion_of_a) = (
             self.motion_at(&self.poses.passing_velocity, b, self.poses.pos[b]),
             self.motion_at(&self.poses.passing_velocity, a, self.poses.pos[b]),
         );
-        let spin = norm(sub(motion_of_b[0], motion_of_a[0]));
+        let spin = across_symmetry(self.compiled, b, &self.poses.mat[b], sub(motion_of_b[0], motion_of_a[0]));
         (norm(sub(motion_of_b[1], motion_of_a[1])) + spin * self.compiled.params.bounding_radius(b)) * self.passing_time
     }
 

@@ -4,6 +4,7 @@ pub mod broad_phase;
 pub(crate) mod contact_reduction;
 pub mod contact_set;
 pub mod detection;
+pub(crate) mod joint_path;
 pub mod narrow_phase;
 pub(crate) mod packed_pairs;
 mod packed_phase;

@@ -12,6 +12,7 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::detection::{NarrowWorkspace, Scene};
+use crate::collision::joint_path::MAX_STRAIGHT_ROTATION;
 use crate::compile::{CompiledPair, Kernel};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -77,11 +78,15 @@ impl<R: Real> Scene<'_, R> {
         let [a, b] = pair.geoms;
         let normal = column(&self.poses.mat[a], 2);
         let frame = self.compiled.geoms[b].frame;
-        let links = 1..=self.compiled.links.len();
         // Change of the plane's normal within the step, in the frame of the rotating cylinder. `cylinder_rims` finds the points of the rim
-        // toward which the cylinder tips.
-        let normal_change =
-            if links.contains(&frame) { scale(cross(normal, angular(&self.poses.search_velocity[frame - 1])), self.h) } else { zero() };
+        // toward which the cylinder tips. Spin about the cylinder's axis does not tip it. A fast rotation tips it over all points.
+        let mut normal_change = zero();
+        if (1..=self.compiled.links.len()).contains(&frame) {
+            let (axis, spin) = (column(&self.poses.mat[b], 2), angular(&self.poses.search_velocity[frame - 1]));
+            let rotation = scale(add_scaled(spin, axis, -dot(axis, spin)), self.h);
+            let is_slow = norm(rotation).le(R::of(MAX_STRAIGHT_ROTATION));
+            normal_change = select(is_slow, cross(normal, rotation), normal_change);
+        }
         for (k, &rim) in cylinder_rims(normal, normal_change, &self.cylinder(b)).iter().enumerate() {
             let point = plane_point(self.poses.pos[a], normal, rim);
             self.add_point(index, k as u32, pair, near, point, contacts);

@@ -7,7 +7,7 @@ use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, sphere
 use stepper_real::{Mask, Real};
 
 use crate::collision::packed_pairs::{Item, gather, gather_boxes, gather_scalars};
-use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, Touch, find_touch};
+use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch, find_touch, velocity_field};
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::spatial::*;
 
@@ -30,9 +30,8 @@ pub(crate) struct PackedSweep<R> {
     angular_velocity: V3<R>,
     /// Linear velocity of `origin`, m/s.
     velocity: V3<R>,
-    /// Spatial velocity of the link of the ball or capsule, rad/s and m/s. Its linear part is the velocity at the point `motion_origin`.
-    motion: V6<R>,
-    motion_origin: V3<R>,
+    /// Reference point of the kinematic tree of the ball or capsule, world axes, m.
+    reference: V3<R>,
     /// Margin of each pair, m.
     margin: R,
     /// Slack of the path, see [`Path::slack`].
@@ -65,9 +64,9 @@ impl<R: Real> PackedSweep<R> {
         let Path { compiled, kinematics, start, .. } = *path;
         let frame = |item: &Item<R::Scalar>| compiled.geoms[item.geoms[0]].frame;
         let of_ball = |item: &Item<R::Scalar>| item.geoms[0];
-        let motion = gather!(items, |item| swept.poses.search_velocity[frame(item) - 1]);
+        let motion = gather!(items, |item| swept.link_velocities[frame(item) - 1]);
         let origin = gather!(items, |item| kinematics.pos[frame(item)]);
-        let motion_origin = gather!(items, |item| kinematics.origin[compiled.links[frame(item) - 1].tree]);
+        let reference = gather!(items, |item| kinematics.origin[compiled.links[frame(item) - 1].tree]);
         let [radius, half_length, bounding_radius] = gather!(items, |item| {
             let [radius, half_length, _] = compiled.params.geom_size(of_ball(item));
             [radius, half_length, compiled.params.bounding_radius(of_ball(item))]
@@ -83,9 +82,8 @@ impl<R: Real> PackedSweep<R> {
             cuboid: gather_boxes(compiled, &start.pos, &start.mat, items),
             origin,
             angular_velocity: angular(&motion),
-            velocity: velocity_at(&motion, sub(origin, motion_origin)),
-            motion,
-            motion_origin,
+            velocity: velocity_at(&motion, sub(origin, reference)),
+            reference,
             margin: gather_scalars(
                 items,
                 #[inline(always)]
@@ -100,17 +98,17 @@ impl<R: Real> PackedSweep<R> {
     /// start of the paths. An overlap up to `tolerance`, m, is no touch.
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
-        // Items in which a body rotates too far, so that the search is invalid.
-        let rotates = (norm(self.angular_velocity) * self.time).gt(R::of(MAX_ROTATION));
-        find_touch(
+        let whole = [R::zero(), self.time];
+        let (touch, _) = find_touch(
             gap,
-            self.time,
+            whole,
             items,
-            rotates,
+            R::zero(),
             tolerance,
             #[inline(always)]
             |time, items| self.gap_at(time, items),
-        )
+        );
+        touch
     }
 
     /// Smallest distance between the geoms of each of the items `items`, and its time derivative, at `time` seconds along the path. The
@@ -119,19 +117,21 @@ impl<R: Real> PackedSweep<R> {
     pub(crate) fn gap_at(&self, time: R, items: R::Mask) -> Gap<R> {
         let rotation = quat_to_mat(quat_exp(scale(self.angular_velocity, time)));
         let arm = rotate(&rotation, sub(self.pos, self.origin));
-        let centre = add(add_scaled(self.origin, self.velocity, time), arm);
+        let origin = add_scaled(self.origin, self.velocity, time);
+        let centre = add(origin, arm);
+        let motion = velocity_field([self.angular_velocity, self.velocity], origin, self.reference);
         let spin = norm(self.angular_velocity);
         let swing = R::select(spin.gt(R::zero()), spin * (norm(arm) + self.bounding_radius), R::zero());
         let travel = (norm(self.velocity) + swing) * (self.time + self.time);
         let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };
         if self.kernel == Kernel::SphereBox {
-            self.update_least(&sphere_box(centre, self.radius, &self.cuboid), items, travel, time, &mut least);
+            self.update_least(&sphere_box(centre, self.radius, &self.cuboid), items, travel, &motion, &mut least);
         } else {
             let Self { half_length, radius, .. } = *self;
             let capsule = Segment { centre, axis: rotate(&rotation, self.axis), half_length, radius };
             let (points, exist) = capsule_box(&capsule, &self.cuboid);
             for (point, exist) in points.iter().zip(exist) {
-                self.update_least(point, items.and(exist), travel, time, &mut least);
+                self.update_least(point, items.and(exist), travel, &motion, &mut least);
             }
         }
         least
@@ -140,19 +140,19 @@ impl<R: Real> PackedSweep<R> {
     /// Replaces `least` by the distance at `point` and its time derivative. The function does so in those of the items `items` in which the
     /// point can touch within two path durations and is closer than `least`.
     ///
-    /// `travel` is an upper bound of the displacement in twice the path's duration, m. `time` is the time along the path, s.
+    /// `travel` is an upper bound of the displacement in twice the path's duration, m. `motion` is the spatial velocity of the link of the
+    /// ball or capsule at the point `reference`, rad/s and m/s.
     #[inline(always)]
-    fn update_least(&self, point: &ContactPoint<R>, items: R::Mask, travel: R, time: R, least: &mut Gap<R>) {
+    fn update_least(&self, point: &ContactPoint<R>, items: R::Mask, travel: R, motion: &V6<R>, least: &mut Gap<R>) {
         let distance = point.distance - self.margin;
         let near = items.and(distance.lt(travel + self.slack));
         if near.none() {
             return;
         }
-        let velocity = velocity_at(&self.motion, sub(point.pos, self.motion_origin));
+        let velocity = velocity_at(motion, sub(point.pos, self.reference));
         let closing = (-dot(point.normal, sub(zero(), velocity))).max(R::zero());
         let nearer = near.and(distance.lt(closing * (self.time + self.time) + self.slack)).and(distance.lt(least.distance));
-        let origin = add_scaled(self.origin, self.velocity, time);
-        let rate = R::zero() + dot(point.normal, add(self.velocity, cross(self.angular_velocity, sub(point.pos, origin)))) * -R::one();
+        let rate = R::zero() + dot(point.normal, velocity) * -R::one();
         least.distance = R::select(nearer, distance, least.distance);
         least.rate = R::select(nearer, rate, least.rate);
     }

@@ -4,14 +4,16 @@
 //! row without touching. This module therefore moves the geoms along their paths and runs the narrow phase there.
 //!
 //! The signed distance of two convex shapes is a convex function of their relative translation (Boyd & Vandenberghe 2004, section 3.2.5).
-//! The tangent of this function at a pose is a lower bound, and the sign of the slope tells on which side the minimum is. Rotation within a
-//! step adds terms of second order.
+//! The tangent of this function at a pose is a lower bound, and the sign of the slope tells on which side the minimum is. Rotation adds
+//! terms of second order. A path with a large sweeping rotation ([`JointPath::sweeping_rotation`]) is therefore divided into parts, in each
+//! of which the lower bound includes these terms.
 
 use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::{GeomPoses, NarrowWorkspace, Scene};
+use crate::collision::joint_path::{JointPath, MAX_STRAIGHT_ROTATION};
 use crate::compile::{CompiledPair, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -19,11 +21,16 @@ use crate::math::spatial::*;
 /// Largest number of contact points of a pair. Pairs with a surface reach it.
 const MAX_PAIR_POINTS: usize = 16;
 
-/// Largest number of poses on a path at which [`find_touch`] evaluates the distance. Newton and bisection steps usually need two to six.
+/// Largest number of poses on a part of a path at which [`find_touch`] evaluates the distance. Newton and bisection steps usually need two
+/// to six.
 const MAX_POSES: usize = 16;
 
-/// Rotation of a body on its path above which the search is invalid, rad. [`find_touch`] then reports a touch.
-pub(super) const MAX_ROTATION: f64 = 1.0;
+/// Sweeping rotation on a part of a path, rad. The chord of 0.5 rad deviates by 1/32 of the radius.
+const PART_ROTATION: f64 = 0.5;
+
+/// Largest number of parts of a path. If the sweeping rotation is larger than that of so many parts, [`SweptPair::find_touch`] reports a
+/// touch.
+const MAX_PARTS: usize = 64;
 
 /// Path of a pair: motion at constant velocity from the poses where contacts were found.
 pub(crate) struct Path<'a, R: Real> {
@@ -49,11 +56,35 @@ pub(crate) struct Gap<R> {
     pub(crate) rate: R,
 }
 
+/// Rotation of the two bodies of a pair on its path.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turning<R: Real> {
+    /// Lanes in which a body rotates too far for a straight path: by more than [`MAX_STRAIGHT_ROTATION`]. Bodies of revolution that rotate
+    /// about the origin of their frame, which is on their axis, do not count.
+    pub(crate) lanes: R::Mask,
+    /// Sum of the sweeping rotations of the geoms in the lanes `lanes`, rad; 0 in others.
+    sweep: R,
+    /// Upper bound of the second time derivative of the distance by the sweeping rotation, m/s^2.
+    curvature: R,
+}
+
+impl<R: Real> Turning<R> {
+    /// No rotation in any lane.
+    #[inline(always)]
+    pub(crate) fn none() -> Self {
+        Self { lanes: R::Mask::splat(false), sweep: R::zero(), curvature: R::zero() }
+    }
+}
+
 /// Workspace for computing the distance of a pair along its path.
 #[derive(Clone, Debug)]
 pub(crate) struct SweptPair<R: Real> {
-    /// Poses at the current time of the path, of the tested pair only. `search_velocity` has the velocities that determine the paths.
-    pub(super) poses: GeomPoses<R>,
+    /// Poses at the current time of the path, of the tested pair only. `search_velocity` has the velocities of its links at this time.
+    poses: GeomPoses<R>,
+    /// Generalized velocity of the motion, which determines the paths.
+    v: Vec<R>,
+    /// Spatial velocities of all links at the start of the paths.
+    pub(super) link_velocities: Vec<V6<R>>,
     narrow_phase: NarrowWorkspace,
     contacts: Contacts<R>,
 }
@@ -63,52 +94,90 @@ impl<R: Real> SweptPair<R> {
     pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
         Self {
             poses: GeomPoses::new(compiled),
+            v: vec![R::zero(); compiled.nv],
+            link_velocities: vec![zero(); compiled.links.len()],
             narrow_phase: NarrowWorkspace::new(compiled, R::LANES),
             contacts: Contacts::new(MAX_PAIR_POINTS),
         }
     }
 
-    /// Sets the velocities of all links from the generalized velocity `v`. These velocities determine the paths.
+    /// Sets the generalized velocity `v` of the motion. It determines the paths.
     #[inline(always)]
     pub(crate) fn set_velocity(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
-        kinematics.velocities(compiled, v, &mut self.poses.search_velocity);
+        self.v.copy_from_slice(v);
+        kinematics.velocities(compiled, v, &mut self.link_velocities);
+    }
+
+    /// Rotation of the two bodies on the path, in the lanes `lanes`.
+    #[inline(always)]
+    pub(crate) fn turning(&self, path: &Path<'_, R>, lanes: R::Mask) -> Turning<R> {
+        let Path { compiled, kinematics, start, time, .. } = *path;
+        let mut turning = Turning::<R>::none();
+        for geom in path.pair.geoms {
+            let frame = compiled.geoms[geom].frame;
+            let Some([angular_velocity, _]) = self.frame_motion(path, frame) else { continue };
+            let speed = norm(angular_velocity);
+            let far = lanes.and((speed * time).gt(R::of(MAX_STRAIGHT_ROTATION)));
+            if far.none() {
+                continue;
+            }
+            let (sweep, is_single) = if frame > compiled.links.len() {
+                (speed * time, false)
+            } else {
+                let joints = JointPath { compiled, kinematics, v: &self.v };
+                let sweep = joints.sweeping_rotation(geom, frame - 1, start.pos[geom], &start.mat[geom], time);
+                (sweep, JointPath::is_single(compiled, frame - 1))
+            };
+            let sweeps = far.and(sweep.gt(R::zero()));
+            turning.lanes = turning.lanes.or(if is_single { sweeps } else { far });
+            turning.sweep += R::select(sweeps, sweep, R::zero());
+            let centre = compiled.links.get(frame - 1).map_or(kinematics.pos[frame], |link| kinematics.origin[link.tree]);
+            let reach = norm(sub(start.pos[geom], centre)) + compiled.params.bounding_radius(geom);
+            turning.curvature += R::select(sweeps, (sweep / time).square() * reach, R::zero());
+        }
+        turning
     }
 
     /// Touch of the pair on its path in the lanes `lanes`, if there is one, see [`find_touch`]. `gap` has the distance and its rate at the
     /// start of the path. An overlap up to `tolerance`, m, is no touch.
     #[inline(always)]
-    pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> Touch<R> {
-        let rotates = self.exceeds_max_rotation(path);
-        find_touch(
-            gap,
-            path.time,
-            lanes,
-            rotates,
-            tolerance,
-            #[inline(always)]
-            |time, lanes| self.gap_at(path, time, lanes),
-        )
-    }
-
-    /// Lanes in which a body of the pair rotates by more than [`MAX_ROTATION`] on the path.
-    #[inline(always)]
-    fn exceeds_max_rotation(&self, path: &Path<'_, R>) -> R::Mask {
-        let mut far = R::Mask::splat(false);
-        for geom in path.pair.geoms {
-            if let Some([angular_velocity, _]) = self.poses.frame_motion(path, path.compiled.geoms[geom].frame) {
-                far = far.or((norm(angular_velocity) * path.time).gt(R::of(MAX_ROTATION)));
+    pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, turning: &Turning<R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> Touch<R> {
+        let (zero, end) = (R::zero(), path.time);
+        // Duration of a part.
+        let divided = turning.sweep.gt(R::of(PART_ROTATION));
+        let part = R::select(divided, end * (R::of(PART_ROTATION) / R::select(divided, turning.sweep, R::one())), end);
+        let beyond = turning.sweep.gt(R::of(PART_ROTATION * MAX_PARTS as f64));
+        let (mut touch, mut open, mut from, mut gap) = (Touch::none(end), lanes.and_not(beyond), zero, gap);
+        for k in 1..=MAX_PARTS {
+            let to = R::select(divided, (part * R::of(k as f64)).min(end), end);
+            let (here, gap_at_end) = find_touch(
+                gap,
+                [from, to],
+                open,
+                turning.curvature,
+                tolerance,
+                #[inline(always)]
+                |time, lanes| self.gap_at(path, turning.lanes, time, lanes),
+            );
+            touch.add(&here);
+            open = open.and_not(here.lanes).and(to.lt(end));
+            if open.none() {
+                break;
             }
+            (from, gap) = (to, gap_at_end);
         }
-        far
+        touch.add(&Touch { lanes: lanes.and(beyond), time: end, overlap: R::of(f64::INFINITY) });
+        touch
     }
 
     /// Distance of the two geoms of `path`, and its time derivative, in their poses at `time` seconds along the path. The distance is
-    /// infinite in lanes in which the pair has no contact points, and outside the lanes `lanes`.
+    /// infinite in lanes in which the pair has no contact points, and outside the lanes `lanes`. `turning` are the lanes of
+    /// [`Turning::lanes`].
     #[inline(always)]
-    pub(crate) fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
+    pub(crate) fn gap_at(&mut self, path: &Path<'_, R>, turning: R::Mask, time: R, lanes: R::Mask) -> Gap<R> {
         let Path { compiled, kinematics, slack, index, pair, .. } = *path;
         for geom in pair.geoms {
-            self.place(path, geom, time);
+            self.place(path, geom, turning, time);
         }
         let Self { poses, narrow_phase, contacts, .. } = self;
         contacts.clear();
@@ -116,22 +185,22 @@ impl<R: Real> SweptPair<R> {
         scene.test_pair(index, &pair, lanes, narrow_phase, contacts);
         narrow_phase.new_planes.clear();
         let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };
-        for k in 0..contacts.slots() {
-            let point = &contacts.data[k].point;
-            let exists = R::Mask::from_bits(contacts.lanes_of(k));
+        for k in 0..self.contacts.slots() {
+            let point = &self.contacts.data[k].point;
+            let exists = R::Mask::from_bits(self.contacts.lanes_of(k));
             let nearer = exists.and(point.distance.lt(least.distance));
             least.distance = R::select(nearer, point.distance, least.distance);
-            least.rate = R::select(nearer, self.poses.normal_velocity(path, point, time), least.rate);
+            least.rate = R::select(nearer, self.normal_velocity(path, point, time), least.rate);
         }
         least
     }
 
-    /// Sets the pose of a geom of the pair at `time` seconds along the path, and its `search_displacement`.
+    /// Sets the pose of a geom of the pair at `time` seconds along the path, its `search_displacement`, and the velocity of its link.
     #[inline(always)]
-    fn place(&mut self, path: &Path<'_, R>, geom: usize, time: R) {
-        let (start, kinematics) = (path.start, path.kinematics);
-        let frame = path.compiled.geoms[geom].frame;
-        let Some([angular_velocity, velocity]) = self.poses.frame_motion(path, frame) else {
+    fn place(&mut self, path: &Path<'_, R>, geom: usize, turning: R::Mask, time: R) {
+        let Path { compiled, start, kinematics, .. } = *path;
+        let frame = compiled.geoms[geom].frame;
+        let Some([angular_velocity, velocity]) = self.frame_motion(path, frame) else {
             self.poses.pos[geom] = start.pos[geom];
             self.poses.mat[geom] = start.mat[geom];
             self.poses.search_displacement[geom] = R::zero();
@@ -139,12 +208,62 @@ impl<R: Real> SweptPair<R> {
         };
         let rotation = quat_to_mat(quat_exp(scale(angular_velocity, time)));
         let arm = rotate(&rotation, sub(start.pos[geom], kinematics.pos[frame]));
-        self.poses.pos[geom] = add(add_scaled(kinematics.pos[frame], velocity, time), arm);
+        let origin = add_scaled(kinematics.pos[frame], velocity, time);
+        self.poses.pos[geom] = add(origin, arm);
         self.poses.mat[geom] = mat_mul(&rotation, &start.mat[geom]);
-        let reach = norm(arm) + path.compiled.params.bounding_radius(geom);
+        if let Some(link) = compiled.links.get(frame - 1) {
+            let field = velocity_field([angular_velocity, velocity], origin, kinematics.origin[link.tree]);
+            self.poses.search_velocity[frame - 1] = field;
+            if turning.any() {
+                let moved = JointPath { compiled, kinematics, v: &self.v }.displace(frame - 1, (start.pos[geom], &start.mat[geom]), time);
+                self.poses.pos[geom] = select(turning, moved.pos, self.poses.pos[geom]);
+                self.poses.mat[geom] = select(turning, moved.mat, self.poses.mat[geom]);
+                self.poses.search_velocity[frame - 1] = select(turning, moved.velocity, field);
+            }
+        }
+        let reach = norm(arm) + compiled.params.bounding_radius(geom);
         let swing = R::select(norm(angular_velocity).gt(R::zero()), norm(angular_velocity) * reach, R::zero());
         self.poses.search_displacement[geom] = (norm(velocity) + swing) * (path.time + path.time);
     }
+
+    /// Angular velocity of a frame, rad/s, and linear velocity of its origin, m/s, in world axes, at the start of the path. `None` for the
+    /// world.
+    #[inline(always)]
+    fn frame_motion(&self, path: &Path<'_, R>, frame: usize) -> Option<[V3<R>; 2]> {
+        let Path { compiled, kinematics, .. } = *path;
+        let (motion, origin) = match frame.checked_sub(compiled.links.len() + 1) {
+            _ if frame == 0 => return None,
+            Some(mocap) => (&kinematics.mocap_velocities[mocap], kinematics.pos[frame]),
+            None => (&self.link_velocities[frame - 1], kinematics.origin[compiled.links[frame - 1].tree]),
+        };
+        Some([angular(motion), velocity_at(motion, sub(kinematics.pos[frame], origin))])
+    }
+
+    /// Time derivative of the distance at the contact point `point`, `time` seconds along the path, m/s.
+    #[inline(always)]
+    fn normal_velocity(&self, path: &Path<'_, R>, point: &ContactPoint<R>, time: R) -> R {
+        let Path { compiled, kinematics, .. } = *path;
+        let mut rate = R::zero();
+        for (geom, sign) in path.pair.geoms.into_iter().zip([-R::one(), R::one()]) {
+            let frame = compiled.geoms[geom].frame;
+            let velocity = match compiled.links.get(frame.wrapping_sub(1)) {
+                Some(link) => velocity_at(&self.poses.search_velocity[frame - 1], sub(point.pos, kinematics.origin[link.tree])),
+                None => {
+                    let Some([angular_velocity, velocity]) = self.frame_motion(path, frame) else { continue };
+                    let origin = add_scaled(kinematics.pos[frame], velocity, time);
+                    add(velocity, cross(angular_velocity, sub(point.pos, origin)))
+                }
+            };
+            rate += dot(point.normal, velocity) * sign;
+        }
+        rate
+    }
+}
+
+/// Spatial velocity, at the point `reference`, of a body with an angular velocity and the velocity of its point `origin`.
+#[inline(always)]
+pub(super) fn velocity_field<R: Real>([angular_velocity, velocity]: [V3<R>; 2], origin: V3<R>, reference: V3<R>) -> V6<R> {
+    spatial(angular_velocity, add(velocity, cross(angular_velocity, sub(reference, origin))))
 }
 
 /// Result of [`find_touch`]: a pose on the path at which the geoms overlap by more than the tolerance.
@@ -160,28 +279,46 @@ pub(crate) struct Touch<R: Real> {
     pub(crate) overlap: R,
 }
 
-/// Searches a path of `end_time` seconds, in the lanes `lanes`, for a time at which the geoms overlap by more than `tolerance`, m.
+impl<R: Real> Touch<R> {
+    /// No touch on a path of `time` seconds.
+    #[inline(always)]
+    fn none(time: R) -> Self {
+        Self { lanes: R::Mask::splat(false), time, overlap: R::zero() }
+    }
+
+    /// Adds the lanes of `other`, with their times and overlaps.
+    #[inline(always)]
+    fn add(&mut self, other: &Self) {
+        self.time = R::select(other.lanes, other.time, self.time);
+        self.overlap = R::select(other.lanes, other.overlap, self.overlap);
+        self.lanes = self.lanes.or(other.lanes);
+    }
+}
+
+/// Searches the part `[from, to]` of a path, s, in the lanes `lanes`, for a time at which the geoms overlap by more than `tolerance`, m.
+/// Returns the touch, and the distance and its rate at the end of the part.
 ///
-/// `gap` has the distance and its rate at the start of the path; `gap_at` returns them at any time. In the lanes `rotates`, a body rotates
-/// too far for the search, and the result is a touch.
+/// `gap` has the distance and its rate at the start of the part; `gap_at` returns them at any time. `curvature` is an upper bound of the
+/// second time derivative of the distance by rotation, m/s^2.
 #[inline(always)]
 pub(crate) fn find_touch<R: Real>(
     gap: Gap<R>,
-    end_time: R,
+    [from, to]: [R; 2],
     lanes: R::Mask,
-    rotates: R::Mask,
+    curvature: R,
     tolerance: R,
     mut gap_at: impl FnMut(R, R::Mask) -> Gap<R>,
-) -> Touch<R> {
-    let end = gap_at(end_time, lanes);
-    let (mut low, mut high, mut tangent) = (R::zero(), end_time, gap);
-    let mut hits = lanes.and(end.distance.lt(-tolerance).or(rotates));
+) -> (Touch<R>, Gap<R>) {
+    let end = gap_at(to, lanes);
+    let (mut low, mut high, mut tangent) = (from, to, gap);
+    let mut hits = lanes.and(end.distance.lt(-tolerance));
     // A distance that still decreases at the end of the path has its minimum there.
     let shrinks = end.distance.lt(R::of(f64::INFINITY)).and(end.rate.le(R::zero()));
     let mut open = lanes.and_not(hits).and_not(shrinks);
-    let (mut at, mut overlap) = (high, R::select(rotates, R::of(f64::INFINITY), -end.distance));
+    let (mut at, mut overlap) = (high, -end.distance);
     for _ in 0..MAX_POSES {
-        open = open.and_not((tangent.distance + (high - low) * tangent.rate).ge(-tolerance));
+        let rest = high - low;
+        open = open.and_not((tangent.distance + rest * (tangent.rate - curvature * (rest * R::of(0.5)))).ge(-tolerance));
         if open.none() {
             break;
         }
@@ -199,33 +336,5 @@ pub(crate) fn find_touch<R: Real>(
         tangent.rate = R::select(approaching, here.rate, tangent.rate);
         high = R::select(approaching, high, time);
     }
-    Touch { lanes: hits, time: at, overlap }
-}
-
-impl<R: Real> GeomPoses<R> {
-    /// Angular velocity of a frame, rad/s, and linear velocity of its origin, m/s, in world axes. `None` for the world.
-    #[inline(always)]
-    fn frame_motion(&self, path: &Path<'_, R>, frame: usize) -> Option<[V3<R>; 2]> {
-        let Path { compiled, kinematics, .. } = *path;
-        let (motion, origin) = match frame.checked_sub(compiled.links.len() + 1) {
-            _ if frame == 0 => return None,
-            Some(mocap) => (&kinematics.mocap_velocities[mocap], kinematics.pos[frame]),
-            None => (&self.search_velocity[frame - 1], kinematics.origin[compiled.links[frame - 1].tree]),
-        };
-        Some([angular(motion), velocity_at(motion, sub(kinematics.pos[frame], origin))])
-    }
-
-    /// Time derivative of the distance at the contact point `point`, `time` seconds along the path, m/s.
-    #[inline(always)]
-    fn normal_velocity(&self, path: &Path<'_, R>, point: &ContactPoint<R>, time: R) -> R {
-        let mut rate = R::zero();
-        for (geom, sign) in path.pair.geoms.into_iter().zip([-R::one(), R::one()]) {
-            let frame = path.compiled.geoms[geom].frame;
-            if let Some([angular_velocity, velocity]) = self.frame_motion(path, frame) {
-                let origin = add_scaled(path.kinematics.pos[frame], velocity, time);
-                rate += dot(point.normal, add(velocity, cross(angular_velocity, sub(point.pos, origin)))) * sign;
-            }
-        }
-        rate
-    }
+    (Touch { lanes: hits, time: at, overlap }, end)
 }

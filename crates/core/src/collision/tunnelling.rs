@@ -4,6 +4,7 @@ use stepper_geometry::{Narrow, Pose, Solid, SolidMotion};
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::collision::detection::{CollisionWorkspace, GeomPoses, Scene};
+use crate::collision::joint_path::across_symmetry;
 use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
@@ -251,7 +252,7 @@ impl<R: Real> GeomPoses<R> {
         if g.frame == 0 || g.frame > compiled.links.len() {
             return R::zero();
         }
-        let w = angular(&self.passing_velocity[g.frame - 1]);
-        dot(w, w) * h * h * R::of(0.5) * compiled.params.rotation_reach(geom)
+        let w = across_symmetry(compiled, geom, &self.mat[geom], angular(&self.passing_velocity[g.frame - 1]));
+        w * w * h * h * R::of(0.5) * compiled.params.rotation_reach(geom)
     }
 }

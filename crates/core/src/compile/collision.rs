@@ -24,6 +24,8 @@ pub struct CompiledGeom<S> {
     pub is_plane: bool,
     /// Whether the geom is a sphere or a capsule. All points of its surface have the same distance from its centre or segment.
     pub is_round: bool,
+    /// Rotations that map the geom's shape to itself.
+    pub(crate) symmetry: Symmetry,
     /// Rotation matrix from the geom's axes to the frame's, row-major.
     pub mat: [S; 9],
     /// Whether detection needs the geom's whole orientation, and not only its z axis.
@@ -32,6 +34,19 @@ pub struct CompiledGeom<S> {
     pub solid: Option<Solid>,
     /// Bounding and inscribed radius of a mesh or height field, which are equal in all environments; `None` for other shapes.
     pub(super) fixed_radii: Option<Radii>,
+}
+
+/// Rotations that map a shape to itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Symmetry {
+    /// All rotations about the centre.
+    Ball,
+    /// Rotations about the z axis through the centre.
+    Axis,
+    /// Rotations about the axes of an ellipsoid that are perpendicular to two equal radii.
+    Ellipsoid,
+    /// No rotation, or unknown.
+    None,
 }
 
 impl<S: Scalar> CompiledGeom<S> {
@@ -371,6 +386,12 @@ fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom
         frame: merged.frame[g.body],
         is_plane: matches!(g.shape, Shape::Plane),
         is_round: matches!(g.shape, Shape::Sphere { .. } | Shape::Capsule { .. }),
+        symmetry: match g.shape {
+            Shape::Sphere { .. } => Symmetry::Ball,
+            Shape::Capsule { .. } | Shape::Cylinder { .. } => Symmetry::Axis,
+            Shape::Ellipsoid { .. } => Symmetry::Ellipsoid,
+            Shape::Plane | Shape::Box { .. } | Shape::Mesh { .. } | Shape::HeightField { .. } => Symmetry::None,
+        },
         mat: matrix(&quat),
         full_orientation: !matches!(g.shape, Shape::Plane | Shape::Sphere { .. } | Shape::Capsule { .. }),
         solid: None,

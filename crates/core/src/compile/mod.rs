@@ -22,6 +22,7 @@ mod tree;
 
 pub use crate::model::Kernel;
 pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledWrench, MotorControl, Spot};
+pub(crate) use collision::Symmetry;
 pub use collision::{CompiledPair, DynamicPairs, NO_PAIR_GROUP};
 pub use compiled_model::{CompiledModel, ModelStructure};
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, FramePath, Spring};

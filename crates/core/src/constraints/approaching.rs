@@ -7,13 +7,15 @@
 //! of these pairs again. Before the solve, it does the same with the predicted motion.
 //!
 //! Contacts that rest, slide or roll are never deferred. Nor are contacts with soft surfaces, those of two round geoms that certainly
-//! collide, and those whose normal cannot change. The normal cannot change at a plane, and where a ball stays over one flat face of the
-//! other geom during two steps. On a surface of triangles, a face is a triangle together with its neighbours across flat or concave edges,
-//! because a ball cannot hit such an edge.
+//! collide, and those at a flat face. A contact is at a flat face if its geom is a plane, or if a ball stays over one flat face of the
+//! other geom during two steps. A large sweeping rotation moves the surface at a flat face along a curve; such contacts are deferred too. On
+//! a surface of triangles, a face is a triangle together with its neighbours across flat or concave edges, because a ball cannot hit such an
+//! edge.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::collision::contact_set::Contacts;
+use crate::collision::joint_path::{JointPath, MAX_STRAIGHT_ROTATION};
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::velocity_solution::VelocitySolution;
@@ -43,8 +45,9 @@ impl<R: Real> Assembler<'_, R> {
         before: R,
         free: V3<R>,
     ) -> R::Mask {
-        // Lanes in which the contact normal can change, because the contact is neither with a plane nor with one flat face.
-        let curved = lanes.and_not(R::Mask::from_bits(self.builder.flat | contacts.data[k].over_face));
+        let at_face = lanes.and(R::Mask::from_bits(self.builder.flat | contacts.data[k].over_face));
+        // Lanes in which the normal velocity of the contact can change.
+        let curved = lanes.and_not(at_face.and_not(self.problem.turning));
         if curved.none() {
             return curved;
         }
@@ -53,31 +56,99 @@ impl<R: Real> Assembler<'_, R> {
         let gap = contacts.data[k].point.distance;
         let closes =
             gap.gt(R::of(options.slop)).and((input.closing_part_of_slot(contacts, k, lanes.bits()) + input.h * free[0]).lt(R::zero()));
-        let deferred = curved.and(before.lt(-resting_speed).or(closes));
+        let mut deferred = curved.and(before.lt(-resting_speed).or(closes));
+        let faces = deferred.and(at_face);
+        if faces.any() {
+            deferred = deferred.and_not(faces.and_not(self.sweeping_lanes(input, contacts, k, faces)));
+        }
         if deferred.none() { deferred } else { self.without_certain_hits(input, contacts, k, deferred, free) }
+    }
+
+    /// Lanes of `lanes` in which a geom of the contact has a large sweeping rotation until the next evaluation of contacts, see
+    /// [`JointPath::sweeping_rotation`].
+    #[cold]
+    #[inline(never)]
+    fn sweeping_lanes(&self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask) -> R::Mask {
+        kernel!(R, || {
+            let RowInput { compiled, kinematics, v_free, .. } = *input;
+            let joints = JointPath { compiled, kinematics, v: v_free };
+            let mut sweeping = R::Mask::splat(false);
+            for (pair, same) in contacts.pairs(k, lanes.bits()) {
+                let same = R::Mask::from_bits(same);
+                let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
+                let closing_time = input.times.of_pair(compiled, geoms).closing;
+                for geom in geoms {
+                    let frame = compiled.geoms[geom].frame;
+                    if (1..=compiled.links.len()).contains(&frame) {
+                        let pos = kinematics.point(frame, compiled.params.geom_pos(geom));
+                        let mat = mat_mul(&kinematics.mat[frame], &splat(compiled.geoms[geom].mat));
+                        let angle = joints.sweeping_rotation(geom, frame - 1, pos, &mat, closing_time);
+                        sweeping = sweeping.or(same.and(angle.gt(R::of(MAX_STRAIGHT_ROTATION))));
+                    }
+                }
+            }
+            sweeping
+        })
     }
 
     /// Lanes of `lanes` without those in which two round geoms (spheres, capsules) certainly collide in the free motion.
     ///
-    /// A round geom contains the ball about the contact's centre of curvature. The geoms collide if these two balls do.
+    /// A round geom contains the ball about the contact's centre of curvature. The geoms collide if these two balls do. A rotation about
+    /// this centre and the velocity of a conveyor move the contact point, but not the ball. Where a link rotates far, the balls may move along
+    /// curves, so that no hit is certain.
     #[inline(never)]
     fn without_certain_hits(&self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
         kernel!(R, || {
-            let (compiled, gap) = (input.compiled, contacts.data[k].point.distance);
-            let mut out = lanes;
+            let (compiled, slot) = (input.compiled, &contacts.data[k]);
+            let (gap, normal, mut out) = (slot.point.distance, slot.point.normal, lanes);
             for (pair, same) in contacts.pairs(k, lanes.bits()) {
                 let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-                if compiled.geoms[a].is_round && compiled.geoms[b].is_round {
-                    let reach = compiled.params.geom_size(a)[0] + compiled.params.geom_size(b)[0];
-                    let displacement = scale(free, input.times.of_pair(compiled, [a, b]).closing);
+                let is_conveyor = |geom| compiled.surfaces.iter().any(|surface| surface.geom == geom && surface.own.is_some());
+                if compiled.geoms[a].is_round && compiled.geoms[b].is_round && ![a, b].into_iter().any(is_conveyor) {
+                    let (half, [radius_a, radius_b]) = (gap * R::of(0.5), [a, b].map(|g| compiled.params.geom_size(g)[0]));
+                    let [spin_a, spin_b] = [a, b].map(|g| angular_velocity(input, compiled.geoms[g].frame));
+                    let spins = add(scale(spin_a, radius_a + half), scale(spin_b, radius_b + half));
+                    let centre_velocity = cross(spins, normal);
+                    let tangents = [slot.tangent, cross(normal, slot.tangent)];
+                    let [across, over] = tangents.map(|tangent| dot(tangent, centre_velocity));
+                    let reach = radius_a + radius_b;
+                    let closing_time = input.times.of_pair(compiled, [a, b]).closing;
+                    let displacement = scale([free[0], free[1] + across, free[2] + over], closing_time);
                     let distance = norm([reach + gap + displacement[0], displacement[1], displacement[2]]);
                     let meets = distance.lt(reach).and((reach + gap + displacement[0]).gt(R::zero()));
-                    out = out.and_not(meets.and(R::Mask::from_bits(same)));
+                    out = out.and_not(meets.and(R::Mask::from_bits(same)).and_not(self.problem.turning));
                 }
             }
             out
         })
     }
+}
+
+/// Angular velocity of a frame after the step without constraints, world axes, rad/s.
+#[inline(always)]
+fn angular_velocity<R: Real>(input: &RowInput<'_, R>, frame: usize) -> V3<R> {
+    let RowInput { compiled, kinematics, v_free, .. } = *input;
+    match frame.checked_sub(compiled.links.len() + 1) {
+        _ if frame == 0 => zero(),
+        Some(mocap) => angular(&kinematics.mocap_velocities[mocap]),
+        None => {
+            let mut sum = zero();
+            for &dof in compiled.chain_of(compiled.links[frame - 1].dofs.end - 1) {
+                sum = add_scaled(sum, angular(&kinematics.axes[dof as usize]), v_free[dof as usize]);
+            }
+            sum
+        }
+    }
+}
+
+/// Lanes in which a link rotates by more than [`MAX_STRAIGHT_ROTATION`] in `time` seconds at the velocities `links`.
+#[inline(always)]
+pub(crate) fn turning_lanes<R: Real>(links: &[V6<R>], time: R) -> R::Mask {
+    let mut square = R::zero();
+    for velocity in links {
+        square = square.max(dot(angular(velocity), angular(velocity)));
+    }
+    (square * time.square()).gt(R::of(MAX_STRAIGHT_ROTATION * MAX_STRAIGHT_ROTATION))
 }
 
 impl<R: Real> ConstraintProblem<R> {

@@ -52,6 +52,8 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) deferred: Vec<DeferredContact<R>>,
     /// Curvature terms that the offsets of friction rows contain.
     pub(crate) curvature_terms: Vec<CurvatureTerms<R>>,
+    /// Lanes in which a link rotates too far until the next evaluation of contacts for a straight path of its surface.
+    pub(crate) turning: R::Mask,
     /// Lanes in which each equality of the model is active.
     pub(crate) active_equalities: ActiveEqualities<R>,
     /// Problem of MuJoCo's contact law; `None` with hard contact. With that law `rows` is empty.
@@ -131,6 +133,7 @@ impl<R: Real> ConstraintProblem<R> {
             resolves_impacts: false,
             deferred: Vec::with_capacity(max_contacts + rolling_contacts),
             curvature_terms: Vec::with_capacity(max_contacts + rolling_contacts),
+            turning: none,
             active_equalities: ActiveEqualities::new(compiled),
             soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_columns),
         }

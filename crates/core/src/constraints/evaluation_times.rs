@@ -154,6 +154,18 @@ impl<R: Real> EvaluationTimes<R> {
         (lanes, latest)
     }
 
+    /// Longest time within which a gap may close, s.
+    #[inline(always)]
+    pub(crate) fn longest_closing(&self) -> R {
+        let mut longest = self.h;
+        if self.moved {
+            for &before in &self.before {
+                longest = longest.max(self.h - before + self.h * R::of(0.5));
+            }
+        }
+        longest
+    }
+
     /// Times of a pair of geoms.
     #[inline(always)]
     pub(crate) fn of_pair(&self, compiled: &ModelStructure<R::Scalar>, geoms: [usize; 2]) -> SlotTimes<R> {

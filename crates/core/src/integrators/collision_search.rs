@@ -7,8 +7,8 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::detection::CollisionWorkspace;
 use crate::collision::packed_pairs::{Item, gather_scalars};
 use crate::collision::packed_sweep::{PackedSweep, can_be_packed};
-use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch};
-use crate::compile::{Kernel, LaneModel};
+use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch, Turning};
+use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::constraints::ConstraintProblem;
 use crate::constraints::approaching::resting_speed;
 use crate::constraints::evaluation_times::EvaluationTimes;
@@ -67,6 +67,8 @@ struct CandidatePair<R: Real> {
     /// Overlap up to which the pair counts as not colliding, m: that of the bodies' other contacts plus the touch tolerance. In the
     /// predicted motion, the overlap must also exceed the fraction [`CollisionQuery::overlap_fraction`] of the linearised overlap.
     tolerance: R,
+    /// Rotation of the two bodies on the path.
+    turning: Turning<R>,
     /// Time at which the pair overlaps, s. `before` is an earlier time at which the pair does not touch yet. There is a first touch between
     /// these two times. The search narrows this bracket where the order of collisions matters.
     time: R,
@@ -83,6 +85,12 @@ struct CandidatePair<R: Real> {
 }
 
 impl<R: Real> CandidatePair<R> {
+    /// Whether the paths of the pair can be tested in lanes of a shared register ([`PackedSweep`]), which needs straight paths.
+    #[inline(always)]
+    fn can_be_packed(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> bool {
+        can_be_packed(compiled, pair, self.lanes.bits()) && self.turning.lanes.none()
+    }
+
     /// Stores the touch of the pair that the search found on its path. If its overlap exceeds the tolerance by at most `error`, m, the
     /// collision counts as doubtful.
     #[inline(always)]
@@ -260,6 +268,7 @@ impl<R: Real> CollisionSearch<R> {
                         pair,
                         lanes,
                         tolerance: zero,
+                        turning: Turning::none(),
                         time: zero,
                         before: zero,
                         distance_at_time: zero,
@@ -288,11 +297,12 @@ impl<R: Real> CollisionSearch<R> {
             candidate.tolerance = resting_overlap(query, candidate) + tolerance_of_contact;
             candidate.distance_before = gap.distance + candidate.tolerance;
             let tolerance = candidate.tolerance.max(least);
-            if can_be_packed(compiled, &path.pair, candidate.lanes.bits()) {
+            candidate.turning = swept.turning(&path, candidate.lanes);
+            if candidate.can_be_packed(compiled, &path.pair) {
                 add_packed(packed, k, &path, candidate.lanes, gap, [tolerance, R::zero()]);
                 candidate.lanes = R::Mask::splat(false);
             } else {
-                let touch = swept.find_touch(&path, candidate.lanes, gap, tolerance);
+                let touch = swept.find_touch(&path, &candidate.turning, candidate.lanes, gap, tolerance);
                 candidate.store_touch(&touch, query.error * path.time);
             }
         }
@@ -356,11 +366,11 @@ impl<R: Real> CollisionSearch<R> {
                 is_certain = false;
                 let (path, lanes) = (query.path(candidate.pair), candidate.uncertain);
                 let time = candidate.next_time(evaluation, window);
-                if can_be_packed(compiled, &path.pair, candidate.lanes.bits()) {
+                if candidate.can_be_packed(compiled, &path.pair) {
                     let gap = Gap { distance: R::zero(), rate: R::zero() };
                     add_packed(packed, k, &path, lanes, gap, [candidate.tolerance, time]);
                 } else {
-                    let gap = swept.gap_at(&path, time, lanes);
+                    let gap = swept.gap_at(&path, candidate.turning.lanes, time, lanes);
                     candidate.narrow(lanes, time, gap.distance);
                 }
             }

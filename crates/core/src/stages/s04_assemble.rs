@@ -23,6 +23,7 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
+use crate::constraints::approaching::turning_lanes;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::contact::least_mobility;
 use crate::constraints::restitution::any_elastic;
@@ -88,6 +89,7 @@ impl<R: Real> Assembler<'_, R> {
         problem.curvature_terms.clear();
         problem.deferred.clear();
         problem.impacts.clear();
+        problem.turning = turning_lanes(&input.motion.velocity, input.times.longest_closing());
         [problem.constrained, problem.needs_position_solve, problem.biased, problem.rebounding_at_step_end] = [none; 4];
         problem.may_have_immovable_rows = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();

@@ -599,7 +599,7 @@ FAMILIES: dict[str, dict[str, str]] = {
             "set_state(qpos=..., qvel=...)"
         ),
         "control|controls|action": "ctrl, which sim.step(ctrl) sets",
-        r"(add|apply|set|exert)_?(\w+_)?(force|torque|wrench|impulse|push)(es|s)?(_\w+)?|apply_ft|set_xfrc_\w+|xfrc\w*|set_external_\w+|"
+        r"(add|apply|set|exert)_?(\w+_)?(force|torque|wrench|impulse|push)(es|s)?(_\w+)?|apply_ft|set_xfrc_\w+|xfrc|xfrc_(force|torque|wrench)\w*|set_external_\w+|"
         "(apply|push)(_(robot|robots|body|bodies|base))?": (
             "xfrc_applied of bodies and sim.qfrc_applied of joints, arrays of forces to write to before a step"
         ),

@@ -59,7 +59,7 @@ def test_it_is_asked_in_the_frame_of_a_sensor(place):
         ({"width": 1.0, "height": 1.0, "near": 2.0, "far": 1.0}, "near is 2.0 and far is 1.0"),
         ({"width": 1.0, "height": 1.0, "near": -1.0}, "near is -1.0"),
         ({"width": "wide", "height": 1.0}, "width is 'wide', must be an array of numbers"),
-        ({"width": 1.0, "height": 1.0, "near": None}, "near is None and far is inf, must be distances"),
+        ({"width": 1.0, "height": 1.0, "near": None}, "near is None, must be"),
         ({"width": 1.0, "height": 1.0, "far": [1.0, 2.0]}, r"far is \[1.0, 2.0\], must be distances"),
     ],
 )

@@ -6,6 +6,7 @@ import stepper
 from stepper import Model
 from stepper.loading.load import compile_source
 from stepper.loading.mjcf import describe
+from stepper.loading.origins import Origin
 
 SCENE = """<mujoco><worldbody><geom type="box" size=".05 .05 .05"/>
 <body pos="0 0 .15"><freejoint/><geom size=".05"/></body></worldbody></mujoco>"""
@@ -17,7 +18,7 @@ def test_a_ball_rests_on_one_of_many_fixed_boxes(count):
 
     MuJoCo's compiler is left out, because its time grows with the square of the number.
     """
-    description = describe(compile_source(SCENE))
+    description = describe(compile_source(Origin(SCENE)))
     box, ball = description["geoms"]
     places = 0.1 * np.stack(np.unravel_index(np.arange(count), (300, 300)), axis=1)
     under = places[count // 2]

@@ -146,14 +146,15 @@ def test_a_rejected_step_has_an_infinite_residual_and_names_its_cause():
         sim.set_state(qvel=[1e200] * 7, envs=[0])
         sim.step(nstep=5)
 
-    causes = {control: 'actuator "servo"', force: 'body "box"', generalized: 'joint "elbow"', pose: 'body "hand"', speed: 'joint "root"'}
+    causes = {control: 'actuator "servo"', force: 'body "box"', generalized: 'joint "elbow"', pose: 'body "hand"', speed: 'joint "(root|elbow)"'}
     for contact in ("hard", "mujoco"):
         for act, cause in causes.items():
             sim = stepper.Stepper(model, num_envs=2, options=stepper.Options(contact=contact, integrator="euler"))
             act(sim)
             assert sim.status[0] & stepper.Status.NON_FINITE and not sim.status[1] & stepper.Status.NON_FINITE
             assert np.isinf(sim.residual[0]) and sim.residual[1] < 1e-6
-            assert sim.worst_row(0) == f"number that is not finite: {cause}" and sim.worst_row(1) is None
+            # Bodies without a common constraint are rejected one by one, so that either joint may be the first.
+            assert re.fullmatch(f"number that is not finite: {cause}", sim.worst_row(0)) and sim.worst_row(1) is None
 
 
 def test_iterations_include_newton_steps():

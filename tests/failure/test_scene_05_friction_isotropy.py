@@ -22,7 +22,8 @@ def paths(text: str, dt: float, choice: dict, yaw: float = 0.0) -> np.ndarray:
     sim.set_state(qpos, np.hstack([V0 * along, np.zeros((len(ANGLES), 4))]))
     sim.step(nstep=int(1.2 * V0 / (MU * G * dt)) + 2)
     sim.step(nstep=100)  # The warm start converges.
-    assert np.abs(sim.qvel).max() < 1e-12
+    # At rest, the solver's tolerance is 1e4 machine epsilons of 1 m/s, 2.2e-12.
+    assert np.abs(sim.qvel).max() < 2.5e-12
     end = sim.qpos[:, :2]
     return np.array([(end * along).sum(axis=1), end[:, 0] * along[:, 1] - end[:, 1] * along[:, 0]])
 

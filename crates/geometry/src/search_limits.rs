@@ -56,8 +56,8 @@ impl SearchLimits {
 }
 
 impl From<f64> for SearchLimits {
-    /// Limits with `max_distance` as the largest distance of a contact, m, without a cached normal or a motion. Surfaces within this distance
-    /// count as touching.
+    /// Limits with `max_distance` as the largest distance of a contact, m, without a cached normal or a motion. Surfaces within this
+    /// distance count as touching.
     fn from(max_distance: f64) -> Self {
         Self { max_distance, touching: max_distance, cached: None, approach: None, epsilon: f64::EPSILON }
     }

@@ -163,8 +163,8 @@ impl ConvexShape {
         }
     }
 
-    /// Largest distance of a point of the shape from a line along the unit vector `axis`, m. `offset` is the vector from a point of the line
-    /// to the origin of the shape's frame.
+    /// Largest distance of a point of the shape from a line along the unit vector `axis`, m. `offset` is the vector from a point of the
+    /// line to the origin of the shape's frame.
     pub(super) fn radius_about(&self, axis: V, offset: V) -> f64 {
         let across = |p: V| {
             let arm = add(p, offset);

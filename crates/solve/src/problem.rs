@@ -178,8 +178,8 @@ impl<R: Real> Problem<R> {
         at_contact!(i of self.contacts.len(), [set: &self] => set[i].mu)
     }
 
-    /// Velocity of contact `i` under impulses that cause the scaled velocity change `w`, m/s, as six numbers. The last three are zeros for a
-    /// contact with three rows.
+    /// Velocity of contact `i` under impulses that cause the scaled velocity change `w`, m/s, as six numbers. The last three are zeros for
+    /// a contact with three rows.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
@@ -187,8 +187,8 @@ impl<R: Real> Problem<R> {
         at_contact!(i of self.contacts.len(), [set: &self] => set.padded_velocity(i, w))
     }
 
-    /// Calls `f` with each coordinate of contact `i` and with the entries of the contact's rows there in the lane `lane`. The entries are six
-    /// numbers; the last three are zeros for a contact with three rows.
+    /// Calls `f` with each coordinate of contact `i` and with the entries of the contact's rows there in the lane `lane`. The entries are
+    /// six numbers; the last three are zeros for a contact with three rows.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]

@@ -43,8 +43,8 @@ pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: 
     })
 }
 
-/// Calls `f` for each active constraint of lane `lane`, with its coordinates (columns of the Jacobian), ascending, its residual, m/s, and its
-/// normal impulse, N s.
+/// Calls `f` for each active constraint of lane `lane`, with its coordinates (columns of the Jacobian), ascending, its residual, m/s, and
+/// its normal impulse, N s.
 pub fn for_each_load<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &Iterate<R>,

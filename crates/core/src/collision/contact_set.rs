@@ -182,8 +182,8 @@ impl<R: Real> Contacts<R> {
         k
     }
 
-    /// Removes the contacts of lane `l` for which `keeps` returns false. Its arguments are the slot and the identity of a contact. The order
-    /// of the remaining contacts does not change.
+    /// Removes the contacts of lane `l` for which `keeps` returns false. Its arguments are the slot and the identity of a contact. The
+    /// order of the remaining contacts does not change.
     pub(crate) fn retain(&mut self, l: usize, mut keeps: impl FnMut(usize, ContactId) -> bool) {
         let mut to = 0;
         for from in 0..self.count[l] {
@@ -316,8 +316,8 @@ impl<R: Real> Contacts<R> {
 
     /// Copies the impulses of lane `l` from the contacts in `last` with the same identity. Both lists are sorted by identity.
     ///
-    /// Identities of contacts between two faces may change when the faces tilt by rounding errors. A new contact therefore takes the impulse
-    /// of the nearest contact of its pair whose identity is gone ([`Self::nearest_lost`]).
+    /// Identities of contacts between two faces may change when the faces tilt by rounding errors. A new contact therefore takes the
+    /// impulse of the nearest contact of its pair whose identity is gone ([`Self::nearest_lost`]).
     #[inline(always)]
     fn match_lane(&mut self, last: &mut Self, l: usize) {
         let (mut old, mut new) = (0, false);
@@ -342,8 +342,8 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Slot of the contact in `last` that is nearest to the contact of lane `l` in slot `k`, among the loaded contacts of the same pair whose
-    /// identity is gone and whose normal is similar.
+    /// Slot of the contact in `last` that is nearest to the contact of lane `l` in slot `k`. Only loaded contacts of the same pair count,
+    /// with a similar normal and an identity that is gone.
     fn nearest_lost(&self, last: &Self, k: usize, l: usize) -> Option<usize> {
         let place = |point: &ContactPoint<R>| [of_lane(&point.pos, l), of_lane(&point.normal, l)];
         let [pos, normal] = place(&self.data[k].point);

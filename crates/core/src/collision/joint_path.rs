@@ -149,8 +149,8 @@ impl<R: Real> JointPath<'_, R> {
     }
 }
 
-/// Length of the component of an angular velocity across the nearest axis of revolution of a geom with the orientation `mat`, rad/s. 0 for a
-/// ball, and the whole length for shapes that are not bodies of revolution.
+/// Length of the component of an angular velocity across the nearest axis of revolution of a geom with the orientation `mat`, rad/s. 0 for
+/// a ball, and the whole length for shapes that are not bodies of revolution.
 #[inline(always)]
 pub(crate) fn across_symmetry<R: Real>(compiled: &LaneModel<R>, geom: usize, mat: &M3<R>, rotation: V3<R>) -> R {
     match compiled.geoms[geom].symmetry {

@@ -41,6 +41,8 @@ impl<S: Scalar> CompiledModel<S> {
         let actuators = actuators::CompiledActuators::new(input, specs);
         let lossy = frictions.iter().any(|f| f.driven);
         let mocap = merging::mocap(model, &merged);
+        let single = (&limits[..], &frictions[..], &ball_limits[..]);
+        let tree_of_scalar_impulse = tree_of_scalar_impulse(scalar_impulses, &dofs, single, &equalities, &tendons);
         let tree_of_act = tree_of_act(model.na(), &dofs, &actuators.actuators);
         let mechanisms = Mechanisms::new(merged.ntree, &dofs, &mocap, &equalities, &tendons, &actuators.actuators);
         let structure = ModelStructure {
@@ -50,7 +52,7 @@ impl<S: Scalar> CompiledModel<S> {
             ntree: merged.ntree,
             mechanisms,
             tree_of_act,
-            tree_of_scalar_impulse: vec![],
+            tree_of_scalar_impulse,
             wind: scalars(model.medium.wind),
             fluid: passive::fluid(model, &merged),
             compensation: passive::compensation(model, &merged),
@@ -95,7 +97,6 @@ impl<S: Scalar> CompiledModel<S> {
             softness: None,
             merged,
         };
-        let structure = ModelStructure { tree_of_scalar_impulse: tree_of_scalar_impulse(&structure), ..structure };
         let params = structure.params_of(model).map(S::from_f64);
         let ModelStructure { geoms, pairs, dynamic_pairs, ntree, .. } = &structure;
         let group = |frame: usize| structure.tree_of(frame).unwrap_or(frame + ntree);

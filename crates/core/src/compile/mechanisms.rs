@@ -3,9 +3,8 @@
 use stepper_real::Scalar;
 
 use crate::compile::actuators::CompiledActuator;
-use crate::compile::compiled_model::ModelStructure;
 use crate::compile::equality::{CompiledTendon, EqualityBlock, EqualityRows};
-use crate::compile::tree::{CompiledMocap, Dof};
+use crate::compile::tree::{CompiledBallLimit, CompiledFriction, CompiledLimit, CompiledMocap, Dof};
 use crate::math::disjoint_sets::DisjointSets;
 
 /// Mechanisms of a model: sets of kinematic trees that equalities, tendons or actuators couple. Only contacts couple different mechanisms.
@@ -37,10 +36,15 @@ pub(super) fn tree_of_act<S: Scalar>(na: usize, dofs: &[Dof], actuators: &[Compi
     trees
 }
 
-/// A kinematic tree on which each scalar constraint row of a model acts, by the index of its impulse.
-pub(super) fn tree_of_scalar_impulse<S: Scalar>(structure: &ModelStructure<S>) -> Vec<Option<usize>> {
-    let ModelStructure { limits, frictions, ball_limits, equalities, tendons, dofs, .. } = structure;
-    let mut trees = vec![None; structure.scalar_impulses];
+/// A kinematic tree on which each of `count` scalar constraint rows acts, by the index of its impulse.
+pub(super) fn tree_of_scalar_impulse<S: Scalar>(
+    count: usize,
+    dofs: &[Dof],
+    (limits, frictions, ball_limits): (&[CompiledLimit], &[CompiledFriction], &[CompiledBallLimit]),
+    equalities: &[EqualityBlock<S>],
+    tendons: &[CompiledTendon<S>],
+) -> Vec<Option<usize>> {
+    let mut trees = vec![None; count];
     let single = limits.iter().map(|limit| limit.dof).chain(frictions.iter().map(|friction| friction.dof));
     for (tree, dof) in trees.iter_mut().zip(single) {
         *tree = Some(dofs[dof].tree);

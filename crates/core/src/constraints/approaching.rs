@@ -8,9 +8,9 @@
 //!
 //! Contacts that rest, slide or roll are never deferred. Nor are contacts with soft surfaces, those of two round geoms that certainly
 //! collide, and those at a flat face. A contact is at a flat face if its geom is a plane, or if a ball stays over one flat face of the
-//! other geom during two steps. A large sweeping rotation moves the surface at a flat face along a curve; such contacts are deferred too. On
-//! a surface of triangles, a face is a triangle together with its neighbours across flat or concave edges, because a ball cannot hit such an
-//! edge.
+//! other geom during two steps. A large sweeping rotation moves the surface at a flat face along a curve; such contacts are deferred too.
+//! On a surface of triangles, a face is a triangle together with its neighbours across flat or concave edges, because a ball cannot hit
+//! such an edge.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
@@ -94,8 +94,8 @@ impl<R: Real> Assembler<'_, R> {
     /// Lanes of `lanes` without those in which two round geoms (spheres, capsules) certainly collide in the free motion.
     ///
     /// A round geom contains the ball about the contact's centre of curvature. The geoms collide if these two balls do. A rotation about
-    /// this centre and the velocity of a conveyor move the contact point, but not the ball. Where a link rotates far, the balls may move along
-    /// curves, so that no hit is certain.
+    /// this centre and the velocity of a conveyor move the contact point, but not the ball. Where a link rotates far, the balls may move
+    /// along curves, so that no hit is certain.
     #[inline(never)]
     fn without_certain_hits(&self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
         kernel!(R, || {

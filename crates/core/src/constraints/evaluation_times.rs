@@ -1,8 +1,8 @@
 //! Evaluation time of each mechanism: the time in the step at which its forces, contacts and rows are evaluated.
 //!
-//! With the midpoint rule this is the middle of the step, with two exceptions: mechanisms with very fast bodies, which could pass through
-//! a thin geom before the middle, and mechanisms with an elastic impact. Mechanisms that contacts connect have the same time. The time of
-//! other mechanisms is never affected.
+//! With the midpoint rule this is the middle of the step, with two exceptions. Mechanisms with very fast bodies, which could pass through a
+//! thin geom before the middle, are evaluated at the beginning. Mechanisms with an elastic impact are evaluated at the time of the impact.
+//! Mechanisms that contacts connect have the same time. The time of other mechanisms is never affected.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -119,7 +119,8 @@ impl<R: Real> EvaluationTimes<R> {
         }
     }
 
-    /// Computes the configuration at the end of the step into `out`, from the configuration `q` at the evaluation points and the velocity `v`.
+    /// Computes the configuration at the end of the step into `out`, from the configuration `q` at the evaluation points and the velocity
+    /// `v`.
     #[inline(always)]
     pub(crate) fn displace_after(&self, compiled: &LaneModel<R>, q: &[R], v: &[R], out: &mut [R]) {
         if self.moved {

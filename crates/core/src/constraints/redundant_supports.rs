@@ -98,10 +98,11 @@ struct Point {
 }
 
 impl Point {
-    /// Replaces the friction impulse in `lambda` by one that belongs to the normal impulse: mu times the normal impulse against the motion
-    /// if the contact moves faster than `slip_speed`, otherwise at most mu times the normal impulse.
+    /// Replaces the friction impulse in `lambda` by one that belongs to the normal impulse. If the contact moves faster than `slip_speed`,
+    /// it is mu times the normal impulse, against the motion, otherwise at most mu times the normal impulse.
     fn set_friction(&self, slip_speed: f64, lambda: &mut [f64; 6]) {
-        let (most, slip) = (self.mu * lambda[0], slip(&self.velocity));
+        // Rounding can make the normal impulse negative.
+        let (most, slip) = (self.mu * lambda[0].max(0.0), slip(&self.velocity));
         let (sign, direction, size) = if slip > slip_speed { (-1.0, self.velocity, slip) } else { (1.0, *lambda, self::slip(lambda)) };
         let scale = if slip > slip_speed || size > most { sign * most / size } else { 1.0 };
         (1..6).for_each(|i| lambda[i] = direction[i] * scale);
@@ -326,8 +327,8 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(lanes)
     }
 
-    /// Finds the contact groups in the lanes `lanes` that slip under load: a loaded contact moves faster than `slip_speed`, m/s. Returns the
-    /// lanes with such a group.
+    /// Finds the contact groups in the lanes `lanes` that slip under load: a loaded contact moves faster than `slip_speed`, m/s. Returns
+    /// the lanes with such a group.
     #[inline(always)]
     pub(crate) fn find_slips(&mut self, problem: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask, slip_speed: R) -> R::Mask {
         if lanes.none() {
@@ -350,8 +351,8 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(slipping)
     }
 
-    /// Shares the loads of the clusters `clusters` evenly, in the lanes `lanes`. [`ContactGroups::find_slips`] has found which contact groups
-    /// slip, at the same `slip_speed`. Returns the lanes in which a load changed.
+    /// Shares the loads of the clusters `clusters` evenly, in the lanes `lanes`. [`ContactGroups::find_slips`] has found which contact
+    /// groups slip, at the same `slip_speed`. Returns the lanes in which a load changed.
     ///
     /// The scaled velocity change w of `iterate` is not updated.
     #[inline(always)]

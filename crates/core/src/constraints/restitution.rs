@@ -99,8 +99,8 @@ impl<R: Real> Assembler<'_, R> {
         bias + change
     }
 
-    /// Replaces the `offsets` of the velocity solve for the contact in slot `k` of `contacts`, if it bounces within the step, by the midpoint
-    /// rule. Returns the lanes of `exists` in which the rows are needed.
+    /// Replaces the `offsets` of the velocity solve for the contact in slot `k` of `contacts`, if it bounces within the step, by the
+    /// midpoint rule. Returns the lanes of `exists` in which the rows are needed.
     ///
     /// Only steps by the midpoint rule with an elastic contact call this function. `free` are the velocities of the rows without
     /// constraints, before equalities are eliminated. `change` is the change of these velocities by the free motion in the step. After the

@@ -7,8 +7,8 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::lanes::{MAX_LANES, each_of};
 
-/// Number that encodes the cause of an unsolved step in a saved state. 0 means none. Scalar rows have the numbers from 1 on, by the index of
-/// their impulse. Contacts have the numbers from 2^32 on, by the index of their pair. Numbers that are not finite have those from 2^40,
+/// Number that encodes the cause of an unsolved step in a saved state. 0 means none. Scalar rows have the numbers from 1 on, by the index
+/// of their impulse. Contacts have the numbers from 2^32 on, by the index of their pair. Numbers that are not finite have those from 2^40,
 /// 2^41 ... on, in the order of [`NotFinite`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ConstraintCode(pub u64);

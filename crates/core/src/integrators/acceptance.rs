@@ -213,8 +213,9 @@ fn restore_unused<R: Real>(state: &State<R>, velocity: &mut VelocitySolution<R>,
     });
 }
 
-/// Restores positions, velocities and activations of the islands of lane `lane` that [`mark_non_finite`] marked, and discards their contacts
-/// and impulses. Contacts that are still deferred are discarded too. Returns whether all islands are marked. Activations that are not finite, and act on no tree, are restored too.
+/// Restores positions, velocities and activations of the islands of lane `lane` that [`mark_non_finite`] marked, and discards their
+/// contacts and impulses. Contacts that are still deferred are discarded too. Returns whether all islands are marked. Activations that are
+/// not finite, and act on no tree, are restored too.
 #[cold]
 fn keep_marked<R: Real>(
     compiled: &LaneModel<R>,

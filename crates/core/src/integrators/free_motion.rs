@@ -30,7 +30,7 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) v_expected: Vec<R>,
     /// Generalized impulse of the constraints in this step, nv.
     pub(crate) constraint_impulse: Vec<R>,
-    /// Lanes in which the motion of each mechanism is too fast for the time step, so that the step leaves out its inertial forces or limits its
+    /// Lanes in which the motion of each mechanism is too fast for the time step. The step leaves out its inertial forces, or limits its
     /// velocity.
     pub(crate) unresolved: Vec<R::Mask>,
     /// Lanes whose motion is so fast that the error of the integration rule may add energy.

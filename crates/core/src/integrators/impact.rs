@@ -24,8 +24,8 @@ use crate::tuning::{
     MAX_IMPACT_RESIDUAL, MAX_RESOLVED_MOTION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
 };
 
-/// Moves the evaluation point of each mechanism with an impact to the time of its first impact. Returns whether any point moved, so that the
-/// step must be evaluated again.
+/// Moves the evaluation point of each mechanism with an impact to the time of its first impact. Returns whether any point moved, so that
+/// the step must be evaluated again.
 ///
 /// An evaluation point within `PLACEMENT_TOLERANCE` of the impact does not move. `v_free` is the velocity after the step without
 /// constraints. `first` is true in the first call of a step. A contact that overlaps beyond the slop (the overlap that position correction
@@ -160,8 +160,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         lanes
     }
 
-    /// Recomputes the free velocity of mechanisms in which contacts made the velocity jump, by elastic or inelastic impacts. Returns the lanes
-    /// with such a mechanism, which must be solved again.
+    /// Recomputes the free velocity of mechanisms in which contacts made the velocity jump, by elastic or inelastic impacts. Returns the
+    /// lanes with such a mechanism, which must be solved again.
     ///
     /// The midpoint rule moves bodies for half of the step at the velocity before the step, and for half at the velocity after it. Inertial
     /// forces should therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean
@@ -177,8 +177,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         lanes
     }
 
-    /// Finds the lanes of `checked` in which the inertial forces of each mechanism must be recomputed, because they were computed with another
-    /// velocity than the solved one, and those of all mechanisms in contact with such a mechanism. Returns the lanes with such a mechanism.
+    /// Finds the lanes of `checked` in which the inertial forces of each mechanism must be recomputed. They were computed with another
+    /// velocity than the solved one, or those of a mechanism in contact were. Returns the lanes with such a mechanism.
     ///
     /// In the lanes `first`, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
     /// mean of the forces at these two velocities. If the two results differ enough, such a mechanism counts too.

@@ -1,5 +1,5 @@
-//! Search for the evaluation point of each mechanism, and computation of stages 1 to 3 there. The evaluation point is the time in the step at
-//! which forces, contacts and rows are evaluated.
+//! Search for the evaluation point of each mechanism, and computation of stages 1 to 3 there. The evaluation point is the time in the step
+//! at which forces, contacts and rows are evaluated.
 
 use stepper_real::{Mask, Real};
 

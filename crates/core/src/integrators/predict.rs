@@ -123,14 +123,14 @@ fn ignore_large_impacts<R: Real>(compiled: &LaneModel<R>, h: R, v_free: &[R], ch
     })
 }
 
-/// Recomputes the free velocity without velocity-dependent inertial forces (Coriolis, centrifugal, gyroscopic) of the mechanisms whose motion
-/// is too fast for the time step. There servos use the velocity before the step.
+/// Recomputes the free velocity without velocity-dependent inertial forces (Coriolis, centrifugal, gyroscopic) of the mechanisms whose
+/// motion is too fast for the time step. There servos use the velocity before the step.
 fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>) {
     let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
     let Scratch { force_velocity: zero_velocity, actuator_velocity, v_free_corrected, free_change, .. } = scratch;
-    // In the other mechanisms, actuator forces must keep all bits, because later solves of the step read them. There `actuate` evaluates them
-    // again at the same velocity.
+    // In the other mechanisms, actuator forces must keep all bits, because later solves of the step read them. There `actuate` evaluates
+    // them again at the same velocity.
     kernel!(R, || {
         for i in 0..compiled.nv {
             let mean = state.v[i] + (v_expected[i] - state.v[i]) * scheme.velocity_weight;

@@ -118,8 +118,8 @@ impl<R: Real> VelocityLoop<'_, R> {
             .and(alive)
     }
 
-    /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without the curvature
-    /// terms of their unsolved islands, if the iteration limit is at least [`MIN_NEWTON_STEPS_FOR_RETRY`].
+    /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without the
+    /// curvature terms of their unsolved islands, if the iteration limit is at least [`MIN_NEWTON_STEPS_FOR_RETRY`].
     ///
     /// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), the body may not
     /// be able to reach these velocities, and the impulses of the first solve diverge. The second solve therefore does not start from these
@@ -165,7 +165,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Limits joint speeds of islands whose motion is too fast for the time step or whose energy is ambiguous. Returns the lanes with
     /// ambiguous energy, and all limited lanes.
     ///
-    /// [`limit_energy`](crate::integrators::step_resolution::StepResolution::limit_energy) limits the energy of these islands after stage 8.
+    /// [`limit_energy`](crate::integrators::step_resolution::StepResolution::limit_energy) limits the energy of these islands after stage
+    /// 8.
     #[inline(always)]
     fn limit_speed(&mut self, resolution: &mut StepResolution<R>, residual: R) -> [R::Mask; 2] {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;

@@ -90,8 +90,8 @@ pub(crate) fn assess_corrector<R: Real>(
     })
 }
 
-/// Adds to `unresolved` the lanes of `alive` in which constraint impulses rotate a hinge or ball joint of a mechanism by more than half a turn
-/// per step. `v_next` is the velocity after the step.
+/// Adds to `unresolved` the lanes of `alive` in which constraint impulses rotate a hinge or ball joint of a mechanism by more than half a
+/// turn per step. `v_next` is the velocity after the step.
 ///
 /// In addition, the joint must be faster than every joint of the mechanism in `v`, the velocity before the step, and in `v_free`, the
 /// velocity without constraints. Overwrites `motions`.
@@ -281,8 +281,8 @@ impl<R: Real> StepResolution<R> {
         self.place_mocap(compiled, middle);
         blend(before[1], &free.v_expected, scheme.velocity_weight, &mut self.force_velocity);
         let (h, v_free) = (scheme.h, &free.v);
-        // A mechanism that is evaluated at another time than the middle of the step has an energy error of first order in its rotation, which
-        // this test would report.
+        // A mechanism that is evaluated at another time than the middle of the step has an energy error of first order in its rotation,
+        // which this test would report.
         let in_the_middle = |mechanism: usize| times.moved_lanes(mechanism).not();
         let gains = kernel!(R, || {
             let [mean, change] = &mut self.mean;
@@ -322,8 +322,8 @@ impl<R: Real> StepResolution<R> {
         lanes.and(gains)
     }
 
-    /// Finds the lanes of `alive` in which inertial forces of each mechanism change too much during a step with MuJoCo's contact law, or in which
-    /// a joint [runs away](runs_away), into `unresolved`. MuJoCo's rules evaluate inertial forces at the velocity before the step.
+    /// Finds the lanes of `alive` in which inertial forces of each mechanism change too much, into `unresolved`, with MuJoCo's contact law.
+    /// Lanes in which a joint [runs away](runs_away) count too. MuJoCo's rules evaluate inertial forces at the velocity before the step.
     ///
     /// The bound is that of [`assess_corrector`], for the change of the velocity by inertial forces at the velocity after the step instead.
     /// It applies if a joint turns by more than `rotation`, rad. `v` is the velocity before the step, and `v_next` the velocity after it.
@@ -374,8 +374,8 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Kinetic energy of armatures, and of the links that are not alone in their tree, J. Mechanisms that are evaluated at another time than
-    /// the middle of the step do not count.
+    /// Kinetic energy of armatures, and of the links that are not alone in their tree, J. Mechanisms that are evaluated at another time
+    /// than the middle of the step do not count.
     #[inline(always)]
     fn kinetic_energy_of_chains(&mut self, compiled: &LaneModel<R>, times: &EvaluationTimes<R>, [q, v]: [&[R]; 2]) -> R {
         let in_the_middle = |tree: usize| times.moved_lanes(compiled.mechanisms.of_tree[tree]).not();
@@ -395,8 +395,8 @@ impl<R: Real> StepResolution<R> {
         twice * R::of(0.5)
     }
 
-    /// Finds the kinematic trees whose motion is limited: those of islands with an unresolved mechanism or an ambiguous energy. `lanes` has the
-    /// lanes with such an island, `ambiguous` those with an ambiguous energy (one that the solver's residual may change noticeably).
+    /// Finds the kinematic trees whose motion is limited: those of islands with an unresolved mechanism or an ambiguous energy. `lanes` has
+    /// the lanes with such an island, `ambiguous` those with an ambiguous energy (one that the solver's residual may change noticeably).
     ///
     /// An ambiguous energy belongs to the islands that are ambiguous by themselves. If there are none, it belongs to all trees with
     /// constraints.
@@ -435,8 +435,8 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Scales the velocity after the step down in limited islands ([`StepResolution::find_limited`]), so that their fastest joint rotates by at most one radian per
-    /// step. `lanes` has the lanes with such an island.
+    /// Scales the velocity after the step down in limited islands ([`StepResolution::find_limited`]), so that their fastest joint rotates
+    /// by at most one radian per step. `lanes` has the lanes with such an island.
     pub(crate) fn limit_joint_rates(
         &mut self,
         compiled: &LaneModel<R>,

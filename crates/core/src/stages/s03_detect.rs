@@ -9,8 +9,8 @@
 //! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] therefore checks
 //! pairs that have moved farther than their tunnelling distance since the beginning of the step. It returns lanes in which the geoms of
 //! such a pair overlap or may have passed through each other. It also returns lanes in which one of the geoms hits a surface of triangles.
-//! The step evaluates the mechanisms of these geoms again at its beginning. There the wall is still ahead of the body, and the contact with the wall stops
-//! the body.
+//! The step evaluates the mechanisms of these geoms again at its beginning. There the wall is still ahead of the body, and the contact with
+//! the wall stops the body.
 //!
 //! Bodies can still pass through a geom if an impulse deflects them or makes them faster than the search assumed. They can also pass if
 //! they rotate so far that the contact normal is no longer valid. [`may_have_passed`](crate::collision::tunnelling::may_have_passed) finds
@@ -92,7 +92,7 @@ fn find_pairs<R: Real>(
 /// Narrow phase: finds the contacts of the pairs from [`find_pairs`].
 ///
 /// With `checks_passing`, returns the lanes whose contacts are unreliable, because geoms have moved too far since the beginning of the
-/// step, and sets `collision.unreliable` to these lanes of each mechanism. Otherwise returns no lanes.
+/// step. It also sets `collision.unreliable` to these lanes of each mechanism. Otherwise returns no lanes.
 fn find_contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

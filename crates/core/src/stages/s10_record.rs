@@ -83,9 +83,9 @@ impl fmt::Display for Status {
 /// Record of one step: residual, iterations, largest errors and status flags of each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<R: Real> {
-    /// Largest of three numbers, m/s: the solver's residual, the largest target velocity of an immovable row (one that no degree of freedom
-    /// moves), and, in infeasible lanes, the largest velocity by which a constraint misses its position target. Infinite if the step was
-    /// not finite.
+    /// Largest of three numbers, m/s. The first is the solver's residual, the second the largest target velocity of an immovable row (one
+    /// that no degree of freedom moves). The third is the largest velocity by which a constraint misses its position target, in infeasible
+    /// lanes. Infinite if the step was not finite.
     pub residual: R,
     /// Number of Gauss-Seidel iterations (sweeps).
     pub sweeps: R,

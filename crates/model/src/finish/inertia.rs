@@ -22,8 +22,8 @@ const NOTHING: f64 = 1e-13;
 /// that of the degree of freedom's energy to the energy of the degree of freedom without inertia.
 const ROUNDING: f64 = 1e-9;
 
-/// Degree of freedom: index of its joint, spatial velocity per unit of joint velocity, index of the parent degree of freedom, and number
-/// of its ancestors. The spatial velocity is the angular velocity, then the linear velocity at the origin of the kinematic tree.
+/// Degree of freedom: joint, motion, parent and number of ancestors. The motion is the spatial velocity per unit of joint velocity. The
+/// spatial velocity is the angular velocity, then the linear velocity at the origin of the kinematic tree.
 struct Dof {
     joint: usize,
     motion: Vector6<f64>,

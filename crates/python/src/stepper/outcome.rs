@@ -61,8 +61,10 @@ impl Stepper {
         structured(py, &envs, &contacts)
     }
 
-    /// Cause of the last unsolved step in the last call of `step`: the constraint with the largest residual (`status` NOT_CONVERGED), the
-    /// constraint that misses its target by most (INFEASIBLE), or the element with a number that is not finite (NON_FINITE).
+    /// Cause of the last unsolved step in the last call of `step`: a constraint, or an element with a number that is not finite.
+    ///
+    /// With `status` NOT_CONVERGED it is the constraint with the largest residual, with INFEASIBLE the constraint that misses its target by
+    /// most. With NON_FINITE it is the joint, body or actuator whose number is not finite.
     ///
     /// Args:
     ///     env: Index of the environment.
@@ -114,8 +116,8 @@ impl Stepper {
 getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`.
     status: slf.per_env(py, "status", |env| slf.simulation.status(env).bits()),
-    /// Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero at
-    /// the exact solution. In environments with INFEASIBLE it is at least the largest velocity by which a constraint misses its position
+    /// Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero
+    /// at the exact solution. In environments with INFEASIBLE it is at least the largest velocity by which a constraint misses its position
     /// target. In environments with NON_FINITE it is infinite.
     residual: slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual),
     /// Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps.

@@ -46,9 +46,9 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Directions of the tangential impulse, among the principal axes of the tangential problem, in which no impulse moves the contact.
     /// `None` if there are none in any lane.
     ///
-    /// Each direction has an entry in the two results, from index 1 on: its velocity offset, m/s, with the normal impulse that stops the
-    /// normal row, and its coupling G_tn / G_nn to the normal row. The entries of other directions are 0. `g` has the offsets of the rows,
-    /// m/s, and `trace` is the trace of the contact's block of the Delassus matrix, 1/kg.
+    /// Each direction has an entry in the two results, from index 1 on. The first result has its velocity offset, m/s, with the normal
+    /// impulse that stops the normal row. The second has its coupling G_tn / G_nn to the normal row. The entries of other directions are 0.
+    /// `g` has the offsets of the rows, m/s, and `trace` is the trace of the contact's block of the Delassus matrix, 1/kg.
     fn fixed_directions(&self, g: [R; N], trace: R) -> Option<[[R; N]; 2]>;
 
     /// Mean diagonal entry of the contact's block of the Delassus matrix before elimination of equality rows, 1/kg. `step` is the step of
@@ -175,7 +175,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 
     /// Lanes in which the last contact of the list is self-locking: no impulse of the friction cone makes it stick with its velocity
-    /// offsets g. The caller must ask before setting the mobility ratio and the compliance of the contact.
+    /// offsets g. The caller must call the function before it sets the mobility ratio and the compliance of the contact.
     ///
     /// If fewer degrees of freedom move the contact than it has rows, there is an impulse that changes no velocity. If the friction cone
     /// contains such an impulse, the impulse can grow without bound, and the contact carries any load. Offsets that the joints cannot
@@ -302,8 +302,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
     }
 
-    /// Velocity of contact `i` under impulses that cause the scaled velocity change `w`, m/s, as six numbers. The last three are zeros for a
-    /// contact with three rows.
+    /// Velocity of contact `i` under impulses that cause the scaled velocity change `w`, m/s, as six numbers. The last three are zeros for
+    /// a contact with three rows.
     #[inline(always)]
     pub(crate) fn padded_velocity(&self, i: usize, w: &[R]) -> [R; 6] {
         padded(&self.velocity(&self.rows.items[i], w))

@@ -155,8 +155,8 @@ impl Cone {
         c
     }
 
-    /// Calls `f` for terms w y y^T whose sum is the [curvature](Self::curvature) of a contact at the relative acceleration `u`. The arguments
-    /// are the weight w, at least 0, and the vector y.
+    /// Calls `f` for terms w y y^T whose sum is the [curvature](Self::curvature) of a contact at the relative acceleration `u`. The
+    /// arguments are the weight w, at least 0, and the vector y.
     #[inline(always)]
     pub(super) fn for_each_curvature_term<R: Real, const N: usize>(
         self,

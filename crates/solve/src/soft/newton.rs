@@ -339,8 +339,9 @@ impl<R: Real> SoftSolver<R> {
 
     /// Makes a Newton step with a line search in the lanes `lanes`. Returns the length of the step: the largest change of an acceleration.
     ///
-    /// The length is infinite unless it is at most `tolerance` and the objective is quadratic along the step. Otherwise the step ends at the
-    /// solution, so that its length is the error before the step. Such a step needs no line search, whose slopes would be rounding errors.
+    /// The length is infinite unless it is at most `tolerance` and the objective is quadratic along the step. Otherwise the step ends at
+    /// the solution, so that its length is the error before the step. Such a step needs no line search, whose slopes would be rounding
+    /// errors.
     #[inline(always)]
     fn descend(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, tolerance: R, lanes: R::Mask, a: &mut [R]) -> R {
         for (direction, &gradient) in self.direction.iter_mut().zip(&self.gradient) {

@@ -374,8 +374,8 @@ proptest! {
         prop_assert!((DVector::from_vec(a.clone()) - &expected).amax() < 1e-6 + tolerance, "{a:?} {expected}");
     }
 
-    /// A contact with a weight of 1e15 has the solution of one with a weight of 1e6, up to the ratio of the second one's regularisation to
-    /// its inverse inertia, 1e-6 times the inertia. The solver adds the first to the factors, and the second to the matrix.
+    /// A contact with a weight of 1e15 has the solution of one with a weight of 1e6, up to 1e-6 times the inertia. This is the ratio of the
+    /// second one's regularisation to its inverse inertia. The solver adds the first to the factors, and the second to the matrix.
     #[test]
     fn an_almost_rigid_contact_is_the_limit_of_stiff_ones(case in case()) {
         let solutions = [1e-6, 1e-15].map(|softness| {

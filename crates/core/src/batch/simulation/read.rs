@@ -183,9 +183,10 @@ impl Simulation {
         Certificate { residual: outcome.residual, sweeps: outcome.sweeps as u32, newton_steps: outcome.newton_steps as u32 }
     }
 
-    /// Cause of the last unsolved step of the last call: the constraint row with the largest residual
-    /// ([`Status::NOT_CONVERGED`](crate::Status)), the constraint that misses its position target by most
-    /// ([`Status::INFEASIBLE`](crate::Status)), or the element whose number is not finite ([`Status::NON_FINITE`](crate::Status)).
+    /// Cause of the last unsolved step of the last call: a constraint row, or an element whose number is not finite.
+    ///
+    /// With [`Status::NOT_CONVERGED`](crate::Status) it is the row with the largest residual. With [`Status::INFEASIBLE`](crate::Status) it
+    /// is the row that misses its position target by most. With [`Status::NON_FINITE`](crate::Status) it is the element.
     ///
     /// `None` if all steps were solved, or if no row exceeds the tolerance.
     ///

@@ -16,7 +16,7 @@ use crate::vectors::{Pose, V};
 /// Largest number of contact points of two convex shapes.
 pub const MAX_POINTS: usize = 8;
 
-/// Largest number of touching contact points of two facing polygons, and of farther ones. Further points are dropped.
+/// Largest number of contact points of two facing polygons, and of touching points of a hull and a plane. Further points are dropped.
 const KEPT: usize = 4;
 
 /// Distances that select the contact points of two shapes, m.
@@ -158,7 +158,7 @@ impl Clipper {
         if reference == 1 {
             self.shared.iter_mut().for_each(|s| s.h.swap(0, 1));
         }
-        self.emit(pair, axes, self.has_rim(), reach, out);
+        self.emit(pair, axes, KEPT + usize::from(self.has_rim()), KEPT, reach, out);
     }
 
     /// Adds the contact points of two edges that cross, if a face next to one of the edges is nearly perpendicular to the contact normal.
@@ -224,7 +224,7 @@ impl Clipper {
         if rises.iter().any(|&x| x > 0.0) {
             behind(facet, other, rises, &mut self.shared);
         }
-        self.emit(pair, &axes, self.has_rim(), reach, out);
+        self.emit(pair, &axes, KEPT + usize::from(self.has_rim()), KEPT, reach, out);
     }
 
     /// Adds the contact points of the second shape of `pair` with a half space within `reach`. The half space is
@@ -240,7 +240,7 @@ impl Clipper {
         self.shared.extend(feature.corners.iter().map(|c| Shared { x: c.x, y: c.y, h: [0.0, c.h], id: c.id }));
         // The half space has no feature: `features[0]` belongs to an earlier pair.
         let rim = feature.kind == Kind::Disc;
-        self.emit(pair, &axes, rim, reach, out);
+        self.emit(pair, &axes, KEPT + usize::from(rim), MAX_POINTS, reach, out);
     }
 
     /// Adds the contact points of a half space with those `points` that are within `reach`. The points are in the frame of the second
@@ -254,7 +254,7 @@ impl Clipper {
         let seen = points.iter().map(|p| view.project(*p)).enumerate();
         let shared = seen.map(|(i, [x, y, h])| Shared { x, y, h: [0.0, h], id: i as u32 });
         self.shared.extend(shared.filter(|s| s.h[1] <= reach.max_distance));
-        self.emit(pair, &axes, false, reach, out);
+        self.emit(pair, &axes, KEPT, MAX_POINTS, reach, out);
     }
 
     /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap. No points are added
@@ -298,25 +298,24 @@ impl Clipper {
                 self.shared.push(Shared { x: 0.5 * (a[0] + b[0]), y: 0.5 * (a[1] + b[1]), h: [a[2], b[2]], id });
             }
         }
-        self.emit(pair, axes, false, reach, out);
+        self.emit(pair, axes, KEPT, KEPT, reach, out);
     }
 
     /// Adds the corners of the intersection of the two projected features as contact points, if their distance is within `reach`.
     ///
-    /// If more than four points touch, the function adds four of them that span nearly the same area. Five points are kept if one feature
-    /// is the end face of a cylinder (`rim`): four fixed points of the rim and its lowest point. Farther points are added up to
-    /// [`MAX_POINTS`]. `axes` are the normal and the axes of the projection plane.
-    fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], rim: bool, reach: Reach, out: &mut Manifold) {
+    /// If more than `all` points touch, the function adds four of them that span nearly the same area. `all` is five instead of four if one
+    /// feature is the end face of a cylinder: four fixed points of the rim and its lowest point. Farther points are added up to `most`
+    /// points in all. `axes` are the normal and the axes of the projection plane.
+    fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], all: usize, most: usize, reach: Reach, out: &mut Manifold) {
         let (ra, rb) = (pair.a.radius(), pair.b.radius());
         let distance = |s: &Shared| (s.h[1] - rb) - (s.h[0] + ra);
         self.shared.retain(|s| distance(s) <= reach.max_distance);
         self.shared.sort_unstable_by_key(|s| s.id);
         self.shared.dedup_by_key(|s| s.id);
-        let touching = KEPT + usize::from(rim);
-        if self.shared.len() > touching {
+        if self.shared.len() > all {
             // Only the distance of the surfaces matters here. It becomes the second height, and the first is 0.
             let see = |s: &Shared| Shared { h: [0.0, distance(s)], ..*s };
-            reduce(&mut self.shared, 0, see, touching, reach, pair.size);
+            reduce(&mut self.shared, 0, see, [all, most], reach, pair.size);
         }
         for s in &self.shared {
             let h = 0.5 * (s.h[0] + ra + s.h[1] - rb);
@@ -342,8 +341,8 @@ pub(super) fn mix(part: u32, feature: u32) -> u32 {
 
 /// Moves contact points of several triangles from `all` to `out`, and reduces their number.
 ///
-/// Points at the same place with the same normal are merged. Of those with the same normal, at most [`MAX_POINTS`] remain, see [`reduce`].
-/// At most `most` points remain in all, the deepest. `size` is the size of the pair, m.
+/// Points at the same place with the same normal are merged. Of those with the same normal, at most four remain, see [`reduce`]. At
+/// most `most` points remain in all, the deepest. `size` is the size of the pair, m.
 pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, reach: Reach, most: usize, out: &mut Manifold) {
     let alike = |a: &Point, b: &Point| dot(a.normal, b.normal) > 1.0 - 1e-6;
     all.sort_unstable_by(|a, b| a.feature.cmp(&b.feature).then(a.distance.total_cmp(&b.distance)));
@@ -362,7 +361,7 @@ pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, reach: Reach, most:
         });
         if out.points.len() > start + 2 {
             let see = |p: &Point| Shared { x: dot(p.pos, axes[1]), y: dot(p.pos, axes[2]), h: [0.0, p.distance], id: p.feature };
-            reduce(&mut out.points, start, see, 2, reach, size);
+            reduce(&mut out.points, start, see, [2, KEPT], reach, size);
         }
     }
     if out.points.len() > most {
@@ -382,12 +381,12 @@ pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, reach: Reach, most:
     out.points.sort_unstable_by_key(|p| p.feature);
 }
 
-/// Reduces the points from index `start` on, to at most [`MAX_POINTS`]. They must ascend by identifier, and the remaining ones do.
+/// Reduces the points from index `start` on. They must ascend by identifier, and the remaining ones do.
 ///
-/// If more than `all` points touch, [`KEPT`] of them remain, which span nearly the same area. Farther points fill the rest; if there are
-/// too many, those remain that span nearly the area of the farther points. `see` returns a point with its distance as second height, m, and
-/// `size` is the size of the pair, m.
-fn reduce<T: Copy>(points: &mut Vec<T>, start: usize, see: impl Fn(&T) -> Shared, all: usize, reach: Reach, size: f64) {
+/// If more than `all` points touch, [`KEPT`] of them remain, which span nearly the same area. Farther points are kept up to `most` points
+/// in all; if there are too many, those remain that span nearly the area of the farther points. `see` returns a point with its distance as
+/// second height, m, and `size` is the size of the pair, m.
+fn reduce<T: Copy>(points: &mut Vec<T>, start: usize, see: impl Fn(&T) -> Shared, [all, most]: [usize; 2], reach: Reach, size: f64) {
     let group = &mut points[start..];
     let deepest = group.iter().map(|p| see(p).h[1]).fold(f64::INFINITY, f64::min);
     let limit = reach.touching.max(deepest + EQUAL_DEPTH * size);
@@ -397,11 +396,11 @@ fn reduce<T: Copy>(points: &mut Vec<T>, start: usize, see: impl Fn(&T) -> Shared
     let touching = group.partition_point(|p| !is_far(p));
     let mut count = 0;
     for (range, all) in [(0..touching, Some(all)), (touching..group.len(), None)] {
-        let room = MAX_POINTS - count;
+        let room = if all.is_some() { KEPT } else { most.saturating_sub(count) };
         if range.len() <= all.unwrap_or(room) {
             group.copy_within(range.clone(), count);
             count += range.len();
-        } else {
+        } else if room > 0 {
             let (kept, number) = spanning(&|k| see(&group[range.start + k]), range.len(), room, size);
             for i in &kept[..number] {
                 group[count] = group[range.start + i];
@@ -417,14 +416,19 @@ fn reduce<T: Copy>(points: &mut Vec<T>, start: usize, see: impl Fn(&T) -> Shared
 ///
 /// The point that is chosen first is the deepest of the `count` points (smallest `h[1]`), the second the point farthest from it. The third
 /// is the point farthest from the line through these two, and the fourth adds most area to the triangle of the three. Of points that are
-/// equal up to rounding, the first in the list is chosen. The choice therefore does not change from step to step. At most `most` >= 3
-/// points are chosen. `size` is the size of the pair, m.
+/// equal up to rounding, the first in the list is chosen. The choice therefore does not change from step to step. At most `most`
+/// points are chosen, and `count` is at least 2. `size` is the size of the pair, m.
 fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, most: usize, size: f64) -> ([usize; KEPT], usize) {
     let (tie, tie_area) = (EQUAL_DEPTH * size, 1e-6 * size * size);
     let mut kept = [0; KEPT];
     kept[0] = pick(point, count, &[], tie, |p| -p.h[1]);
     let a = point(kept[0]);
     kept[1] = pick(point, count, &kept[..1], tie_area, |p| (p.x - a.x) * (p.x - a.x) + (p.y - a.y) * (p.y - a.y));
+    if count < 3 || most < 3 {
+        let number = most.min(2);
+        kept[..number].sort_unstable();
+        return (kept, number);
+    }
     let b = point(kept[1]);
     let side = |p: &Shared| (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x);
     kept[2] = pick(point, count, &kept[..2], tie_area, |p| side(p).abs());
@@ -471,15 +475,16 @@ mod tests {
         fn far_points_do_not_change_the_touching_ones(
             points in prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64, prop_oneof![-1e-3..1e-3f64, 2e-3..1.0f64]), 1..20),
             all in 2..6usize,
+            most in KEPT..=MAX_POINTS,
         ) {
             let reach = Reach { max_distance: 1.0, touching: 1e-3 };
             let mut every: Vec<Shared> = (0..).zip(&points).map(|(id, &(x, y, h))| Shared { x, y, h: [0.0, h], id }).collect();
             let mut near: Vec<Shared> = every.iter().filter(|s| s.h[1] <= reach.touching).copied().collect();
             let ids = |points: &[Shared]| points.iter().map(|s| s.id).collect::<Vec<_>>();
-            reduce(&mut every, 0, |s| *s, all, reach, 2.0);
-            prop_assert!(every.len() <= MAX_POINTS && every.is_sorted_by_key(|s| s.id));
+            reduce(&mut every, 0, |s| *s, [all, most], reach, 2.0);
+            prop_assert!(every.len() <= most.max(all) && every.is_sorted_by_key(|s| s.id));
             if !near.is_empty() {
-                reduce(&mut near, 0, |s| *s, all, reach, 2.0);
+                reduce(&mut near, 0, |s| *s, [all, most], reach, 2.0);
                 every.retain(|s| s.h[1] <= reach.touching);
                 prop_assert_eq!(ids(&every), ids(&near));
             }

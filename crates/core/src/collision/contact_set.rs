@@ -11,9 +11,6 @@ use crate::math::spatial::*;
 /// nearby states of a finite difference, tangents change far less.
 const TANGENT_JUMP: f64 = 1e-2;
 
-/// Cosine of the angle between the normals of two contacts above which one may take the impulse of the other.
-const MIN_COSINE: f64 = 0.9;
-
 /// Largest error of a normal force by rounded gaps, as a fraction of the body's weight, that [`Contacts::close_rounded_gaps`] tolerates.
 const FORCE_ERROR: f64 = 0.01;
 
@@ -316,8 +313,8 @@ impl<R: Real> Contacts<R> {
 
     /// Copies the impulses of lane `l` from the contacts in `last` with the same identity. Both lists are sorted by identity.
     ///
-    /// Identities of contacts between two faces may change when the faces tilt by rounding errors. A new contact therefore takes the
-    /// impulse of the nearest contact of its pair whose identity is gone ([`Self::nearest_lost`]).
+    /// Identities of contacts between two faces may change when the faces tilt by rounding errors. A new contact therefore takes the impulse
+    /// of the first contact of its pair whose identity is gone ([`Self::first_lost`]).
     #[inline(always)]
     fn match_lane(&mut self, last: &mut Self, l: usize) {
         let (mut old, mut new) = (0, false);
@@ -334,7 +331,7 @@ impl<R: Real> Contacts<R> {
         }
         for k in 0..if new { self.count[l] } else { 0 } {
             if last.find(l, k, self.ids[k][l]).is_none()
-                && let Some(old) = self.nearest_lost(last, k, l)
+                && let Some(old) = self.first_lost(last, k, l)
             {
                 self.take_impulse(last, [k, old], l);
                 copy_lane(&mut last.data[old].impulse, &zero(), l);
@@ -342,22 +339,15 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Slot of the contact in `last` that is nearest to the contact of lane `l` in slot `k`. Only loaded contacts of the same pair count,
-    /// with a similar normal and an identity that is gone.
-    fn nearest_lost(&self, last: &Self, k: usize, l: usize) -> Option<usize> {
-        let place = |point: &ContactPoint<R>| [of_lane(&point.pos, l), of_lane(&point.normal, l)];
-        let [pos, normal] = place(&self.data[k].point);
-        let (mut nearest, mut least) = (None, f64::INFINITY);
-        for old in 0..last.count[l] {
-            let (id, slot) = (last.ids[old][l], &last.data[old]);
-            let [old_pos, old_normal] = place(&slot.point);
-            let (apart, lost) = (sub(old_pos, pos), id.pair() == self.ids[k][l].pair() && self.find(l, old, id).is_none());
-            let loaded = dot(of_lane(&slot.impulse, l), old_normal) > 0.0;
-            if lost && dot(apart, apart) < least && dot(old_normal, normal) > MIN_COSINE && loaded {
-                (nearest, least) = (Some(old), dot(apart, apart));
-            }
-        }
-        nearest
+    /// Slot of the first contact in `last` of the same pair as the contact of lane `l` in slot `k`, if its identity is gone and its impulse
+    /// pushes along the normal of the new contact. The state has no positions of the contacts of the last step, so that none can count.
+    fn first_lost(&self, last: &Self, k: usize, l: usize) -> Option<usize> {
+        let normal = of_lane(&self.data[k].point.normal, l);
+        (0..last.count[l]).find(|&old| {
+            let id = last.ids[old][l];
+            let lost = id.pair() == self.ids[k][l].pair() && self.find(l, old, id).is_none();
+            lost && dot(of_lane(&last.data[old].impulse, l), normal) > 0.0
+        })
     }
 
     /// Copies the impulse of lane `l` from slot `old` of `last` to slot `k`.

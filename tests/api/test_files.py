@@ -325,7 +325,7 @@ def test_every_file_that_the_package_writes_is_written_by_one_module():
     for file in package.rglob("*.py"):
         text = file.read_text()
         name = str(file.relative_to(package))
-        for call in (".write_text(", ".write_bytes(", 'open("w', 'open("a', "np.savez(", "np.savez_compressed(", ".savefig("):
+        for call in (".write_text(", ".write_bytes(", '.open("w', '.open("a', "np.savez(", "np.savez_compressed(", ".savefig("):
             written = call == "np.savez(" and name == "recording/format.py"  # To memory.
             assert call not in text or name in allowed or written, f"{name} has {call}, use stepper.shared.files"
 

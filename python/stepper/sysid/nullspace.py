@@ -108,7 +108,7 @@ class FlatSet:
         """Mask of p functions of the parameters that the data do not determine, (p,).
 
         Args:
-            values: Values of the functions at the points, (points, p).
+            values: Values of the functions at the points, (points, p), in the units of the functions.
             slopes: Derivatives with respect to x at the points, (points, p, n).
             std: Standard deviations at the first point, (p,).
         """

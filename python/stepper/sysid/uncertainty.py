@@ -112,11 +112,11 @@ def outside_null_space(
     """Uncertainty whose covariance along a null space follows from the bounds alone, independent of that across the null space.
 
     Args:
-        J: Jacobian of the residuals, as for `uncertainty`.
-        r: Residuals.
-        times: Indices of the readings.
-        reach: Half widths of the bounds, (n,).
-        null: Orthonormal basis of the null space of the parameters, (n, q).
+        J: Jacobian of the residuals, (m, k), as for `uncertainty`, in SI units.
+        r: Residuals, (m,), no unit.
+        times: Indices of the readings, (m,), no unit.
+        reach: Half widths of the bounds, (n,), in the units of the parameters.
+        null: Orthonormal basis of the null space of the parameters, (n, q), no unit.
         loss: Loss function of `least_squares`.
         f_scale: Residual above which a robust loss reduces the weight.
     """

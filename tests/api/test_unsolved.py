@@ -146,7 +146,13 @@ def test_a_rejected_step_has_an_infinite_residual_and_names_its_cause():
         sim.set_state(qvel=[1e200] * 7, envs=[0])
         sim.step(nstep=5)
 
-    causes = {control: 'actuator "servo"', force: 'body "box"', generalized: 'joint "elbow"', pose: 'body "hand"', speed: 'joint "(root|elbow)"'}
+    causes = {
+        control: 'actuator "servo"',
+        force: 'body "box"',
+        generalized: 'joint "elbow"',
+        pose: 'body "hand"',
+        speed: 'joint "(root|elbow)"',
+    }
     for contact in ("hard", "mujoco"):
         for act, cause in causes.items():
             sim = stepper.Stepper(model, num_envs=2, options=stepper.Options(contact=contact, integrator="euler"))

@@ -32,7 +32,9 @@ class Mechanism:
 
 # Mechanisms without contacts: with contacts, the solver's tolerance would decide how alike two runs are.
 WATCHED = {
-    "falling body": Mechanism('<body pos="0 0 500"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>', (0.0,) * 6, 7),
+    "falling body": Mechanism(
+        '<body pos="0 0 500"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>', (0.0,) * 6, 7
+    ),
     "tumbling body": Mechanism(
         '<body pos="0 0 500"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia=".1 .2 .3"/></body>', (1, 0, 0, 1, 3, 0.1), 7
     ),
@@ -55,7 +57,8 @@ OTHERS = {
         (314.0,),
     ),
     "bullet at a thin wall": Mechanism(
-        '<geom type="box" size=".001 1 1" pos="12 0 2"/><body pos="10 0 2"><freejoint/><geom size=".02" mass=".1"/></body>', (300, 0, 0, 0, 0, 0)
+        '<geom type="box" size=".001 1 1" pos="12 0 2"/><body pos="10 0 2"><freejoint/><geom size=".02" mass=".1"/></body>',
+        (300, 0, 0, 0, 0, 0),
     ),
     "elastic balls": Mechanism(f'<geom type="plane" size="1 1 1"/>{SPHERES}', (0.0,) * 24, restitution=1.0),
     "whipping chain": Mechanism(

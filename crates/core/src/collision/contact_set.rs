@@ -313,8 +313,8 @@ impl<R: Real> Contacts<R> {
 
     /// Copies the impulses of lane `l` from the contacts in `last` with the same identity. Both lists are sorted by identity.
     ///
-    /// Identities of contacts between two faces may change when the faces tilt by rounding errors. A new contact therefore takes the impulse
-    /// of the first contact of its pair whose identity is gone ([`Self::first_lost`]).
+    /// Identities of contacts between two faces may change when the faces tilt by rounding errors. A new contact therefore takes the
+    /// impulse of the first contact of its pair whose identity is gone ([`Self::first_lost`]).
     #[inline(always)]
     fn match_lane(&mut self, last: &mut Self, l: usize) {
         let (mut old, mut new) = (0, false);

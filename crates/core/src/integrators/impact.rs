@@ -17,6 +17,7 @@ use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch};
+use crate::integrators::mechanism_motion::Jump;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::math::spatial::*;
@@ -298,61 +299,6 @@ impl<R: Real> VelocityLoop<'_, R> {
         });
         let early_extra_change = problem.resolves_impacts.then_some(&mut early_extra_change[..]);
         problem.shift(compiled, &smooth.mass, free_change, early_extra_change, R::Mask::splat(true));
-    }
-}
-
-/// Largest velocities of a mechanism and of those in contact with it, in the search for impacts, m/s or rad/s.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Jump<R> {
-    /// Error of the predicted velocity.
-    error: R,
-    /// Speed of the fastest degree of freedom.
-    fastest: R,
-    /// Change of a velocity by impulses.
-    pushed: R,
-    /// Change of a velocity by other forces.
-    smooth: R,
-    /// 1 in lanes with a contact, otherwise 0.
-    touches: R,
-}
-
-impl<R: Real> Default for Jump<R> {
-    fn default() -> Self {
-        let zero = R::zero();
-        Self { error: zero, fastest: zero, pushed: zero, smooth: zero, touches: zero }
-    }
-}
-
-impl<R: Real> Jump<R> {
-    /// Larger of each velocity of two jumps.
-    #[inline(always)]
-    fn max(&self, other: &Self) -> Self {
-        Self {
-            error: self.error.max(other.error),
-            fastest: self.fastest.max(other.fastest),
-            pushed: self.pushed.max(other.pushed),
-            smooth: self.smooth.max(other.smooth),
-            touches: self.touches.max(other.touches),
-        }
-    }
-
-    /// All values.
-    #[inline(always)]
-    fn values(&self) -> [R; 5] {
-        [self.error, self.fastest, self.pushed, self.smooth, self.touches]
-    }
-
-    /// References to all values.
-    #[inline(always)]
-    fn values_mut(&mut self) -> [&mut R; 5] {
-        [&mut self.error, &mut self.fastest, &mut self.pushed, &mut self.smooth, &mut self.touches]
-    }
-
-    /// Error of inertial forces, divided by an inertia, 1/s^2. In the lanes `first`, they were evaluated at the mean of two velocities.
-    #[inline(always)]
-    fn velocity_error(&self, first: R::Mask) -> R {
-        let apart = R::select(first, self.pushed * self.pushed * R::of(0.25), R::zero());
-        (self.error * self.fastest).max(apart)
     }
 }
 

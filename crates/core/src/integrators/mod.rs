@@ -9,6 +9,7 @@ pub(crate) mod free_motion;
 pub(crate) mod impact;
 pub mod inputs;
 pub(crate) mod locate;
+pub(crate) mod mechanism_motion;
 pub mod mujoco;
 pub mod observation;
 pub(crate) mod overlap_progress;

@@ -26,6 +26,7 @@ use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_for
 use crate::dynamics::kinematics::{Kinematics, blend, displace};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::mechanism_motion::MechanismMotion;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -34,25 +35,6 @@ use crate::tuning::{
     BALANCE_RELATIVE_CHANGE, BALANCE_ROTATION, FAST_ROTATION, IMPACT_RELATIVE_CHANGE, MAX_GROWTH, MAX_GROWTH_RATE, MAX_IMPULSE_ROTATION,
     MAX_RATE_GROWTH, MAX_RELATIVE_CHANGE, MAX_ROTATION,
 };
-
-/// Largest velocities of a mechanism.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct MechanismMotion<R> {
-    /// Largest joint rotation in a step, rad.
-    turn: R,
-    /// Speed of the fastest degree of freedom, m/s or rad/s.
-    pub(crate) speed: R,
-    /// Speed of the fastest degree of freedom after the change, m/s or rad/s.
-    pub(crate) changed_speed: R,
-    /// Largest change of a degree of freedom's velocity, m/s or rad/s.
-    pub(crate) change: R,
-}
-
-impl<R: Real> Default for MechanismMotion<R> {
-    fn default() -> Self {
-        Self { turn: R::zero(), speed: R::zero(), changed_speed: R::zero(), change: R::zero() }
-    }
-}
 
 /// Lanes of `alive` that need an energy balance. Also sets `unresolved` to the lanes in which the corrector of each mechanism has not
 /// converged. The corrector computes the free velocity again, with inertial forces at the predicted velocity.

@@ -1,0 +1,77 @@
+//! Largest velocities of mechanisms, by which the step judges whether it resolves their motion.
+
+use stepper_real::Real;
+
+/// Largest velocities of a mechanism.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MechanismMotion<R> {
+    /// Largest joint rotation in a step, rad.
+    pub(crate) turn: R,
+    /// Speed of the fastest degree of freedom, m/s or rad/s.
+    pub(crate) speed: R,
+    /// Speed of the fastest degree of freedom after the change, m/s or rad/s.
+    pub(crate) changed_speed: R,
+    /// Largest change of a degree of freedom's velocity, m/s or rad/s.
+    pub(crate) change: R,
+}
+
+impl<R: Real> Default for MechanismMotion<R> {
+    fn default() -> Self {
+        Self { turn: R::zero(), speed: R::zero(), changed_speed: R::zero(), change: R::zero() }
+    }
+}
+
+/// Largest velocities of a mechanism and of those in contact with it, in the search for impacts, m/s or rad/s.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Jump<R> {
+    /// Error of the predicted velocity.
+    pub(crate) error: R,
+    /// Speed of the fastest degree of freedom.
+    pub(crate) fastest: R,
+    /// Change of a velocity by impulses.
+    pub(crate) pushed: R,
+    /// Change of a velocity by other forces.
+    pub(crate) smooth: R,
+    /// 1 in lanes with a contact, otherwise 0.
+    pub(crate) touches: R,
+}
+
+impl<R: Real> Default for Jump<R> {
+    fn default() -> Self {
+        let zero = R::zero();
+        Self { error: zero, fastest: zero, pushed: zero, smooth: zero, touches: zero }
+    }
+}
+
+impl<R: Real> Jump<R> {
+    /// Larger of each velocity of two jumps.
+    #[inline(always)]
+    pub(crate) fn max(&self, other: &Self) -> Self {
+        Self {
+            error: self.error.max(other.error),
+            fastest: self.fastest.max(other.fastest),
+            pushed: self.pushed.max(other.pushed),
+            smooth: self.smooth.max(other.smooth),
+            touches: self.touches.max(other.touches),
+        }
+    }
+
+    /// All values.
+    #[inline(always)]
+    pub(crate) fn values(&self) -> [R; 5] {
+        [self.error, self.fastest, self.pushed, self.smooth, self.touches]
+    }
+
+    /// References to all values.
+    #[inline(always)]
+    pub(crate) fn values_mut(&mut self) -> [&mut R; 5] {
+        [&mut self.error, &mut self.fastest, &mut self.pushed, &mut self.smooth, &mut self.touches]
+    }
+
+    /// Error of inertial forces, divided by an inertia, 1/s^2. In the lanes `first`, they were evaluated at the mean of two velocities.
+    #[inline(always)]
+    pub(crate) fn velocity_error(&self, first: R::Mask) -> R {
+        let apart = R::select(first, self.pushed * self.pushed * R::of(0.25), R::zero());
+        (self.error * self.fastest).max(apart)
+    }
+}

@@ -73,7 +73,7 @@ flights = st.tuples(st.sampled_from([2e-4, 1e-3, 1e-2]), st.floats(1.0, 6.0), st
 
 
 @given(st.sampled_from(AXES), st.sampled_from(sorted(OBSTACLES)), turns, timesteps, flights, precisions, st.sampled_from(INTEGRATORS))
-def test_a_spinning_body_that_passes_another_keeps_its_velocity(spinner, obstacle, turn, timestep, flight, precision, integrator):
+def test_a_spinning_body_that_passes_another_keeps_its_velocity(spinner, obstacle, turn, timestep, flight, precision, integrator):  # noqa: PLR0917
     (name, axis), (gap, speed, backwards) = spinner, flight
     geom, depths = SPINNERS[name]
     world = OBSTACLES[obstacle] + f'<body pos="-.2 0 {depths[axis] + gap}"><freejoint/><geom {geom} mass="1"/></body>'
@@ -262,7 +262,7 @@ def test_a_spinning_ball_near_a_box_falls_as_a_projectile():
 
 
 @given(st.sampled_from(AXES), st.sampled_from(sorted(OBSTACLES)), turns, timesteps, st.floats(1.0, 6.0), precisions)
-def test_a_spinning_body_that_hits_another_does_not_pass_through_it(spinner, obstacle, turn, timestep, speed, precision):
+def test_a_spinning_body_that_hits_another_does_not_pass_through_it(spinner, obstacle, turn, timestep, speed, precision):  # noqa: PLR0917
     """A body that flies down at the middle of another is stopped, or the step says that it passed."""
     (name, axis), height = spinner, 0.1
     geom, depths = SPINNERS[name]

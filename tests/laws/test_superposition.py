@@ -53,7 +53,7 @@ SPHERES = "".join(f'<body pos="{10 + 0.2 * i} 0 {0.5 + 0.1 * i}"><freejoint/><ge
 
 OTHERS = {
     "rotor beside a plate": Mechanism(
-        '<geom type="box" size=".2 .2 .01" pos="10 0 .28"/><body pos="10 0 .3"><joint axis="0 0 1"/><geom type="box" size=".1 .01 .002"/></body>',
+        '<geom type="box" size=".2 .2 .01" pos="10 0 .28"/><body pos="10 0 .3"><joint axis="0 0 1"/><geom type="box" size=".1 .01 .002"/></body>',  # noqa: E501
         (314.0,),
     ),
     "bullet at a thin wall": Mechanism(

@@ -26,7 +26,7 @@ SCENE = """<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="
 
 
 class Pair:
-    """The same model at its keyframe in both engines, with MuJoCo's contact law."""
+    """Simulations of one model at its keyframe in both engines, with MuJoCo's contact law."""
 
     def __init__(self):
         self.m = mujoco.MjModel.from_xml_string(SCENE)

@@ -18,10 +18,9 @@ class Status(IntFlag):
     limits joint velocities to one radian per step. A step in which large impulses that cancel each other jam a body has the same two
     limits and this flag. In such a jam, even a small residual can mean a large error of the energy."""
     NON_FINITE = 2
-    """A step gave a state that is not finite. The bodies concerned keep their last finite state, with all bodies to which constraints
-    connect
-    them; other bodies move on. If no body has a finite state, or a mocap pose is not finite, time does not advance either. The residual is
-    infinite, and `Stepper.worst_row` names the joint, body or actuator whose number is not finite."""
+    """A step gave a state that is not finite. The bodies concerned keep their last finite state, and so do all bodies to which constraints
+    connect them. Other bodies move on. If no body has a finite state, or a mocap pose is not finite, time does not advance either. The
+    residual is infinite, and `Stepper.worst_row` names the joint, body or actuator whose number is not finite."""
     CONTACTS_FULL = 4
     """More contacts were found than `Options.max_contacts` allows; the last ones were dropped."""
     UNRESOLVED = 8

@@ -70,8 +70,8 @@ impl Stepper {
     ///     env: Index of the environment.
     ///
     /// Returns:
-    ///     Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"', 'equality "loop"' or 'number that is not finite:
-    ///     actuator "servo"'. None if all steps were solved, or if no single constraint is responsible.
+    ///     Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"', 'equality "loop"' or 'number that is not
+    ///     finite: actuator "servo"'. None if all steps were solved, or if no single constraint is responsible.
     #[pyo3(signature = (env=Env(0), **others), text_signature = "($self, env=0)")]
     fn worst_row(slf: Reading<'_>, env: Env, others: Option<&Bound<'_, PyDict>>) -> PyResult<Option<String>> {
         no_others("Stepper.worst_row", others, &["env"])?;

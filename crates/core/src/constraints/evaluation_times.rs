@@ -239,18 +239,12 @@ impl<R: Real> EvaluationTimes<R> {
         if !moved && self.fast.iter().all(|lanes| lanes.none()) {
             return false;
         }
-        loop {
-            let mut spreads = false;
-            for_each_connection(compiled, contacts, |[a, b], lanes| {
-                let both = self.fast[a].or(self.fast[b]).and(lanes);
-                spreads |= both.and_not(self.fast[a].and(self.fast[b])).any();
-                (self.fast[a], self.fast[b]) = (self.fast[a].or(both), self.fast[b].or(both));
-            });
-            moved |= spreads;
-            if !spreads {
-                break;
-            }
-        }
+        moved |= merge_connected(compiled, contacts, |[a, b], lanes| {
+            let both = self.fast[a].or(self.fast[b]).and(lanes);
+            let changed = both.and_not(self.fast[a].and(self.fast[b]));
+            (self.fast[a], self.fast[b]) = (self.fast[a].or(both), self.fast[b].or(both));
+            changed
+        });
         if moved {
             self.update();
         }
@@ -279,20 +273,10 @@ impl<R: Real> EvaluationTimes<R> {
         if self.first_impact.iter().all(|&time| noted(time).none()) {
             return false;
         }
-        loop {
-            let mut spreads = false;
-            for_each_connection(compiled, contacts, |[a, b], lanes| {
-                let earliest = self.first_impact[a].min(self.first_impact[b]);
-                for m in [a, b] {
-                    let later = lanes.and(self.first_impact[m].gt(earliest));
-                    spreads |= later.any();
-                    self.first_impact[m] = R::select(later, earliest, self.first_impact[m]);
-                }
-            });
-            if !spreads {
-                break;
-            }
-        }
+        merge_connected(compiled, contacts, |connected, lanes| {
+            let later = take_earliest(&mut self.first_impact, connected, lanes);
+            later[0].or(later[1])
+        });
         if !self.moved {
             self.update();
         }
@@ -313,23 +297,13 @@ impl<R: Real> EvaluationTimes<R> {
     #[cold]
     #[inline(never)]
     pub(crate) fn connect(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>) -> bool {
-        let mut any = false;
-        loop {
-            let mut spreads = false;
-            for_each_connection(compiled, contacts, |[a, b], lanes| {
-                let earliest = self.before[a].min(self.before[b]);
-                for m in [a, b] {
-                    let later = lanes.and(self.before[m].gt(earliest));
-                    spreads |= later.any();
-                    self.before[m] = R::select(later, earliest, self.before[m]);
-                    self.impact[m] = self.impact[m].or(later);
-                }
-            });
-            if !spreads {
-                return any;
+        merge_connected(compiled, contacts, |connected, lanes| {
+            let later = take_earliest(&mut self.before, connected, lanes);
+            for (m, later) in connected.into_iter().zip(later) {
+                self.impact[m] = self.impact[m].or(later);
             }
-            any = true;
-        }
+            later[0].or(later[1])
+        })
     }
 
     /// Recomputes the times of mechanisms without an impact.
@@ -342,19 +316,38 @@ impl<R: Real> EvaluationTimes<R> {
     }
 }
 
-/// Calls `f` for each contact between two mechanisms, with the mechanisms and the lanes of the contact.
-pub(crate) fn for_each_connection<R: Real>(
+/// Gives two mechanisms the earlier of their `times` in the lanes `lanes`. Returns the lanes in which each time changed.
+fn take_earliest<R: Real>(times: &mut [R], connected: [usize; 2], lanes: R::Mask) -> [R::Mask; 2] {
+    let earliest = times[connected[0]].min(times[connected[1]]);
+    connected.map(|m| {
+        let later = lanes.and(times[m].gt(earliest));
+        times[m] = R::select(later, earliest, times[m]);
+        later
+    })
+}
+
+/// Calls `merge` for each contact between two mechanisms, with the mechanisms and the lanes of the contact, until nothing changes any more.
+/// `merge` returns the lanes in which a value changed. Returns whether any value changed.
+pub(crate) fn merge_connected<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     contacts: &Contacts<R>,
-    mut f: impl FnMut([usize; 2], R::Mask),
-) {
-    for k in 0..contacts.slots() {
-        for (pair, lanes) in contacts.pairs(k, contacts.lanes_of(k)) {
-            let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-            match geoms.map(|geom| compiled.mechanism_of_geom(geom)) {
-                [Some(a), Some(b)] if a != b => f([a, b], R::Mask::from_bits(lanes)),
-                _ => {}
+    mut merge: impl FnMut([usize; 2], R::Mask) -> R::Mask,
+) -> bool {
+    let mut any = false;
+    loop {
+        let mut changed = R::Mask::splat(false);
+        for k in 0..contacts.slots() {
+            for (pair, lanes) in contacts.pairs(k, contacts.lanes_of(k)) {
+                let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
+                match geoms.map(|geom| compiled.mechanism_of_geom(geom)) {
+                    [Some(a), Some(b)] if a != b => changed = changed.or(merge([a, b], R::Mask::from_bits(lanes))),
+                    _ => {}
+                }
             }
         }
+        if changed.none() {
+            return any;
+        }
+        any = true;
     }
 }

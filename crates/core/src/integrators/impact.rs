@@ -9,7 +9,7 @@ use stepper_solve::Iterate;
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
-use crate::constraints::evaluation_times::for_each_connection;
+use crate::constraints::evaluation_times::merge_connected;
 use crate::constraints::impact_time::{Flight, ImpactPrediction};
 use crate::constraints::restitution::ImpactStep;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
@@ -217,7 +217,10 @@ impl<R: Real> VelocityLoop<'_, R> {
                     }
                 }
             }
-            spread_jumps(compiled, contacts, jumps);
+            merge_connected(compiled, contacts, |[a, b], lanes| {
+                let both = jumps[a].max(&jumps[b]);
+                jumps[a].raise(&both, lanes).or(jumps[b].raise(&both, lanes))
+            });
             let mut any = R::Mask::splat(false);
             for ((impact, jump), &unresolved) in impacts.iter_mut().zip(&*jumps).zip(&*unresolved) {
                 let change = jump.error.max(jump.pushed);
@@ -299,25 +302,5 @@ impl<R: Real> VelocityLoop<'_, R> {
         });
         let early_extra_change = problem.resolves_impacts.then_some(&mut early_extra_change[..]);
         problem.shift(compiled, &smooth.mass, free_change, early_extra_change, R::Mask::splat(true));
-    }
-}
-
-/// Raises the jumps of mechanisms that `contacts` connect to the largest of both.
-fn spread_jumps<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, jumps: &mut [Jump<R>]) {
-    loop {
-        let mut spreads = R::Mask::splat(false);
-        for_each_connection(compiled, contacts, |[a, b], lanes| {
-            let both = jumps[a].max(&jumps[b]);
-            for m in [a, b] {
-                for (here, both) in jumps[m].values_mut().into_iter().zip(both.values()) {
-                    let raised = lanes.and(both.gt(*here));
-                    spreads = spreads.or(raised);
-                    *here = R::select(raised, both, *here);
-                }
-            }
-        });
-        if spreads.none() {
-            return;
-        }
     }
 }

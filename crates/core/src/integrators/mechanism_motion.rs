@@ -1,6 +1,6 @@
 //! Largest velocities of mechanisms, by which the step judges whether it resolves their motion.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 /// Largest velocities of a mechanism.
 #[derive(Clone, Copy, Debug)]
@@ -56,16 +56,19 @@ impl<R: Real> Jump<R> {
         }
     }
 
-    /// All values.
+    /// Raises each velocity to that of `most` in the lanes `lanes`. Returns the lanes in which any changed.
     #[inline(always)]
-    pub(crate) fn values(&self) -> [R; 5] {
-        [self.error, self.fastest, self.pushed, self.smooth, self.touches]
-    }
-
-    /// References to all values.
-    #[inline(always)]
-    pub(crate) fn values_mut(&mut self) -> [&mut R; 5] {
-        [&mut self.error, &mut self.fastest, &mut self.pushed, &mut self.smooth, &mut self.touches]
+    pub(crate) fn raise(&mut self, most: &Self, lanes: R::Mask) -> R::Mask {
+        let Self { error, fastest, pushed, smooth, touches } = self;
+        let mut changed = R::Mask::splat(false);
+        for (here, most) in
+            [error, fastest, pushed, smooth, touches].into_iter().zip([most.error, most.fastest, most.pushed, most.smooth, most.touches])
+        {
+            let raised = lanes.and(most.gt(*here));
+            changed = changed.or(raised);
+            *here = R::select(raised, most, *here);
+        }
+        changed
     }
 
     /// Error of inertial forces, divided by an inertia, 1/s^2. In the lanes `first`, they were evaluated at the mean of two velocities.

@@ -219,9 +219,7 @@ impl<R: Real> Assembler<'_, R> {
         if deferred_lanes.any() {
             set.defer(deferred_lanes);
             let mut initial = [R::zero(); 6];
-            for i in 0..N {
-                initial[i] = impulse[i];
-            }
+            initial[..N].copy_from_slice(&impulse);
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: deferred_lanes, impulse: initial, ..deferred });
         }
         // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.

@@ -32,8 +32,9 @@ class Status(IntFlag):
     * by half a revolution from constraint impulses, as in a jammed lever
 
     For either reason, the step limits joint velocities to one radian per step. The kinetic energy then increases by no more than the work
-    done. integrator="euler" has no such limit. It sets the flag if explicit forces diverge. A joint then turns by more than half a
-    revolution in a step, and gets faster by more than a tenth. contact="mujoco" sets the flag in both cases, and changes no motion.
+    done. With integrator="euler", forces are explicit and there is no such limit. The flag is set if a joint turns by more than half a
+    revolution in a step while its speed grows by more than a tenth. With contact="mujoco", the flag is set for both reasons and does
+    not change the motion.
 
     Second, the error of integrator="midpoint" adds too much energy. There are two bounds: a tenth of the kinetic energy per step, and a
     rate that doubles the kinetic energy within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The

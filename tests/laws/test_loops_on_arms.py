@@ -48,9 +48,8 @@ def test_an_arm_carries_a_loop_that_begins_slightly_open(euler, gap):
     for _ in range(400):
         sim.step()
         assert not sim.status & (Status.NOT_CONVERGED | Status.UNRESOLVED)
-    # A fifth of the error in the plane of the loop is removed in each step, down to 1e-11. The error across the plane closes
-    # as the arm turns
-    # the loop, which takes up to 300 steps if gravity hardly turns it.
+    # A fifth of the error in the plane of the loop is removed in each step, down to 1e-11. The error across the plane closes as the arm
+    # turns the loop, which takes up to 300 steps if gravity hardly turns it.
     assert sim.max_equality_violation < 1e-9
 
 

@@ -339,8 +339,8 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Slot of the first contact in `last` of the same pair as the contact of lane `l` in slot `k`, if its identity is gone. Its impulse must
-    /// push along the normal of the new contact. The state has no positions of the contacts of the last step, so that none can count.
+    /// Slot of the first contact in `last` of the same pair as the contact of lane `l` in slot `k`, if its identity is gone. Its impulse
+    /// must push along the normal of the new contact. The state has no positions of the contacts of the last step, so that none can count.
     fn first_lost(&self, last: &Self, k: usize, l: usize) -> Option<usize> {
         let normal = of_lane(&self.data[k].point.normal, l);
         (0..last.count[l]).find(|&old| {

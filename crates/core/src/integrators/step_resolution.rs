@@ -308,8 +308,8 @@ impl<R: Real> StepResolution<R> {
     /// Lanes in which a joint [runs away](runs_away) count too. MuJoCo's rules evaluate inertial forces at the velocity before the step.
     ///
     /// The bound is that of [`assess_corrector`], for the change of the velocity by inertial forces at the velocity after the step instead.
-    /// This bound applies if a joint turns by more than `rotation`, rad. `v` is the velocity before the step, and `v_next` the velocity after it.
-    /// Overwrites `motions`.
+    /// This bound applies if a joint turns by more than `rotation`, rad. `v` is the velocity before the step, and `v_next` the velocity
+    /// after it. Overwrites `motions`.
     #[inline(always)]
     pub(crate) fn assess_explicit_step(
         &mut self,

@@ -932,8 +932,8 @@ class Stepper:
     status: Final[Any]
     """Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`."""
     residual: Final[Any]
-    """Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero at
-    the exact solution. In environments with INFEASIBLE it is at least the largest velocity by which a constraint misses its position
+    """Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero
+    at the exact solution. In environments with INFEASIBLE it is at least the largest velocity by which a constraint misses its position
     target. In environments with NON_FINITE it is infinite."""
     iterations: Final[Any]
     """Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps."""
@@ -1239,15 +1239,17 @@ class Stepper:
             Force and torque satisfy |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
         """
     def worst_row(self, env: int = 0) -> str | None:
-        """Cause of the last unsolved step in the last call of `step`: the constraint with the largest residual (`status` NOT_CONVERGED), the
-        constraint that misses its target by most (INFEASIBLE), or the element with a number that is not finite (NON_FINITE).
+        """Cause of the last unsolved step in the last call of `step`: a constraint, or an element with a number that is not finite.
+
+        With `status` NOT_CONVERGED it is the constraint with the largest residual, with INFEASIBLE the constraint that misses its target by
+        most. With NON_FINITE it is the joint, body or actuator whose number is not finite.
 
         Args:
             env: Index of the environment.
 
         Returns:
-            Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"', 'equality "loop"' or 'number that is not finite:
-            actuator "servo"'. None if all steps were solved, or if no single constraint is responsible.
+            Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"', 'equality "loop"' or 'number that is not
+            finite: actuator "servo"'. None if all steps were solved, or if no single constraint is responsible.
         """
     def save_problem(self, path: str | PathLike[str], env: int = 0, *, ctrl: ArrayLike | None = None) -> None:
         """Writes the constraint problem of the next step to a file, for example as a test of the solver.

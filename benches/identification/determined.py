@@ -233,8 +233,8 @@ class Count:
 
 
 HEAD = (
-    "scene | runs | finite intervals | of them without the truth | of values that are not determined | determined, but infinite | "
-    "combinations | without the truth | not named"
+    "scene | runs | finite intervals | finite without the truth | finite, not determined | infinite, determined | "
+    "combinations | combinations without the truth | combinations not named"
 )
 
 

@@ -53,10 +53,10 @@ class Status(IntFlag):
 
     The bounds are 5 m/s and 50 rad/s with the default `Options.max_correction_speed`, and proportional to this option. The solver
     proves the contradiction by impulses (Farkas' lemma). At these impulses, the target velocities of the constraints need more power than
-    any velocity within the bounds gives. `Stepper.residual` is the largest velocity by which a constraint misses its target, and
-    `Stepper.worst_row` names this constraint. Examples: a body squeezed between two others, a weld out of reach, a contact
-    whose normal passes through a hinge. The step satisfies the constraints as far as possible, in least squares. For links of a robot that
-    overlap at the reference pose, load it with `stepper.load(..., overlaps="exclude")`."""
+    any velocity within the bounds gives. `Stepper.residual` is at least the largest shortfall of a constraint velocity below its target,
+    m/s or rad/s, and `Stepper.worst_row` names this constraint. Examples: a body squeezed between two others, a weld out of reach, a
+    contact whose normal passes through a hinge. The step satisfies the constraints as far as possible, in least squares. For links of a
+    robot that overlap at the reference pose, load it with `stepper.load(..., overlaps="exclude")`."""
     DEEP = 64
     """A contact penetrates by more than 1 mm, a hundred times the default slop; see `Stepper.max_penetration`. Causes: bodies that
     overlap in the initial pose (`stepper.load(..., overlaps="exclude")` disables their contacts), and time steps too long for an impact

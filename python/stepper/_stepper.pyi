@@ -933,8 +933,8 @@ class Stepper:
     """Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`."""
     residual: Final[Any]
     """Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero
-    at the exact solution. In environments with INFEASIBLE it is at least the largest velocity by which a constraint misses its position
-    target. In environments with NON_FINITE it is infinite."""
+    at the exact solution. With INFEASIBLE, the residual is at least the largest shortfall of a constraint velocity below its target,
+    m/s or rad/s. With NON_FINITE it is infinite."""
     iterations: Final[Any]
     """Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps."""
     newton_steps: Final[Any]
@@ -1047,7 +1047,7 @@ class Stepper:
 
         Raises:
             ValueError: A shape is wrong; the message has the given and the required shape. Or `nstep` is negative, or `envs` has an index
-                twice. A NaN control is no error: the environment with this control keeps its state and has NON_FINITE in `status`.
+                twice. A NaN control is no error: `status` has NON_FINITE for its environment, and the bodies concerned keep their state.
             TypeError: An index in `envs`, or `nstep`, is no integer.
             IndexError: An index in `envs` is out of range.
             KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All selected

@@ -68,8 +68,9 @@
 //! # Errors and panics
 //!
 //! Invalid input is an [`Error`], which changes nothing; an invalid model is a [`ModelError`]. Both name the element or argument, the value
-//! and the remedy, and have a variant for every case. An unsolved step is no error: its environment gets a [`Status`]. An environment that
-//! diverges keeps its last finite state, with [`Status::NON_FINITE`]. The other environments continue.
+//! and the remedy, and have a variant for every case. An unsolved step is no error: its environment gets a [`Status`]. If a next state is
+//! not finite, the environment gets [`Status::NON_FINITE`]. The bodies concerned keep their last finite state, and so do all bodies to
+//! which constraints connect them. Other bodies and other environments continue.
 //!
 //! A control that is not finite is no error, because an error would end the steps of all other environments too. See [`StepInputs::ctrl`].
 //!

@@ -25,8 +25,8 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
 
     A pickled environment contains its state.
 
-    If a step would give a state that is not finite, the environment keeps its last finite state, the episode is terminated, and its info
-    has "non_finite".
+    If a step would give a state that is not finite, the episode is terminated, and its info has "non_finite". The bodies concerned keep
+    their last finite state, and so do all bodies to which constraints connect them.
 
     Args:
         task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For a class or a name, `arguments` go to its constructor.

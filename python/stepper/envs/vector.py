@@ -29,8 +29,8 @@ from stepper.shared.arguments import check_mapping
 class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
     """Vector environment of one task. Later steps do not change returned arrays. A pickle contains the states of the environments.
 
-    If a step would give an environment a state that is not finite, this environment keeps its last finite state. Its episode is terminated,
-    and its info has "non_finite".
+    If a step would give an environment a state that is not finite, its episode is terminated, and its info has "non_finite". The bodies
+    concerned keep their last finite state, and so do all bodies to which constraints connect them.
 
     Args:
         task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For a class or a name, `arguments` go to its constructor.
@@ -150,10 +150,10 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         """Starts new episodes in all or some environments.
 
         Args:
-            seed: An int gives environment i the seed `seed + i`, so that the seeds 0 and 1 share all environments except two. A sequence
-                gives one seed per environment, where None continues the random numbers of the environment; `stepper.envs.seeds` makes
-                independent ones. All random numbers of an environment follow from its seed. Without a seed, the random numbers of all
-                environments continue.
+            seed: An int gives environment i the seed `seed + i`. With the seeds 0 and 1, all environments except one therefore have the
+                same seeds, in other places of the batch; `stepper.envs.seeds` returns independent seeds. A sequence has one seed per
+                environment, where None continues the random numbers of the environment. All random numbers of an environment follow from
+                its seed. Without a seed, the random numbers of all environments continue.
             options: May contain Gymnasium's "reset_mask", (num_envs,) bool with at least one True: the environments to start.
             envs: The environments to start, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once.
                 None selects all environments; an empty selection does nothing. With indices, a sequence of seeds has k entries in the

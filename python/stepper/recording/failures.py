@@ -15,10 +15,10 @@ KEPT = 1000
 """Largest number of failures of each kind whose row and environment are stored; all are counted."""
 
 CAUSES = {
-    ("action", "non-finite"): "a control is NaN or infinite; the environment kept its state",
+    ("action", "non-finite"): "a control is NaN or infinite; the bodies concerned kept their state",
     ("action", "clipped"): "a control lies outside its range and was clipped",
     ("action", "saturated"): "the effort of an actuator was limited to its bounds",
-    ("physics", "non-finite"): "the result of the step was not finite although its controls were; the environment kept its state",
+    ("physics", "non-finite"): "the next state was not finite although the controls were; the bodies concerned kept their state",
     ("physics", "residual"): "the residual is above the tolerance",
     ("physics", "contacts full"): "there were more contacts than Options.max_contacts",
     ("physics", "unresolved"): "the time step was too long for the motion",

@@ -46,8 +46,8 @@ def seeds(run: int | Sequence[int], num_envs: int) -> list[int]:
 
         envs.reset(seed=stepper.envs.seeds(1, envs.num_envs))
 
-    Other runs have other seeds. `reset(seed=1)` instead gives environment i the seed 1 + i, as in Gymnasium, so that the environments of
-    the runs 1 and 2 share all seeds except two. A longer list of the same run begins with the shorter one.
+    Other runs have other seeds. `reset(seed=1)` instead gives environment i the seed 1 + i, as in Gymnasium: then all environments of run 1
+    except the first have seeds of run 2. For the same run and a larger `num_envs`, the list begins with the same seeds.
 
     Args:
         run: Seed of the run, a whole number of at least 0; or several, such as (seed, worker).

@@ -9,7 +9,8 @@ pub struct StepInputs<'a> {
     /// Controls, (num_envs, nu), or (nu) for all environments. They remain in force after the call.
     ///
     /// A NaN or infinite control is no error, because other environments continue. Such a control remains in force like any other. If it
-    /// makes a step non-finite, the environment keeps its state and gets the flag [`Status::NON_FINITE`](crate::Status::NON_FINITE).
+    /// makes a step non-finite, the environment gets the flag [`Status::NON_FINITE`](crate::Status::NON_FINITE), and the bodies concerned
+    /// keep their state.
     pub ctrl: &'a [f64],
     /// Applied generalized forces (`qfrc_applied`) during this call, (num_envs, nv), N or N m.
     pub qfrc: &'a [f64],

@@ -117,8 +117,8 @@ getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`.
     status: slf.per_env(py, "status", |env| slf.simulation.status(env).bits()),
     /// Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero
-    /// at the exact solution. In environments with INFEASIBLE it is at least the largest velocity by which a constraint misses its position
-    /// target. In environments with NON_FINITE it is infinite.
+    /// at the exact solution. With INFEASIBLE, the residual is at least the largest shortfall of a constraint velocity below its target,
+    /// m/s or rad/s. With NON_FINITE it is infinite.
     residual: slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual),
     /// Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps.
     iterations: slf.per_env(py, "iterations", |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps),

@@ -139,7 +139,7 @@ impl Stepper {
     ///
     /// Raises:
     ///     ValueError: A shape is wrong; the message has the given and the required shape. Or `nstep` is negative, or `envs` has an index
-    ///         twice. A NaN control is no error: the environment with this control keeps its state and has NON_FINITE in `status`.
+    ///         twice. A NaN control is no error: `status` has NON_FINITE for its environment, and the bodies concerned keep their state.
     ///     TypeError: An index in `envs`, or `nstep`, is no integer.
     ///     IndexError: An index in `envs` is out of range.
     ///     KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All selected

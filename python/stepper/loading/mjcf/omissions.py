@@ -72,7 +72,7 @@ FLAGS = {
         ),
         "autoreset": (
             16,
-            "a step whose result is not finite leaves the state unchanged and sets a flag in status",
+            "bodies whose next state is not finite keep their last one, and status has a flag",
             False,
         ),
         "nativeccd": (17, "the flag selects one of MuJoCo's collision algorithms; stepper uses another one", False),

@@ -41,13 +41,13 @@ A model **steps well** in stepper if
 * no step of either episode is NON_FINITE, CONTACTS_FULL or UNRESOLVED,
 * at most {judge.UNSOLVED:.1%} of the steps are NOT_CONVERGED,
 * the mean kinetic energy is between a tenth and {judge.ENERGY:g} times MuJoCo's, if MuJoCo gives
-  no warning; below {judge.ENERGY_FLOOR * 1e3:g} mJ energies count as that,
+  no warning; energies below {judge.ENERGY_FLOOR * 1e3:g} mJ count as {judge.ENERGY_FLOOR * 1e3:g} mJ,
 * no hinge violates its range by more than {judge.HINGE_EXCESS:g} rad and no slide by more than
   {judge.SLIDE_EXCESS:g} m, in addition to the reference pose.
 
 MuJoCo has one criterion: it gives no warning. corpus.csv has the violations of its soft limits. So the counts of the two engines
 are not comparable. Most models that meet the criterion of MuJoCo and not those of stepper start in overlap or outside of their
-ranges, and [only move less](#models-that-move-less-than-in-mujoco) in stepper, whose contacts add no velocity there.
+ranges. They [only move less](#models-that-move-less-than-in-mujoco) in stepper, which removes overlap without adding velocity.
 INFEASIBLE and TUNNELLED count the models with at least one such step. Energies below are means over an
 episode, with the largest in parentheses.
 

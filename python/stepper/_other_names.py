@@ -132,7 +132,7 @@ PARTS_OF_OTHER_TASKS = _by_name(
             "critic_observations critic_obs privileged_observations privileged_obs get_privileged_observations get_critic_observations "
             "compute_critic_observations get_states states"
         ),
-        "keep commands in episode_state(self, num_envs), draw them in on_reset, and renew them in advance(self, now)": (
+        "keep commands in episode_state(self, num_envs), draw them in on_reset, and change them in advance(self, now)": (
             "commands command command_manager get_commands sample_command sample_commands update_command update_commands"
         ),
         "change levels in on_end(self, now, envs), in an array of episode_state that `carried` names": (
@@ -141,7 +141,7 @@ PARTS_OF_OTHER_TASKS = _by_name(
         "set parameters once by env.unwrapped.sim.randomize(...), or in on_reset for each episode": (
             "startup on_startup at_startup setup prestartup"
         ),
-        "push in advance(self, now) by now.sim.set_state(qvel=...), at times that episode_state has": (
+        "push in advance(self, now) by now.sim.set_state(qvel=...), at times that are in an array of episode_state": (
             "interval push push_robot push_robots"
         ),
         "define action_bounds(self, model), and convert now.action to controls in advance(self, now)": "actions",

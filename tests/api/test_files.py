@@ -260,7 +260,7 @@ def forged(name, header, data, method=zipfile.ZIP_STORED):
 @pytest.mark.parametrize("shape", [(10**12,), (10**6, 10**6), (2**62, 4), (3,), (0,)])
 def test_a_shape_takes_no_more_memory_than_the_file_has_numbers(tmp_path, shape):
     (tmp_path / "c.npz").write_bytes(forged("ctrl", {"shape": shape}, bytes(16)))
-    with pytest.raises(ValueError, match=r"c\.npz: the array 'ctrl' has the shape .*, but other numbers of bytes"):
+    with pytest.raises(ValueError, match=r"c\.npz: the array 'ctrl' has the shape .*, but another number of bytes"):
         read_arrays(tmp_path / "c.npz", "log")
 
 

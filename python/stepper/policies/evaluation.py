@@ -186,8 +186,8 @@ def evaluate(
         env: Id of an environment in Gymnasium's registry. Environments of `stepper.envs`, and others that have only a vector
             environment, run all episodes in parallel; the rest run one episode after the other.
         episodes: Number of episodes, at least 2.
-        seed: Seed of the evaluation, from which the episodes get independent seeds (`stepper.envs.seeds`). An environment outside stepper
-            that is only a vector environment gets the first of them as its `seed`.
+        seed: Seed of the evaluation, from which the episodes get independent seeds (`stepper.envs.seeds`). An environment of
+            another package that only exists as a vector environment gets the first of them as its `seed`.
         starts: Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s. None draws them from the seeds.
         infos: Keys of the info dict whose values are one number per environment. The result has the mean of each over every episode, and
             its value at the end of every episode.

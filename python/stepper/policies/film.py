@@ -68,7 +68,7 @@ def film(
         env: Id of an environment in Gymnasium's registry.
         file: Video file, mp4; an existing file is replaced.
         actions: Number of actions to film; fewer if the episode ends earlier.
-        seed: Seed of the film, whose episode is the first one of `evaluate` with this seed.
+        seed: Seed of the film. The filmed episode is the first episode of `evaluate` with this seed.
         tick: Function that is called after each action with the name of the film and the completed fraction. The fraction is the number of
             filmed actions divided by `actions`, or by the episode's time limit in actions if that is smaller. At the end it is 1.
         **settings: Arguments of the environment.

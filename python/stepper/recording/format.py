@@ -81,11 +81,11 @@ _COPY = "copy the recording again, or record it again"
 
 
 class RecordingError(ValueError):
-    """A recording cannot be read or replayed. The message has the file or row, the problem and a remedy."""
+    """Error of a recording that cannot be read or replayed. The message has the file or row, the problem and a remedy."""
 
 
 class RecordingWarning(UserWarning):
-    """A recording was not closed, because its process was stopped, its disk was full, or it is still running."""
+    """Warning that a recording was not closed: its process was stopped or is still running, or its disk was full."""
 
 
 @contextmanager

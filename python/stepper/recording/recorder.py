@@ -51,7 +51,7 @@ class Recorder(Hints):
         BlockingIOError: Another run writes to the folder.
         FileExistsError: The folder is not empty, or a file has this path.
         ValueError: The stepper already has a recorder.
-        OSError: A file cannot be written; so do `close` and the recorded calls of the stepper.
+        OSError: A file cannot be written. `close` and the recorded calls of the stepper raise it too.
     """
 
     def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20, note: str = ""):
@@ -216,7 +216,7 @@ def _locked_folder(path: Path) -> Any:
     """Lock of the folder of a new recording; see `stepper.shared.files.lock_of`. The folder must be new or empty."""
     if path.is_file():
         raise FileExistsError(f"{path} is a file, but a recording is a folder; give the path of a new folder")
-    # Without another recorder's lock, no lock is put into a folder of other files.
+    # A folder of other files gets no lock.
     if _has_files(path) and not (path / LOCK).exists():
         raise FileExistsError(f"{path} is not empty; give a new folder, or remove it")
     lock = lock_of(path)

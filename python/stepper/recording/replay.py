@@ -24,7 +24,7 @@ from stepper.shared.progress import Tick, silent
 _LEAST_NUMBER = 4
 """Least size of a number of qpos and qvel in a state, bytes."""
 _REJECTED = 100_000
-"""Largest number of steps of a recorded call that all environments may reject (see `Status.NON_FINITE`)."""
+"""Largest number of steps of a recorded call in which no environment's time may advance (see `Status.NON_FINITE`)."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
 def _check_num_envs(folder: Path, head: Header, model: Model) -> None:
     """Raises RecordingError if a recording has no events, or more environments in run.json than in the state of its first event.
 
-    The check keeps a damaged file from taking all memory.
+    With a damaged file, the replay could otherwise take all memory.
     """
     place, kind, arrays = next(read_rows(folder, head), (str(folder / ROWS), "", {}))
     if kind != "start":
@@ -174,7 +174,7 @@ def _check_num_envs(folder: Path, head: Header, model: Model) -> None:
 def _check_nstep(sim: Stepper, nstep: int, time: np.ndarray[Any, Any]) -> None:
     """Raises ValueError if a recorded call of `step` has many more steps than the recorded time (num_envs,) after it allows.
 
-    The check keeps a damaged file from a replay that does not end. Rejected steps do not advance the time.
+    With a damaged file, the replay could otherwise run endlessly. Time does not advance in steps without a finite state.
     """
     advance = float(np.max(time - np.asarray(sim.time)))
     if not nstep <= advance / sim.timestep + _REJECTED:

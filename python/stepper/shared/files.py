@@ -179,7 +179,7 @@ def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> n
         if dtype.hasobject:
             raise ValueError(f"the array {name!r} has Python objects, must have numbers: save numpy.asarray(..., dtype=float)")
         if math.prod(shape) * dtype.itemsize != info.file_size - stream.tell():
-            raise ValueError(f"the array {name!r} has the shape {shape}, but other numbers of bytes")
+            raise ValueError(f"the array {name!r} has the shape {shape}, but another number of bytes")
     with archive.open(info) as stream:
         array: np.ndarray[Any, Any] = np.lib.format.read_array(stream, allow_pickle=False)
         return array
@@ -243,7 +243,7 @@ def write_figure(path: Path, figure: Any, **settings: Any) -> Path:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[Path]:
-    """Context manager that creates an output folder, and locks it for all other runs until the end of the block.
+    """Context manager that creates an output folder, and locks it against all other runs until the end of the block.
 
     The lock is a file of SQLite, which every platform locks alike, and which the operating system unlocks when a process ends.
 

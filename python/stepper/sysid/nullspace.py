@@ -6,7 +6,7 @@ lies along that moment alone, so that the mass seems to be determined. Therefore
 
 - The estimate is moved along the set to the point that is nearest to the start values. Parameters that the data do not determine thus keep
   their start values as far as the data allow.
-- Null spaces are computed there and at other points of the set, about one unit of the scales away.
+- Null spaces are computed there and at other points of the set, about one scale away (`Block.scale`, the unit of all lengths here).
 - A value is determined only if its derivative along all these null spaces is zero, within its standard deviation.
 
 Weak directions, along which the standard deviation is large, are curved too. Each is followed to the points where the sum of squared
@@ -76,7 +76,7 @@ class Point:
 
 
 class FlatSet:
-    """Set of estimates that explain the readings equally well as a given one.
+    """Set of estimates that explain the readings as well as a given one.
 
     Args:
         residuals: Residuals of the fit.
@@ -178,7 +178,7 @@ class FlatSet:
         return float(((self._root * at.residual) ** 2).sum())
 
     def _split(self, at: Linearized, change: Array | None = None, across: Array | None = None) -> tuple[Array, Array, Array, Array]:
-        """Null space of a Jacobian, (n + starts, q), the Gauss-Newton step orthogonal to it, and two more.
+        """Null space of a Jacobian, (n + starts, q), and the Gauss-Newton step orthogonal to it, with their uncertainty.
 
         Args:
             at: Residuals and Jacobian.

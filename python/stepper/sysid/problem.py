@@ -19,7 +19,7 @@ Sample = tuple[Array, dict[str, Array]]
 
 
 MAX_PREDICTIONS = 32
-"""Number of predictions after which an update of a tracker starts nothing more that can wait.
+"""Number of predictions after which an update of a tracker starts no optional work, such as new hypotheses.
 
 Each prediction simulates the whole window in all environments. In ordinary updates 2 to 16 are enough.
 """
@@ -30,7 +30,7 @@ class Budget:
     """Number of predictions that the present update of a tracker may still make.
 
     Attributes:
-        left: Number of predictions; at most 0 if only those may follow without which there is no estimate.
+        left: Number of predictions. At 0 or below, only predictions that the estimate needs may follow.
     """
 
     left: int = MAX_PREDICTIONS

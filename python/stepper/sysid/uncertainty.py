@@ -109,7 +109,7 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
 def outside_null_space(
     J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, null: Array, *, loss: str, f_scale: float
 ) -> Uncertainty:
-    """Uncertainty whose covariance along a null space follows from the bounds alone, independent of that across the null space.
+    """Uncertainty in which the bounds determine the covariance along a null space, and the data determine it in all other directions.
 
     Args:
         J: Jacobian of the residuals, (m, k), as for `uncertainty`, in SI units.

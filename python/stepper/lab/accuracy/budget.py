@@ -1,7 +1,6 @@
 """Time budget of a chart, and of the stages of its computation, in processor time of this process.
 
-Processor time does not depend on other load of the machine. A stage or budget that moves to another process, a task of Ray, keeps the time
-that is left.
+Processor time does not depend on other load of the machine. A stage or budget that is sent to a task of Ray keeps its remaining time.
 """
 
 from __future__ import annotations

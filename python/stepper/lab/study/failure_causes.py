@@ -10,7 +10,7 @@ The first rule that applies gives the cause:
     physics      the episode, with ideal sensors, succeeds at half the time step with a hundredth of the tolerance
     physics      with soft contact: the episode, with ideal sensors, succeeds with hard contact
     controller   no other rule applies: the controller fails although physics and sensors are correct
-    scene        the same without a controller: the model itself fails, with its parameters and its start
+    scene        no other rule applies, and there is no controller: the model fails, with its parameters and its start
 
 A controller with internal state restarts in every run.
 """

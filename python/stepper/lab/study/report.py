@@ -344,7 +344,7 @@ def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
 
 
 def _perturbations(found: Sweep, folder: Path) -> list[Section]:
-    """Sections with the parameters, and with their effect on all outcomes. The first table is with the picture of the sweep in `folder`."""
+    """Sections with the parameters and their effects on all outcomes. The first effects have a picture, which is written to `folder`."""
     study = found.study
     main, *others = ordered_outcomes(study)
     shares = ("successes", "share", "95 %") if study.decisive else ()

@@ -77,24 +77,24 @@ def combinations_of(
     axes, squares, _ = np.linalg.svd(inside @ (covariance / np.outer(scale, scale)) @ inside)
     root = axes * np.sqrt(squares)
     certain = axes[:, (np.sqrt(squares) < VAGUE) & (np.arange(n) < n - first.null.shape[1])]
-    found = _Found(certain)
+    span = _Span(certain)
     slopes = value_slopes(blocks, first.x[:n] * scale) * scale
     for slope in slopes[known]:
-        found.add(slope)
+        span.add(slope)
     features = _Features(blocks, model, [point.x[:n] * scale for point in flat.points], scale)
     out: list[Combination] = []
     for candidate in features.candidates(flat):
-        if found.full():
+        if span.full():
             break
         values, derivative = candidate.values(features), candidate.slopes(features)
         std = float(np.linalg.norm(derivative[0] @ root))
         if std > VAGUE * np.linalg.norm(derivative[0]) or flat.undetermined(values[:, None], derivative[:, None], np.array([std])).any():
             continue
-        if found.add(derivative[0]):
-            out.append(candidate.concluded(features, float(values[0]), std, quantile))
+        if span.add(derivative[0]):
+            out.append(candidate.combination(features, float(values[0]), std, quantile))
     values = natural(blocks, first.x[:n] * scale)
     labels = [label for block in blocks for label in block.labels]
-    for row in found.rest(slopes):
+    for row in span.rest(slopes):
         chosen = np.flatnonzero(row)
         if len(chosen) <= MOST_NEAR:
             value, std = float(row @ values), float(np.linalg.norm(row @ slopes @ root))
@@ -104,8 +104,8 @@ def combinations_of(
     return tuple(out)
 
 
-class _Found:
-    """Derivatives of the combinations that were found so far, as an orthonormal basis.
+class _Span:
+    """Span of the derivatives of all combinations so far, as an orthonormal basis.
 
     Args:
         certain: Orthonormal basis of the directions that the data determine, (n, r).
@@ -294,7 +294,7 @@ class _Candidate:
             slopes = slopes / features.values[:, self.chosen, None] * self.values(features)[:, None, None]
         return np.asarray(np.einsum("k,pkn->pn", self.numbers, slopes))
 
-    def concluded(self, features: _Features, value: float, std: float, quantile: float) -> Combination:
+    def combination(self, features: _Features, value: float, std: float, quantile: float) -> Combination:
         """Combination with its text and interval."""
         labels = [features.labels[k] for k in self.chosen]
         if self.product:

@@ -24,6 +24,7 @@ def test_intervals_are_finite_where_the_data_determine_a_value():
     assert total.missed <= binom.ppf(0.999, total.finite, 0.05)
     # Combinations of a run have nearly the same relative error: they count as one interval.
     assert total.together_missed <= total.together / runs * binom.ppf(0.999, runs, 0.05)
+    # Three runs of each fast scene, which have 6 determined values and 15 combinations; one of each slow scene, with 1 and 3.
     assert total.finite == 3 * 6 + 1
     assert total.together == 3 * 15 + 3
 

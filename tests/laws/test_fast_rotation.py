@@ -122,7 +122,8 @@ def test_a_round_body_rolls_over_the_seams_of_flush_tiles(roller, tiles, precisi
         assert not sim.status
         assert abs(sim.qpos[2] - radius) < 2e-5  # Twice the slop.
         assert abs(sim.qvel[0] / 2 - 1) < 1e-3  # Bound of `tests/laws/test_near_misses.py` for sliders.
-    assert abs(sim.qvel[4] * timestep / turn - 1) < 1e-3
+    # Normals of the contacts meet the axis, so that no torque acts. Measured: no change at all.
+    assert abs(sim.qvel[4] * timestep / turn - 1) < ROUNDING[precision]
 
 
 def test_a_turning_wheel_of_a_yawing_cart_rolls_over_seams():

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import stepper
 import stepper.envs
+from models import full_mass_matrix
 from stepper.envs import Observation, StepperVectorEnv, Task
 
 PAGES = Path(__file__).parents[1] / "docs/coming_from"
@@ -129,9 +130,7 @@ def jacobians(two, _):
 
 
 def dynamics(two, _):
-    mass = np.zeros((two.m.nv, two.m.nv))
-    mujoco.mj_fullM(two.m, two.d, mass)
-    same(two.sim.mass_matrix(), mass)
+    same(two.sim.mass_matrix(), full_mass_matrix(two.m, two.d))
     two.d.qacc[:] = 1.0
     mujoco.mj_inverse(two.m, two.d)
     same(two.sim.inverse_dynamics(np.ones(two.m.nv)), two.d.qfrc_inverse)

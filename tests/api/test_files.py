@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from file_sizes import disk_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.cli.app import COMMANDS, application, main
@@ -288,11 +289,8 @@ def test_the_mesh_of_a_urdf_may_have_a_name_that_no_file_system_takes(tmp_path):
 
 def test_errors_of_writing_name_the_file_and_a_remedy(tmp_path):
     """At a limit of file sizes, as on a full disk: the system's error has no name then."""
-    resource = pytest.importorskip("resource")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
     (tmp_path / "kept.json").write_text("before")
-    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
-    try:
+    with disk_of(10_000):
         for write in (
             lambda path: write_text(path, "x" * 20_000),
             lambda path: write_arrays(path, {"x": np.zeros(10_000)}),
@@ -302,8 +300,6 @@ def test_errors_of_writing_name_the_file_and_a_remedy(tmp_path):
                 write(tmp_path / "kept.json")
             assert error.value.errno == errno.EFBIG
             assert os_error_message(error.value).startswith(f"{str(tmp_path / 'kept.json')!r} cannot be used: file too large; raise")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert (tmp_path / "kept.json").read_text() == "before"
     assert [file.name for file in tmp_path.iterdir()] == ["kept.json"]
 

@@ -15,15 +15,11 @@ import stepper
 from file_sizes import disk_of
 from hypothesis import given
 from hypothesis import strategies as st
-from recordings import edit_file, edit_header
+from recordings import PENDULUM, edit_file, edit_header
 from stepper.recording import RecordingError, RecordingWarning, recorder
 from stepper.recording.format import KINDS, ROWS, find_blocks, read_header
 from stepper.shared.files import LOCK
 
-PENDULUM = """
-<mujoco><option timestep="0.002"/>
-  <worldbody><body><joint name="pivot" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/></body></worldbody>
-  <actuator><motor joint="pivot"/></actuator><sensor><jointpos joint="pivot"/></sensor></mujoco>"""
 RECORD = """
 import sys
 import numpy as np, stepper

@@ -18,6 +18,7 @@ import stepper
 from file_sizes import disk_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from loading_scenes import joint, link, robot
 from stepper.cli.app import COMMANDS, application, main
 from stepper.lab import Outcome, Parameter, Policy, Recorded, Study
 from stepper.lab.study.journal import rows_of
@@ -45,9 +46,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")  # Of MuJoCo, on 
 MJCF = """<mujoco><worldbody><body name="pole"><joint name="my hinge" axis="0 1 0" damping="0.1"/>
   <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/></body></worldbody><actuator><motor name="motor" joint="my hinge"/></actuator>
   <sensor><jointpos name="angle" joint="my hinge"/></sensor></mujoco>"""
-URDF = """<robot name="r"><link name="base"/><link name="pole"><inertial><mass value="1"/>
-  <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="j" type="continuous"><parent link="base"/><child link="pole"/><axis xyz="0 1 0"/></joint></robot>"""
+URDF = robot(link("base"), "{pole}", joint("j", "base", "pole", kind="continuous"))
 STUDY = """model = "m.xml"
 controller = "c.npz"
 seconds = 0.1
@@ -77,7 +76,7 @@ def files(tmp_path_factory, model):
     """A folder with a valid file of every kind."""
     folder = tmp_path_factory.mktemp("files")
     (folder / "m.xml").write_text(MJCF)
-    (folder / "m.urdf").write_text(URDF)
+    (folder / "m.urdf").write_text(URDF.format(pole=link("pole")))
     model.save(folder / "m.stepper")
     mujoco.mj_saveModel(mujoco.MjModel.from_xml_string(MJCF), str(folder / "m.mjb"))
     (folder / "s.toml").write_text("[sensors.angle]\nnoise_std = 0.1\n")
@@ -276,9 +275,8 @@ def test_a_size_takes_no_more_memory_than_compression_allows(tmp_path):
 
 
 def test_the_mesh_of_a_urdf_may_have_a_name_that_no_file_system_takes(tmp_path):
-    geometry = f'<visual><geometry><mesh filename="{"x" * 5000}.stl"/></geometry></visual></link><joint'
-    geometry = geometry.replace("visual", "collision")
-    (tmp_path / "r.urdf").write_text(URDF.replace("</link>\n  <joint", geometry))
+    mesh = f'<collision><geometry><mesh filename="{"x" * 5000}.stl"/></geometry></collision>'
+    (tmp_path / "r.urdf").write_text(URDF.format(pole=link("pole", mesh)))
     with pytest.raises(stepper.ModelError, match=r'r\.urdf: link "pole": mesh xxx.*\.\.\..*xxx\.stl not found; searched') as error:
         stepper.load(tmp_path / "r.urdf")
     assert len(str(error.value)) < 2000

@@ -69,7 +69,7 @@ def step(two, _):
 
 
 def reset(two, _):
-    """The codes of the page."""
+    """The two calls in the right cell do what both functions in the left cell do."""
     to_default, to_keyframe = code_of("mujoco", "`mj_resetData`, `mj_resetDataKeyframe`")
     two.sim.step(nstep=3)
     eval(to_keyframe, {"sim": two.sim})
@@ -377,7 +377,7 @@ def table(page):
 
 
 def code_of(page, row):
-    """Codes in the right cell of a row."""
+    """Code snippets in the right cell of a row."""
     return re.findall("`([^`]*)`", dict(table(page))[row])
 
 
@@ -387,8 +387,8 @@ def test_every_row_has_a_check(page):
 
 
 @pytest.mark.filterwarnings("ignore::stepper.ModelWarning")
-def test_codes_of_calls_run(tmp_path):
-    """Every `sim....` and `model....` of the page about MuJoCo is Python that runs."""
+def test_calls_on_the_mujoco_page_run(tmp_path):
+    """Every `sim....`, `model....` and `stepper.load(...)` of the page about MuJoCo is Python that runs."""
     (tmp_path / "scene.xml").write_text(SCENE)
     many = stepper.Stepper(stepper.load(SCENE), num_envs=2)
     names = {

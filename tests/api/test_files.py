@@ -309,12 +309,12 @@ def test_a_full_disk_is_named_with_a_remedy():
 
 
 def test_every_file_that_the_package_writes_is_written_by_one_module():
-    """So that errors name the file. Exceptions are streams of others, which are named in another way."""
+    """`stepper.shared.files` adds the name of the file to errors. Two modules append to files, and name them by `os_errors_of`."""
     package = Path(stepper.__file__).parent
     allowed = {
         "shared/files.py",
-        "recording/recorder.py",  # Appends, with `os_errors_of`.
-        "policies/ppo.py",  # Appends, with `os_errors_of`.
+        "recording/recorder.py",
+        "policies/ppo.py",
     }
     for file in package.rglob("*.py"):
         text = file.read_text()

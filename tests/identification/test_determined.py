@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 SCENES = {scene.name: scene for scene in scenes()}
 SLOW = ("pendulum, pseudo-inertia", "payload on a slide")
-"""Scenes whose parameters change the principal axes, so that each value has a stepper of its own."""
+"""Scenes that run with one seed only: each set of their parameters needs its own stepper, because the principal axes change."""
 
 
 def test_intervals_are_finite_where_the_data_determine_a_value():

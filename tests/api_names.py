@@ -69,10 +69,8 @@ def _members(owner: Any) -> Iterator[tuple[str, str]]:
                 yield target.id, _sentence(str(text.value.value))
         return
     for name in sorted(dir(owner)):
-        member = inspect.getattr_static(owner, name)
-        member = getattr(member, "__func__", member)  # The docstring of a static method is that of its function.
         if not name.startswith("_") and name != "geoms_seen_from":
-            yield name, _sentence(getattr(member, "__doc__", None) or "")
+            yield name, _sentence(getattr(owner, name).__doc__)
 
 
 def _sentence(text: str | None) -> str:

@@ -1,6 +1,15 @@
-"""Random jams: two arms of boxes that begin within one another."""
+"""Scenes whose bodies begin within one another."""
 
 import numpy as np
+
+OVERLAP = """<mujoco><worldbody><geom name="wall" size=".05"/><body><joint {joint}/>
+<geom name="rod" type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></worldbody></mujoco>"""
+"""Rod whose contact has a normal that passes through its joint, with the attributes of the joint as a field."""
+
+SLOT = """<mujoco><option gravity="0 0 0"/><worldbody>
+<geom name="right" type="box" size=".05 .1 .1" pos=".15 0 0"/><geom name="left" type="box" size=".05 .1 .1" pos="-.15 0 0"/>
+<body><joint type="slide" axis="1 0 0"/><geom name="block" type="box" size="{half} .05 .05"/></body></worldbody></mujoco>"""
+"""Block on a slide in a slot of the half width 0.1 m, with its half width in m as a field."""
 
 
 def arms(seed: int) -> str:

@@ -1,10 +1,18 @@
-"""Recordings changed by hand, as whoever wants to deceive a checksum would change them."""
+"""A pendulum to record, and recordings changed by hand with valid checksums."""
 
 import io
 import json
 
 import numpy as np
 from stepper.recording.format import FIRST_DIGEST, KINDS, ROWS, append_block, archive_of, find_blocks, read_header, write_header
+
+PENDULUM = """
+<mujoco><option timestep="0.002"/>
+  <worldbody><body><joint name="pivot" type="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/>
+  <site name="imu"/></body></worldbody><actuator><motor joint="pivot"/></actuator>
+  <sensor><jointpos name="angle" joint="pivot"/><gyro name="gyro" site="imu"/><accelerometer name="acceleration" site="imu"/></sensor>
+</mujoco>"""
+"""MJCF of a pendulum with a motor and sensors."""
 
 
 def edit_header(folder, change):

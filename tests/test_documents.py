@@ -203,7 +203,7 @@ def test_the_site_links_to_the_repository():
 
 @pytest.mark.parametrize("page", [page for page in PAGES if "\n::: " in page.read_text()], ids=named)
 def test_entries_of_the_reference_are_comments_in_the_repository(page):
-    """They precede no text: a list of the names stands before each block."""
+    """GitHub shows no mkdocstrings entries, because they are in comments. A visible list before each block names them."""
     visible = re.sub(r"<!--.*?-->", "", page.read_text(), flags=re.DOTALL)
     assert ":::" not in visible
     for entry in re.findall(r"^::: stepper\.(?:\w+\.)*(\w+)$", page.read_text(), re.MULTILINE):

@@ -1,6 +1,5 @@
 """Recordings whose process was killed or whose disk was full are replayed up to their last second; no file makes a replay endless."""
 
-import contextlib
 import errno
 import json
 import os
@@ -13,17 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from file_sizes import disk_of
 from hypothesis import given
 from hypothesis import strategies as st
-from recordings import edit_file, edit_header
+from recordings import PENDULUM, edit_file, edit_header
 from stepper.recording import RecordingError, RecordingWarning, recorder
 from stepper.recording.format import KINDS, ROWS, find_blocks, read_header
 from stepper.shared.files import LOCK
 
-PENDULUM = """
-<mujoco><option timestep="0.002"/>
-  <worldbody><body><joint name="pivot" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/></body></worldbody>
-  <actuator><motor joint="pivot"/></actuator><sensor><jointpos joint="pivot"/></sensor></mujoco>"""
 RECORD = """
 import sys
 import numpy as np, stepper
@@ -134,18 +130,6 @@ def test_a_report_says_where_a_recording_was_cut(unclosed, capsys):
     report(unclosed)
     assert "31 rows" in (said := capsys.readouterr().out)
     assert "not closed: it ends after 31 rows" in said
-
-
-@contextlib.contextmanager
-def disk_of(size):
-    """Files of more bytes cannot be written, as on a full disk."""
-    resource = pytest.importorskip("resource")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_a_full_disk_ends_a_recording_that_is_read_up_to_there(model, tmp_path):

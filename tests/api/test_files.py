@@ -15,8 +15,10 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from file_sizes import disk_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from loading_scenes import joint, link, robot
 from stepper.cli.app import COMMANDS, application, main
 from stepper.lab import Outcome, Parameter, Policy, Recorded, Study
 from stepper.lab.study.journal import rows_of
@@ -44,9 +46,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")  # Of MuJoCo, on 
 MJCF = """<mujoco><worldbody><body name="pole"><joint name="my hinge" axis="0 1 0" damping="0.1"/>
   <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/></body></worldbody><actuator><motor name="motor" joint="my hinge"/></actuator>
   <sensor><jointpos name="angle" joint="my hinge"/></sensor></mujoco>"""
-URDF = """<robot name="r"><link name="base"/><link name="pole"><inertial><mass value="1"/>
-  <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="j" type="continuous"><parent link="base"/><child link="pole"/><axis xyz="0 1 0"/></joint></robot>"""
+URDF = robot(link("base"), "{pole}", joint("j", "base", "pole", kind="continuous"))
 STUDY = """model = "m.xml"
 controller = "c.npz"
 seconds = 0.1
@@ -76,7 +76,7 @@ def files(tmp_path_factory, model):
     """A folder with a valid file of every kind."""
     folder = tmp_path_factory.mktemp("files")
     (folder / "m.xml").write_text(MJCF)
-    (folder / "m.urdf").write_text(URDF)
+    (folder / "m.urdf").write_text(URDF.format(pole=link("pole")))
     model.save(folder / "m.stepper")
     mujoco.mj_saveModel(mujoco.MjModel.from_xml_string(MJCF), str(folder / "m.mjb"))
     (folder / "s.toml").write_text("[sensors.angle]\nnoise_std = 0.1\n")
@@ -275,9 +275,8 @@ def test_a_size_takes_no_more_memory_than_compression_allows(tmp_path):
 
 
 def test_the_mesh_of_a_urdf_may_have_a_name_that_no_file_system_takes(tmp_path):
-    geometry = f'<visual><geometry><mesh filename="{"x" * 5000}.stl"/></geometry></visual></link><joint'
-    geometry = geometry.replace("visual", "collision")
-    (tmp_path / "r.urdf").write_text(URDF.replace("</link>\n  <joint", geometry))
+    mesh = f'<collision><geometry><mesh filename="{"x" * 5000}.stl"/></geometry></collision>'
+    (tmp_path / "r.urdf").write_text(URDF.format(pole=link("pole", mesh)))
     with pytest.raises(stepper.ModelError, match=r'r\.urdf: link "pole": mesh xxx.*\.\.\..*xxx\.stl not found; searched') as error:
         stepper.load(tmp_path / "r.urdf")
     assert len(str(error.value)) < 2000
@@ -288,11 +287,8 @@ def test_the_mesh_of_a_urdf_may_have_a_name_that_no_file_system_takes(tmp_path):
 
 def test_errors_of_writing_name_the_file_and_a_remedy(tmp_path):
     """At a limit of file sizes, as on a full disk: the system's error has no name then."""
-    resource = pytest.importorskip("resource")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
     (tmp_path / "kept.json").write_text("before")
-    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
-    try:
+    with disk_of(10_000):
         for write in (
             lambda path: write_text(path, "x" * 20_000),
             lambda path: write_arrays(path, {"x": np.zeros(10_000)}),
@@ -302,8 +298,6 @@ def test_errors_of_writing_name_the_file_and_a_remedy(tmp_path):
                 write(tmp_path / "kept.json")
             assert error.value.errno == errno.EFBIG
             assert os_error_message(error.value).startswith(f"{str(tmp_path / 'kept.json')!r} cannot be used: file too large; raise")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert (tmp_path / "kept.json").read_text() == "before"
     assert [file.name for file in tmp_path.iterdir()] == ["kept.json"]
 
@@ -315,12 +309,12 @@ def test_a_full_disk_is_named_with_a_remedy():
 
 
 def test_every_file_that_the_package_writes_is_written_by_one_module():
-    """So that errors name the file. Exceptions are streams of others, which are named in another way."""
+    """`stepper.shared.files` adds the name of the file to errors. Two modules append to files, and name them by `os_errors_of`."""
     package = Path(stepper.__file__).parent
     allowed = {
         "shared/files.py",
-        "recording/recorder.py",  # Appends, with `os_errors_of`.
-        "policies/ppo.py",  # Appends, with `os_errors_of`.
+        "recording/recorder.py",
+        "policies/ppo.py",
     }
     for file in package.rglob("*.py"):
         text = file.read_text()

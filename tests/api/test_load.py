@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from loading_scenes import LIMIT, joint, link, robot
 from models import SOURCES, mujoco_model, stepper_model
 from stepper.loading.mjcf import source
 from stepper.loading.mjcf.omissions import FIELDS, FLAGS
@@ -33,16 +34,7 @@ PENDULUM = """
 </mujoco>
 """
 
-URDF = """
-<robot name="crane">
-  <link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="boom"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="slew" type="revolute">
-    <parent link="base"/><child link="boom"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="10" velocity="1"/>
-  </joint>
-</robot>
-"""
-
+URDF = robot(link("base"), link("boom"), joint("slew", "base", "boom", more=LIMIT))
 # One element of each kind that is left out, on this scene, and what the message must name.
 SCENE = """
 <mujoco>
@@ -133,7 +125,7 @@ def test_urdf(tmp_path: Path, *, as_file: bool) -> None:
         source.write_text(URDF)
     model = stepper.load(source)
     assert model.joint_names == ["slew"]
-    np.testing.assert_array_equal(model.jnt_range, [[-1, 1]])
+    np.testing.assert_array_equal(model.jnt_range, [[-1, 2]])
     np.testing.assert_array_equal(model.jnt_actfrcrange, [[-10, 10]])
 
 

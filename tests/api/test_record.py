@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import stepper
 from models import stepper_model
-from recordings import edit_file, edit_header, joined
+from recordings import PENDULUM, edit_file, edit_header, joined
 from stepper.recording.format import find_blocks, read_header
 
 ROBOT = "gymnasium/ant"
@@ -267,12 +267,6 @@ def test_failures_are_laid_to_action_or_physics(tmp_path):
     assert head["options"]["iterations"] == 1
 
 
-PENDULUM = """
-<mujoco><option timestep="0.002"/>
-  <worldbody><body><joint name="pivot" type="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/>
-  <site name="imu"/></body></worldbody><actuator><motor joint="pivot"/></actuator>
-  <sensor><jointpos name="angle" joint="pivot"/><gyro name="gyro" site="imu"/><accelerometer name="acceleration" site="imu"/></sensor>
-</mujoco>"""
 SENSORS = stepper.SensorModel(
     {
         "gyro": stepper.Transfer(limits=(-0.5, 0.5), noise_density=1e-3),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from jams import OVERLAP, SLOT
 
 STACK = """
 <mujoco>
@@ -54,26 +55,10 @@ def test_a_solved_step_has_no_worst_row():
     assert sim.worst_row() is None
 
 
-SQUEEZED = """
-<mujoco>
-  <option gravity="0 0 0"/>
-  <worldbody>
-    <geom name="left" type="box" size=".05 .1 .1" pos="-.15 0 0"/><geom name="right" type="box" size=".05 .1 .1" pos=".15 0 0"/>
-    <body><joint type="slide" axis="1 0 0"/><geom name="block" type="box" size=".11 .05 .05"/></body>
-  </worldbody>
-</mujoco>
-"""
-"""A block that overlaps the walls on both of its sides by a centimetre."""
+SQUEEZED = SLOT.format(half=0.11)
+"""Block that overlaps the walls on both of its sides by a centimetre."""
 
-BLOCKED = """
-<mujoco>
-  <worldbody>
-    <geom name="wall" size=".05"/>
-    <body><joint axis="0 1 0"/><geom name="rod" type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
-  </worldbody>
-</mujoco>
-"""
-"""A rod whose contact has a normal that passes through its hinge."""
+BLOCKED = OVERLAP.format(joint='axis="0 1 0"')
 
 OUT_OF_REACH = """
 <mujoco>

@@ -17,7 +17,7 @@ from stepper.viewer import LooksError, Renderer
 def test_the_free_camera_is_gymnasiums(name):
     module = sys.modules[type(gymnasium.make(f"{name}-v5").unwrapped).__module__]
     theirs = dict(getattr(module, "DEFAULT_CAMERA_CONFIG", {}))
-    # It follows the world, or nothing.
+    # A camera that tracks the world's body (0) or nothing (-1) is fixed, and stepper's settings leave the entry out.
     if theirs.get("trackbodyid", 0) < 1:
         theirs.pop("trackbodyid", None)
     # Without settings it shows the extent of the model.

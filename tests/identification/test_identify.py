@@ -6,34 +6,26 @@ import numpy as np
 import pytest
 import stepper
 from identification.repetitions import noisy
-from identification.scenes import held, pushed
+from identification.scenes import HARD, by_sensor, held, pushed
 from models import stepper_model
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import parse, places
 from stepper.sysid import parameters
 
-TIGHT = stepper.Options(tolerance=1e-9)
 
-
-def episode_of(model, ctrl, period, channels, options=TIGHT, **start):
+def episode_of(model, ctrl, period, channels, options=HARD, **start):
     """What ideal sensors of a model read."""
     sim = stepper.Stepper(model, options=options, actuators=start.pop("actuators", None))
     sim.set_state(start.get("qpos", model.qpos0), start.get("qvel", np.zeros(model.nv)))
     made = sim.rollout(ctrl, round(period / sim.timestep), fields=("qpos", "qvel", "sensordata"))
-    readings = {}
-    for name in channels:
-        if name in ("qpos", "qvel"):
-            readings[name] = made[name]
-        else:
-            sensor = model.sensor(name)
-            readings[name] = made["sensordata"][:, sensor.adr : sensor.adr + sensor.dim]
+    readings = {name: made[name] if name in made else by_sensor(model, made["sensordata"], [name])[name] for name in channels}
     return stepper.sysid.Episode(ctrl, readings, period, **start)
 
 
 @pytest.mark.parametrize("scene", [pushed(), held()], ids=["pushed", "held"])
 def test_mass_and_friction_with_noise(scene):
     """Some of the repetitions that `make identify` makes; two or more of five intervals miss with a chance of 0.02, and seeds are fixed."""
-    clean = scene.readings(TIGHT)
+    clean = scene.readings(HARD)
     covered = []
     for seed in range(5):
         episode = stepper.sysid.Episode(scene.ctrl, noisy(clean, scene, seed), scene.period)
@@ -48,7 +40,7 @@ def test_mass_and_friction_with_noise(scene):
 def test_exact_data_give_exact_numbers_and_the_answer_can_be_used(tmp_path):
     """Without noise what is left is the tolerance of the steps."""
     scene = pushed()
-    episode = stepper.sysid.Episode(scene.ctrl, scene.readings(TIGHT), scene.period)
+    episode = stepper.sysid.Episode(scene.ctrl, scene.readings(HARD), scene.period)
     found = stepper.sysid.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2)
     np.testing.assert_allclose(found.values, scene.truth, rtol=1e-5)
     assert found.warnings == ()
@@ -71,7 +63,7 @@ def test_exact_data_give_exact_numbers_and_the_answer_can_be_used(tmp_path):
 
 def test_the_same_answer_for_any_number_of_threads():
     scene = pushed()
-    episode = stepper.sysid.Episode(scene.ctrl[:50], {n: r[:50] for n, r in noisy(scene.readings(TIGHT), scene, 0).items()}, scene.period)
+    episode = stepper.sysid.Episode(scene.ctrl[:50], {n: r[:50] for n, r in noisy(scene.readings(HARD), scene, 0).items()}, scene.period)
     one, two = (stepper.sysid.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=3, threads=t) for t in (1, 2))
     assert one.theta.tobytes() == two.theta.tobytes()
     assert one.covariance.tobytes() == two.covariance.tobytes()
@@ -83,7 +75,7 @@ def test_what_never_moves_is_said(noise):
     scene = pushed()
     still = dataclasses.replace(scene, ctrl=np.full((40, 1), -0.05))
     rng = np.random.default_rng(0)
-    readings = {name: rows + noise * rng.standard_normal(rows.shape) for name, rows in still.readings(TIGHT).items()}
+    readings = {name: rows + noise * rng.standard_normal(rows.shape) for name, rows in still.readings(HARD).items()}
     found = stepper.sysid.identify(scene.model(1.0, 0.5), [stepper.sysid.Episode(still.ctrl, readings, 0.02)], scene.parameters, starts=2)
     assert not found.determined.any()
     assert any("body_mass[box] is not determined" in text and "no reading depends on it" in text for text in found.warnings)
@@ -118,7 +110,7 @@ def test_a_search_that_begins_where_friction_never_slides():
 
 def test_outliers_with_and_without_a_robust_loss():
     scene = pushed()
-    readings = noisy(scene.readings(TIGHT), scene, 1)
+    readings = noisy(scene.readings(HARD), scene, 1)
     rng = np.random.default_rng(0)
     hit = rng.random(100) < 0.05
     readings["wrist_force"][hit, 0] += 40.0

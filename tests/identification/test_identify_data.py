@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 import stepper
-from identification.scenes import pushed
+from identification.scenes import HARD, pushed
 from stepper.sysid import Episode, episodes_of
 
 SCENE = pushed()
@@ -15,7 +15,7 @@ MODEL = SCENE.model(*SCENE.truth)
 
 def log():
     """The scene as a log: row k is at time 0.02 k, and has the readings that control k - 1 led to."""
-    sim = stepper.Stepper(MODEL, options=stepper.Options(tolerance=1e-9))
+    sim = stepper.Stepper(MODEL, options=HARD)
     made = sim.rollout(SCENE.ctrl, 10, fields=("sensordata", "qpos", "qvel"))
     first = np.zeros((1, MODEL.nsensordata))
     observed = np.concatenate([first, made["sensordata"]])
@@ -50,7 +50,7 @@ def test_logs_and_recordings_say_the_same(tmp_path):
     sparse["wrist_force"][1::2] = np.nan
     sparse["t [s]"] = sparse.pop("time")
     write_csv(tmp_path / "log.csv", sparse)
-    sim = stepper.Stepper(MODEL, num_envs=2, options=stepper.Options(tolerance=1e-9))
+    sim = stepper.Stepper(MODEL, num_envs=2, options=HARD)
     with sim.record(tmp_path / "run"):
         for ctrl in SCENE.ctrl:
             sim.step(ctrl, nstep=10)

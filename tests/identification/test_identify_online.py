@@ -7,14 +7,13 @@ import pytest
 import stepper
 from identification.determined import scenes
 from identification.online import NOISE, PERIOD, controls, readings
-from identification.scenes import held, pushed
+from identification.scenes import HARD, held, pushed
 from stepper.sysid import design
 from stepper.sysid.problem import MAX_PREDICTIONS, Problem
 from stepper.sysid.uncertainty import uncertainty
 
 SCENE = held()
 MODEL = SCENE.model(*SCENE.starts[0])
-TIGHT = stepper.Options(tolerance=1e-9)
 
 
 def test_a_held_box_is_weighed_at_once_and_its_friction_is_known_when_it_slips():
@@ -152,7 +151,7 @@ def test_what_to_measure_next():
     rng = np.random.default_rng(0)
 
     def episode(ctrl, name):
-        still = dataclasses.replace(scene, ctrl=ctrl).readings(TIGHT)
+        still = dataclasses.replace(scene, ctrl=ctrl).readings(HARD)
         return stepper.sysid.Episode(
             ctrl, {n: r + scene.noise[n] * rng.standard_normal(r.shape) for n, r in still.items()}, 0.02, name=name
         )
@@ -185,7 +184,7 @@ def test_an_experiment_that_shows_no_more_leaves_parameters_undetermined():
 @pytest.mark.parametrize("value", [0.0, -0.3, np.nan, [0.3, 0.3], [0.3, 0.3, 0.0]])
 def test_experiments_whose_noise_is_no_standard_deviation(value):
     scene = pushed()
-    readings = {name: rows[:20] for name, rows in scene.readings(TIGHT).items()}
+    readings = {name: rows[:20] for name, rows in scene.readings(HARD).items()}
     found = stepper.sysid.identify(
         scene.model(1.3, 0.35), [stepper.sysid.Episode(scene.ctrl[:20], readings, 0.02)], ["body_mass[box]"], starts=1
     )

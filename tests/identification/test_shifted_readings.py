@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from identification import strikes
 from identification.repetitions import noisy
-from identification.scenes import pushed
+from identification.scenes import HARD, pushed
 from stepper.sysid.fit import _freed_ratio
 from stepper.sysid.shift import EARLY, LATE, RATIO, finding_of_fit, shifted, suspicious
 
-TIGHT = stepper.Options(tolerance=1e-9)
 WORDS = {LATE: "readings are one sample late", EARLY: "readings are one sample early"}
 
 
@@ -33,7 +32,7 @@ def moved(rows, shift):
 @pytest.mark.parametrize("shift", [0, LATE, EARLY])
 def test_identify_names_a_shift_and_its_remedy(shift):
     scene = pushed()
-    readings = {name: moved(rows, shift) for name, rows in noisy(scene.readings(TIGHT), scene, 0).items()}
+    readings = {name: moved(rows, shift) for name, rows in noisy(scene.readings(HARD), scene, 0).items()}
     found = stepper.sysid.identify(
         scene.model(1.0, 0.5), [stepper.sysid.Episode(scene.ctrl, readings, 0.02)], scene.parameters, starts=2, threads=1
     )
@@ -58,7 +57,7 @@ ANGLE = 1.0
 
 def swing() -> np.ndarray:
     """Readings of the pendulum's angle with 1 mrad of noise, (100, 1)."""
-    sim = stepper.Stepper(PENDULUM, options=TIGHT)
+    sim = stepper.Stepper(PENDULUM, options=HARD)
     sim.set_state([ANGLE], [0.0])
     clean = sim.rollout(np.zeros((100, 0)), 10, fields=("sensordata",))["sensordata"]
     return clean + 1e-3 * np.random.default_rng(0).standard_normal(clean.shape)
@@ -93,7 +92,7 @@ def test_a_fall_does_not_tell_a_shift_from_another_initial_state():
     model = scene.model(scene.start)
     readings = {name: rows[1:] for name, rows in made.items()}
     episode = stepper.sysid.Episode(scene.ctrl[1:], readings, 0.02, qvel=scene.velocities(model))
-    found = stepper.sysid.identify(model, [episode], scene.parameters, noise=scene.noise, options=TIGHT, starts=2, threads=1)
+    found = stepper.sysid.identify(model, [episode], scene.parameters, noise=scene.noise, options=HARD, starts=2, threads=1)
     assert found.warnings[0].startswith("the initial state is wrong, or readings are one sample early")
     assert "these data do not tell which" in found.warnings[0]
 
@@ -125,7 +124,7 @@ def test_the_tracker_does_not_say_what_shifted_readings_make_it_think(shift):
     scene = strikes.struck()
     readings = {name: moved(rows, shift) for name, rows in strikes.readings(scene, scene.truth, np.random.default_rng(0)).items()}
     tracker = stepper.sysid.Tracker(
-        scene.model(scene.start), list(scene.parameters), noise=scene.noise, period=0.02, options=TIGHT, start_std=strikes.START_STD
+        scene.model(scene.start), list(scene.parameters), noise=scene.noise, period=0.02, options=HARD, start_std=strikes.START_STD
     )
     for k, ctrl in enumerate(scene.ctrl[:50]):
         now = tracker.update(ctrl, {name: rows[k] for name, rows in readings.items()})

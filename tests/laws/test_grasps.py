@@ -8,6 +8,7 @@ import pytest
 import stepper
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from meshes import prism, vertices
 from stepper import Status
 
 G, MASS, FORCE, HALF, HAND = 9.81, 0.1, 0.981, 0.02, 1e3
@@ -18,13 +19,6 @@ MAX_SLIP = 5e-5
 
 SETTLED = 0.4
 """Time after which displacements count, s. Before, the fingers close and the loads are shared."""
-
-
-def prism(corners: int) -> str:
-    """Vertices of an upright prism whose side faces are at the distance HALF from its axis."""
-    angles = (np.arange(corners) + 0.5) * 2 * np.pi / corners
-    radius = HALF / np.cos(np.pi / corners)
-    return " ".join(f"{radius * np.cos(a):.9f} {radius * np.sin(a):.9f} {z}" for z in (-HALF, HALF) for a in angles)
 
 
 OBJECTS = {
@@ -48,7 +42,7 @@ def grasp(name: str) -> str:
         fingers += f'<body pos="{pos}" euler="0 0 {np.degrees(angle)}"><joint name="finger{k}" type="slide" axis="-1 0 0"/>'
         fingers += f'<geom type="box" size="{HALF / 2} {0.02 if count == 2 else 0.012} .05" mass=".1"/></body>'
         motors += f'<motor joint="finger{k}"/>'
-    meshes = "".join(f'<mesh name="prism{n}" vertex="{prism(n)}"/>' for n in (4, 6))
+    meshes = "".join(f'<mesh name="prism{n}" vertex="{vertices(prism(n, HALF, faces_at_half=True))}"/>' for n in (4, 6))
     return f"""<mujoco><asset>{meshes}</asset><worldbody><body><joint name="y" type="slide" axis="0 1 0"/>
       <joint name="z" type="slide" axis="0 0 1"/><joint name="turn" axis="1 0 0"/>
       <inertial pos="0 0 0" mass="{HAND}" diaginertia="{HAND} {HAND} {HAND}"/>{fingers}</body>

@@ -4,10 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from jams import OVERLAP, SLOT
 from stepper import Options, Status
 
-OVERLAP = """<mujoco><worldbody><geom size=".05"/><body><joint {joint}/>
-<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></worldbody></mujoco>"""
 HINGE, BALL = 'axis="0 1 0" damping=".01"', 'type="ball" damping=".01"'
 
 
@@ -99,14 +98,9 @@ def test_a_contact_that_moves_along_its_normal_alone_stays_finite(solver, precis
     assert np.abs(sim.qvel).max() < 1e-6
 
 
-SLOT = """<mujoco><option gravity="0 0 0"/><worldbody>
-<geom type="box" size=".05 .1 .1" pos=".15 0 0"/><geom type="box" size=".05 .1 .1" pos="-.15 0 0"/>
-<body><joint type="slide" axis="1 0 0"/><geom type="box" size=".101 .05 .05"/></body></worldbody></mujoco>"""
-
-
 @pytest.mark.parametrize("timestep", [1e-4, 5e-4, 2e-3, 1e-2])
 def test_overlaps_that_contradict_settle_for_least_squares(timestep):
-    sim = stepper.Stepper(stepper.load(SLOT), options=Options(timestep=timestep))
+    sim = stepper.Stepper(stepper.load(SLOT.format(half=0.101)), options=Options(timestep=timestep))
     sim.reset(qpos=[4e-4])
     sim.step(nstep=max(200, int(0.2 / timestep)))
     # Both overlaps are a millimetre in the middle; a hundredth of that is far below what anyone would see.
@@ -117,7 +111,7 @@ def test_overlaps_that_contradict_settle_for_least_squares(timestep):
 
 def test_baumgarte_gives_a_contradiction_no_more_than_the_capped_speed():
     options = Options(stabilization="baumgarte")
-    sim = stepper.Stepper(stepper.load(SLOT), options=options)
+    sim = stepper.Stepper(stepper.load(SLOT.format(half=0.101)), options=options)
     sim.reset(qpos=[4e-4])
     for _ in range(500):
         sim.step()

@@ -11,6 +11,7 @@ import pytest
 import stepper
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from models import full_mass_matrix
 from mujoco_law.parity import prepare, states
 from stepper import Options
 
@@ -127,10 +128,8 @@ def test_the_derivative_across_branches_is_felt():
     data = mujoco.MjData(model)
     data.ctrl[:] = ctrl
     mujoco.mj_step(model, data)
-    full = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, full)
     arm = np.array([0.0, 0.5, 0.5, -0.7])
-    whole = np.linalg.solve(full + 0.01 * 10 * np.outer(arm, arm), 0.01 * (data.qfrc_smooth))
+    whole = np.linalg.solve(full_mass_matrix(model, data) + 0.01 * 10 * np.outer(arm, arm), 0.01 * (data.qfrc_smooth))
     assert np.abs(whole - data.qvel).max() > 0.1 * np.abs(data.qvel).max()
 
 
@@ -258,8 +257,7 @@ def test_mujoco_stops_before_its_own_solution_on_feet_of_nearly_rigid_friction()
 
 def solved_further(model, data):
     """Change of the velocity in a step of Euler's rule, with the constraints solved until rounding by Newton's method in NumPy."""
-    mass, h = np.zeros((model.nv, model.nv)), model.opt.timestep
-    mujoco.mj_fullM(model, data, mass)
+    mass, h = full_mass_matrix(model, data), model.opt.timestep
     free, acceleration = data.qacc_smooth.copy(), data.qacc.copy()
 
     def imbalance(a):

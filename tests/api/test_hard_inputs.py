@@ -132,13 +132,13 @@ def test_states_with_a_true_checksum_and_nonsense_in_them_are_refused_or_taken_b
     ("applied", [None], "has 1 arrays, must have 5"),
     ("applied", 5, "applied is not a list"),
     ("applied", [np.zeros(3), None, None, None, None], r"qfrc_applied has shape \(3,\), must be \(2, 8\)"),
-    ("applied", [None, "x", None, None, None], "xfrc_applied is not an array of numbers"),
+    ("applied", [None, "x", None, None, None], "xfrc_applied is .*, must be an array of numbers"),
 ])  # fmt: skip
 def test_a_crafted_pickle_is_refused_in_words(model, name, value, what):
     sim = simulate(model, 2)
     state = sim.__getstate__()
     sim.__setstate__(state)
-    with pytest.raises(ValueError, match=f"(?s){what}"):
+    with pytest.raises((TypeError, ValueError), match=f"(?s){what}"):
         sim.__setstate__(state | {name: value})
     del state[name]
     with pytest.raises(ValueError, match=f"{name} is missing"):

@@ -66,11 +66,32 @@ def test_a_spinning_body_that_passes_another_keeps_its_velocity(spinner, obstacl
     geom, depths = SPINNERS[name]
     world = OBSTACLES[obstacle] + f'<body pos="-.2 0 {depths[axis] + gap}"><freejoint/><geom {geom} mass="1"/></body>'
     v = np.array([speed, 0, 0, 0, 0, 0])
-    # Above a radian in a step, the gyroscopic iteration of a body that is turned in its file may not contract. Rounding
-    # errors then grow until the step is flagged UNRESOLVED.
-    turn = min(turn, 1.0) if name in ("capsule", "wheel") else turn
+    # The implicit rule takes the gyroscopic torque from a prediction. Above a radian in a step, rounding errors grow, until the step is
+    # flagged UNRESOLVED.
+    turn = min(turn, 1.0) if integrator == "implicit" and name in ("capsule", "wheel") else turn
     v[3 + "xyz".index(axis)] = (-turn if backwards else turn) / timestep
     assert fly(stepper_of(world, timestep, precision, integrator), v, 0.5) < ROUNDING[precision]
+
+
+TOPS = ['type="capsule" size=".02 .1"', 'type="cylinder" size=".1 .02"', 'type="ellipsoid" size=".05 .05 .03"']
+
+
+@given(st.sampled_from(TOPS), st.sampled_from(["free", "ball"]), turns, st.floats(0.0, 0.01), timesteps, precisions)
+def test_a_top_precesses_with_a_constant_spin(top, kind, turn, wobble, timestep, precision):
+    """A body of revolution keeps its angular velocity about its axis, and the magnitude of that across the axis."""
+    # With a fixed-point iteration in place of Newton's method, the wobble of the capsule was 1e-16 after 2,000 steps of 1.5 rad.
+    sim = stepper_of(f'<body pos="0 0 9"><joint type="{kind}"/><geom {top} mass="1"/></body>', timestep, precision)
+    v = np.zeros(sim.model.nv)
+    v[-3:] = np.array([wobble, 0.0, 1.0]) * turn / timestep
+    sim.set_state(qvel=v)
+    for _ in range(200):
+        sim.step()
+        assert not sim.status
+    w = sim.qvel[-3:] * timestep / turn
+    # Rounding of 200 steps of up to 20 rad, times the capsule's ratio of inertias, 30.
+    rounding = 200 * 20 * 30 * np.finfo({"f64": np.float64, "f32": np.float32}[precision]).eps
+    assert abs(w[2] - 1) < rounding
+    assert abs(np.hypot(w[0], w[1]) - wobble) < rounding
 
 
 @pytest.mark.parametrize("timestep, gap", [(5e-3, 1e-3), (1e-2, 1e-2)])

@@ -57,8 +57,8 @@ impl Flag<'_> {
     }
 }
 
-/// Argument with the index of an environment. Negative indices count from the end. An index outside the range of isize becomes
-/// `isize::MAX`, so that the later range check rejects the index.
+/// Argument with the index of an environment. An index outside the range of isize becomes `isize::MAX`, so that the later range check
+/// rejects the index.
 #[derive(Clone, Copy)]
 pub(crate) struct Env(pub(crate) isize);
 

@@ -130,15 +130,18 @@ pub(crate) fn shape_text(shape: &[usize]) -> String {
 }
 
 /// C-contiguous float64 array from the argument `name`. Arguments with other types and layouts are converted, which copies.
+///
+/// # Errors
+/// `TypeError` for a masked array, and for entries that are no real numbers (`stepper._arrays`).
 pub(crate) fn float64_array<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-    if let Ok(exact) = given.cast::<PyArrayDyn<f64>>()
+    if given.is_exact_instance_of::<PyUntypedArray>()
+        && let Ok(exact) = given.cast::<PyArrayDyn<f64>>()
         && exact.is_c_contiguous()
     {
         return exact.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")));
     }
-    let numpy = given.py().import("numpy")?;
-    let converted = numpy.call_method1("ascontiguousarray", (given, "float64"));
-    let converted = converted.map_err(|e| PyValueError::new_err(format!("{name} is not an array of numbers: {e}")))?;
+    let numbers = given.py().import("stepper._arrays")?.call_method1("array_of", (name, given))?;
+    let converted = given.py().import("numpy")?.call_method1("ascontiguousarray", (numbers,))?;
     let array = converted.cast_into::<PyArrayDyn<f64>>().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))?;
     array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))
 }
@@ -157,12 +160,15 @@ pub(crate) fn no_mapping(call: &str, name: &str, value: &Bound<'_, PyAny>) -> Py
 }
 
 /// Calls `read` with the shape and the numbers of an argument, and returns its result. If the argument is no C-contiguous float64 array,
-/// the function returns None.
+/// or of a subclass such as a masked array, the function returns None.
 ///
 /// This function avoids the run-time borrow tracking of [`PyReadonlyArrayDyn`], which takes as long as the rest of a call. It compares
 /// dtypes by address, as NumPy has one object for each built-in dtype.
 pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usize], &[f64]) -> T) -> Option<T> {
     static FLOAT64: PyOnceLock<Py<PyArrayDescr>> = PyOnceLock::new();
+    if !given.is_exact_instance_of::<PyUntypedArray>() {
+        return None;
+    }
     let array = given.cast::<PyUntypedArray>().ok()?;
     let float64 = FLOAT64.get_or_init(given.py(), || dtype::<f64>(given.py()).unbind());
     // SAFETY: an array has a dtype, whose address is only compared.

@@ -85,8 +85,11 @@ impl Stepper {
 
     fn env(&self, Env(env): Env) -> PyResult<usize> {
         let n = self.n() as isize;
-        let at = if env < 0 { env.saturating_add(n) } else { env };
-        if (0..n).contains(&at) { Ok(at as usize) } else { Err(PyIndexError::new_err(format!("env is {env}, must be below {n}"))) }
+        if (0..n).contains(&env) {
+            return Ok(env as usize);
+        }
+        let floor = if env < 0 { ", and at least 0" } else { "" };
+        Err(PyIndexError::new_err(format!("env is {env}, must be below {n}{floor}")))
     }
 
     fn per_env<'py, T: numpy::Element>(&self, py: Python<'py>, name: &str, read: impl Fn(usize) -> T) -> PyResult<Bound<'py, PyAny>> {

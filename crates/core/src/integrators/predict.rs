@@ -78,9 +78,11 @@ impl<R: Real> VelocityLoop<'_, R> {
         advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
         // Spinners are single bodies on a free or ball joint. `correct` replaces their gyroscopic torque by one that keeps angular
         // momentum.
+        unresolved.fill(R::Mask::splat(false));
         if !compiled.spinners.is_empty() && scheme.in_the_middle {
             let times_of = |dof: usize| times.around(compiled.mechanism_of(dof));
-            gyroscopic::correct(compiled, kinematics, &smooth.mass, times_of, [&state.v, force_velocity], v_free_corrected);
+            let velocities = [&state.v[..], force_velocity];
+            gyroscopic::correct(compiled, kinematics, &smooth.mass, times_of, velocities, v_free_corrected, (alive, unresolved));
         }
         difference(v_free_corrected, v, free_change);
         // This function is the corrector of the free velocity. If it changes the velocity too much, the time step is too long for the

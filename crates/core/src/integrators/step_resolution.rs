@@ -36,7 +36,7 @@ use crate::tuning::{
     MAX_RATE_GROWTH, MAX_RELATIVE_CHANGE, MAX_ROTATION,
 };
 
-/// Lanes of `alive` that need an energy balance. Also sets `unresolved` to the lanes in which the corrector of each mechanism has not
+/// Lanes of `alive` that need an energy balance. Also adds to `unresolved` the lanes in which the corrector of each mechanism has not
 /// converged. The corrector computes the free velocity again, with inertial forces at the predicted velocity.
 ///
 /// `v` is the velocity before the step, and `v_free` the velocity after it without constraints. `change` is the change of `v_free` by the
@@ -50,7 +50,6 @@ pub(crate) fn assess_corrector<R: Real>(
 ) -> R::Mask {
     kernel!(R, || {
         let mut may_gain = R::Mask::splat(false);
-        unresolved.fill(may_gain);
         let fastest = max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free)) * h;
         if fastest.gt(R::of(BALANCE_ROTATION)).none() {
             return may_gain;
@@ -65,7 +64,7 @@ pub(crate) fn assess_corrector<R: Real>(
         }
         for (motion, unresolved) in motions.iter().zip(unresolved) {
             let exceeds = |ratio: f64| alive.and_not(motion.change.le(motion.speed * R::of(ratio)));
-            *unresolved = motion.turn.gt(R::of(FAST_ROTATION)).and(exceeds(MAX_RELATIVE_CHANGE));
+            *unresolved = unresolved.or(motion.turn.gt(R::of(FAST_ROTATION)).and(exceeds(MAX_RELATIVE_CHANGE)));
             may_gain = may_gain.or(motion.turn.gt(R::of(BALANCE_ROTATION)).and(exceeds(BALANCE_RELATIVE_CHANGE)));
         }
         may_gain
@@ -337,6 +336,7 @@ impl<R: Real> StepResolution<R> {
             }
             mass.solve(compiled, change);
         });
+        unresolved.fill(R::Mask::splat(false));
         assess_corrector(compiled, alive, [v, v_next, change], h, (motions, &mut *unresolved));
         for lanes in unresolved {
             *lanes = runs_away.or(fast.and(*lanes));

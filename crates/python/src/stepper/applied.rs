@@ -134,7 +134,12 @@ impl Stepper {
                 )));
             }
         }
-        self.made(py, input)?.expect("made above").untyped().set_item(py.Ellipsis(), value).map_err(|error| {
+        let numbers = if input == AppliedInput::EqActive {
+            value.clone()
+        } else {
+            py.import("stepper._arrays")?.call_method1("array_of", (name, value))?
+        };
+        self.made(py, input)?.expect("made above").untyped().set_item(py.Ellipsis(), numbers).map_err(|error| {
             if error.is_instance_of::<PyValueError>(py) {
                 PyValueError::new_err(format!("{name} has shape {shape}: {error}"))
             } else {

@@ -70,7 +70,9 @@ impl Cone {
                     let [up, down] = [-(u[0] + slope) * weight, -(u[0] - slope) * weight];
                     let (up, down) = (up.max(R::zero()), down.max(R::zero()));
                     force[0] += up + down;
-                    force[k] = (up - down) * contact.scale[k];
+                    // Large forces of both edges cancel. Their rounding errors would not.
+                    let both = (u[0] + slope.abs()).lt(R::zero());
+                    force[k] = R::select(both, -(slope + slope) * weight, up - down) * contact.scale[k];
                 }
             }
             Cone::Elliptic => {
@@ -153,57 +155,6 @@ impl Cone {
             }
         }
         c
-    }
-
-    /// Calls `f` for terms w y y^T whose sum is the [curvature](Self::curvature) of a contact at the relative acceleration `u`. The
-    /// arguments are the weight w, at least 0, and the vector y.
-    #[inline(always)]
-    pub(super) fn for_each_curvature_term<R: Real, const N: usize>(
-        self,
-        contact: &SoftContact<R, N>,
-        u: &[R; N],
-        mut f: impl FnMut(R, &[R; N]),
-    ) {
-        let (zero, scale) = (R::zero(), &contact.scale);
-        match self {
-            Cone::Pyramidal => {
-                for k in 1..N {
-                    for slope in [scale[k], -scale[k]] {
-                        let mut edge = [zero; N];
-                        (edge[0], edge[k]) = (R::one(), slope);
-                        f(R::select((u[0] + slope * u[k]).lt(zero), contact.weight[k], zero), &edge);
-                    }
-                }
-            }
-            Cone::Elliptic => {
-                let (zone, mu) = (zone::<R, N, N>(contact, u), scale[0]);
-                let mut outward = [zero; N];
-                outward[0] = scale[0];
-                for k in 0..N {
-                    let mut row = [zero; N];
-                    row[k] = R::one();
-                    f(R::select(zone.sticks, contact.weight[k], zero), &row);
-                    if k > 0 {
-                        outward[k] = -(mu * zone.tangents[k] * zone.inv_t * scale[k]);
-                    }
-                }
-                f(R::select(zone.slides, contact.cone_weight, zero), &outward);
-                // The last columns of the reflection I - v v^T b are orthogonal to the direction t of sliding, for v = t + e and b = 1 / (1
-                // + |t_1|). The vector e is the first axis, with the sign of t_1.
-                let shrink = contact.cone_weight * mu * (mu * zone.t - zone.n) * zone.inv_t;
-                let mut v = zone.tangents.map(|x| x * zone.inv_t);
-                let inverse = R::one() / (R::one() + v[1].abs());
-                v[1] += R::select(v[1].lt(zero), -R::one(), R::one());
-                for column in 2..N {
-                    let mut across = [zero; N];
-                    for k in 1..N {
-                        let identity = if k == column { R::one() } else { zero };
-                        across[k] = (identity - v[k] * v[column] * inverse) * scale[k];
-                    }
-                    f(R::select(zone.slides, shrink, zero), &across);
-                }
-            }
-        }
     }
 
     /// Second derivative of a contact's convex function s at the relative acceleration `u` along `du`. It is du^T C du with the

@@ -3,18 +3,13 @@
 //! Without constraints between branches of a tree there is no fill-in (Featherstone 2008, section 6.5). There is also none if coordinates
 //! with many connections come first. The pattern is that of all lanes. A lane without an entry has a zero there, which changes none of its
 //! other numbers.
-//!
-//! A row with an enormous weight D would erase M from the sum M + J^T D J by rounding. Contacts of a body that turns about its centre of
-//! mass have such rows, because MuJoCo's approximation of their inverse inertia is 0. These stiff rows are added to the factors instead, by
-//! rank-one updates. An update with a positive weight loses no digits (Gill, Golub, Murray & Saunders 1974, method C1).
 
 use std::ops::Range;
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::Real;
 
 use crate::constraints::constraint_set::is_nonzero;
 use crate::soft::cone::Cone;
-use crate::soft::contact::SoftContact;
 use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 
 /// Symmetric matrix with a sparse pattern, replaced by its factors.
@@ -35,8 +30,6 @@ pub(super) struct Hessian<R: Real> {
     /// For each row, whether its columns left of the diagonal are those of the previous row plus the index of the previous row. The joints
     /// of a body or of a limb have such rows.
     follows: Vec<bool>,
-    /// Whether any row of the problem is stiff in any lane.
-    has_stiff_rows: bool,
     /// Number of multiplications of a factorisation with the current pattern and of a solution with the factors, together.
     pub(super) work: usize,
     /// Buffer for a vector in the order of the matrix rows.
@@ -46,17 +39,6 @@ pub(super) struct Hessian<R: Real> {
 /// Largest number of matrix rows that are eliminated together. The entries of the remaining rows are then read and written once for all
 /// eliminated rows.
 const BLOCK: usize = 3;
-
-/// Largest error of the mass matrix by rounding, as a fraction of it, that a row may cause in the Hessian. Rows that cause more are stiff.
-/// The two values are for double and for single precision. Rows of ordinary contacts cause 1e-12 and 1e-3.
-const MAX_ROUNDING: [f64; 2] = [1e-7, 0.1];
-
-/// Ratio of a row's diagonal entry in the Hessian to that of the mass matrix above which the row is stiff.
-#[inline(always)]
-fn stiff_ratio<R: Real>() -> R {
-    let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
-    R::of(MAX_ROUNDING[usize::from(epsilon > f64::EPSILON)] / epsilon)
-}
 
 impl<R: Real> Hessian<R> {
     /// Workspace for a matrix whose rows are coordinates (degrees of freedom) in the order `order`.
@@ -71,7 +53,6 @@ impl<R: Real> Hessian<R> {
             sets: vec![0; dimension * dimension.div_ceil(64)],
             runs: (0..dimension).map(|i| Vec::with_capacity(i.div_ceil(2))).collect(),
             follows: vec![false; dimension],
-            has_stiff_rows: false,
             work: 0,
             ordered: vec![R::zero(); dimension],
         }
@@ -118,27 +99,12 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Finds out whether the problem has stiff rows.
+    /// Computes the Hessian M + J^T D J at the relative accelerations `argument` of all rows.
     #[inline(always)]
-    pub(super) fn find_stiff_rows(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) {
-        let mut stiff = R::Mask::splat(false);
-        for row in &problem.rows {
-            let (columns, jacobian) = problem.entries(row);
-            stiff = stiff.or(stiff_lanes(metric, row.weight, columns, jacobian.as_chunks::<1>().0));
-        }
-        self.has_stiff_rows = stiff.or(any_stiff(&problem.contacts, metric)).or(any_stiff(&problem.rolling_contacts, metric)).any();
-    }
-
-    /// Computes the Hessian M + J^T D J at the relative accelerations `argument` of all rows, and replaces it by its factors L^T D L: L
-    /// below the diagonal, 1 / D on it.
-    #[inline(always)]
-    pub(super) fn factor_at(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
+    pub(super) fn assemble(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
         self.copy_metric(metric);
         for (row, &u) in problem.rows.iter().zip(&argument.rows) {
-            let ((columns, jacobian), mut weight) = (problem.entries(row), row.curvature(u));
-            if self.has_stiff_rows {
-                weight = R::select(stiff_lanes(metric, row.weight, columns, jacobian.as_chunks::<1>().0), R::zero(), weight);
-            }
+            let ((columns, jacobian), weight) = (problem.entries(row), row.curvature(u));
             if !is_nonzero(weight) {
                 continue;
             }
@@ -149,19 +115,8 @@ impl<R: Real> Hessian<R> {
                 }
             }
         }
-        self.add_contacts(&problem.contacts, problem.cone, metric, &argument.contacts);
-        self.add_contacts(&problem.rolling_contacts, problem.cone, metric, &argument.rolling_contacts);
-        self.factor();
-        if self.has_stiff_rows {
-            for (row, &u) in problem.rows.iter().zip(&argument.rows) {
-                let (columns, jacobian) = problem.entries(row);
-                let rows: &[[R; 1]] = jacobian.as_chunks::<1>().0;
-                let stiff = stiff_lanes(metric, row.weight, columns, rows);
-                self.update(columns, rows, &[R::one()], R::select(stiff, row.curvature(u), R::zero()));
-            }
-            self.update_contacts(&problem.contacts, problem.cone, metric, &argument.contacts);
-            self.update_contacts(&problem.rolling_contacts, problem.cone, metric, &argument.rolling_contacts);
-        }
+        self.add_contacts(&problem.contacts, problem.cone, &argument.contacts);
+        self.add_contacts(&problem.rolling_contacts, problem.cone, &argument.rolling_contacts);
     }
 
     /// Sets the matrix to the mass matrix `metric` plus the couplings. Couplings are the scalar rows with an index of at least `first`.
@@ -209,13 +164,9 @@ impl<R: Real> Hessian<R> {
     /// Adds the terms J^T C J of all contacts to the Hessian. C is the second derivative of a contact's convex function at its relative
     /// acceleration in `u`.
     #[inline(always)]
-    fn add_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, metric: &impl Metric<R>, u: &[[R; N]]) {
+    fn add_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, u: &[[R; N]]) {
         for (contact, u) in contacts.items.iter().zip(u) {
-            let ((columns, jacobian), mut curvature) = (contacts.entries(contact), cone.curvature(contact, u));
-            if self.has_stiff_rows {
-                let stiff = stiff_lanes(metric, largest_weight(contact), columns, jacobian);
-                curvature = curvature.map(|row| row.map(|x| R::select(stiff, R::zero(), x)));
-            }
+            let ((columns, jacobian), curvature) = (contacts.entries(contact), cone.curvature(contact, u));
             // A contact that is open in every lane adds nothing, and an active one has a curvature along the normal.
             if !is_nonzero(curvature[0][0]) {
                 continue;
@@ -224,58 +175,6 @@ impl<R: Real> Hessian<R> {
                 self.add_contact::<N, 4>(columns, jacobian, &curvature);
             } else {
                 self.add_contact::<N, N>(columns, jacobian, &curvature);
-            }
-        }
-    }
-
-    /// Adds the terms J^T C J of stiff contacts to the factors, see [`Hessian::add_contacts`].
-    #[inline(always)]
-    fn update_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, metric: &impl Metric<R>, u: &[[R; N]]) {
-        for (contact, u) in contacts.items.iter().zip(u) {
-            let (columns, jacobian) = contacts.entries(contact);
-            let stiff = stiff_lanes(metric, largest_weight(contact), columns, jacobian);
-            if stiff.any() {
-                cone.for_each_curvature_term(
-                    contact,
-                    u,
-                    #[inline(always)]
-                    |weight, factors| self.update(columns, jacobian, factors, R::select(stiff, weight, R::zero())),
-                );
-            }
-        }
-    }
-
-    /// Adds the term w y y^T to the factors, where w is `weight` and at least 0. The vector y is the sum of the rows of `jacobian`, each
-    /// times its factor, at the coordinates `columns`.
-    ///
-    /// Lanes in which the weight is 0 keep their bits.
-    #[inline(always)]
-    fn update<const N: usize>(&mut self, columns: &[u32], jacobian: &[[R; N]], factors: &[R; N], mut weight: R) {
-        if !is_nonzero(weight) {
-            return;
-        }
-        self.ordered.fill(R::zero());
-        for (&d, j) in columns.iter().zip(jacobian) {
-            let mut sum = R::zero();
-            for i in 0..N {
-                sum += j[i] * factors[i];
-            }
-            self.ordered[self.places[d as usize] as usize] = sum;
-        }
-        let (n, y) = (self.dimension, &mut self.ordered);
-        for i in (0..n).rev() {
-            let row = &mut self.entries[i * n..][..=i];
-            let (p, changes) = (y[i], weight.gt(R::zero()));
-            let old = R::one() / row[i];
-            let new = old + weight * p * p;
-            let share = weight * p / new;
-            weight *= old / new;
-            row[i] = R::select(changes, R::one() / new, row[i]);
-            for run in &self.runs[i] {
-                for (l, y) in row[run.clone()].iter_mut().zip(&mut y[run.clone()]) {
-                    *y -= p * *l;
-                    *l = R::select(changes, *l + share * *y, *l);
-                }
             }
         }
     }
@@ -396,42 +295,6 @@ impl<R: Real> Hessian<R> {
             x[i] = value;
         }
     }
-}
-
-/// Lanes in which a constraint with weights of at most `weight` is stiff: it would change the mass matrix by rounding. Its rows have the
-/// entries `jacobian` at the coordinates `columns`.
-#[inline(always)]
-fn stiff_lanes<R: Real, const N: usize>(metric: &impl Metric<R>, weight: R, columns: &[u32], jacobian: &[[R; N]]) -> R::Mask {
-    let (mut stiff, ratio) = (R::Mask::splat(false), stiff_ratio::<R>());
-    for (&d, j) in columns.iter().zip(jacobian) {
-        let mut square = R::zero();
-        for &j in j {
-            square += j * j;
-        }
-        stiff = stiff.or((weight * square).gt(ratio * metric.row(d as usize).1[0]));
-    }
-    stiff
-}
-
-/// Lanes in which any contact of a list is stiff.
-#[inline(always)]
-fn any_stiff<R: Real, const N: usize>(contacts: &SoftContacts<R, N>, metric: &impl Metric<R>) -> R::Mask {
-    let mut stiff = R::Mask::splat(false);
-    for contact in &contacts.items {
-        let (columns, jacobian) = contacts.entries(contact);
-        stiff = stiff.or(stiff_lanes(metric, largest_weight(contact), columns, jacobian));
-    }
-    stiff
-}
-
-/// Largest weight of the rows of a contact.
-#[inline(always)]
-fn largest_weight<R: Real, const N: usize>(contact: &SoftContact<R, N>) -> R {
-    let mut most = R::zero();
-    for &weight in &contact.weight {
-        most = most.max(weight);
-    }
-    most
 }
 
 /// Subtracts `factor` times `y` from `x`.

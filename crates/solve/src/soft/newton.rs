@@ -22,11 +22,8 @@ pub struct Effort<R> {
 /// Result of a solve of the soft problem, in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftOutcome<R> {
-    /// Error of the acceleration, m/s^2 or rad/s^2; 0 for the exact solution. It is the smaller of two bounds.
-    ///
-    /// The first is the largest acceleration by the remaining imbalance M (a - a0) - J^T f of inertial and constraint forces. The second is
-    /// the last Newton step, if the objective is quadratic along it. The imbalance of very stiff rows is mostly rounding error, which the
-    /// rows themselves keep from accelerating anything.
+    /// Largest acceleration by the remaining imbalance M (a - a0) - J^T f of inertial and constraint forces, m/s^2 or rad/s^2. It is 0 for
+    /// the exact solution.
     pub residual: R,
     /// Number of Newton steps.
     pub steps: R,
@@ -65,11 +62,6 @@ const LINE_SEARCH_STEPS: u32 = 16;
 /// Ratio of the slope along the search direction to the initial slope, below which a line search ends.
 const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 
-/// Relative change of the objective's curvature along a Newton step up to which the objective counts as quadratic there.
-///
-/// Evidence: if no row changes between open and closed, the change is a few rounding errors.
-const QUADRATIC_TOLERANCE: f64 = 1e-6;
-
 /// Number of multiplications for a contact in a Newton step of the soft problem, in addition to those of the factorisation.
 const CONTACT_WORK: usize = 300;
 
@@ -106,6 +98,13 @@ impl<R: Real> SoftSolver<R> {
         self
     }
 
+    /// Reduces the weights of almost rigid rows so much that rounding spoils neither the Hessian nor the forces. A force changes by at most
+    /// 1e-8 of itself; by 1e-7 with elliptic cones, and by 1e-5 in single precision.
+    #[inline(always)]
+    pub fn limit_weights(&mut self, problem: &mut SoftProblem<R>, metric: &impl Metric<R>) {
+        problem.limit_weights(metric, &mut self.direction);
+    }
+
     /// Solves the lanes `lanes`. The start is the acceleration `a`, which is replaced by the solution. `free` is the acceleration without
     /// constraints.
     pub fn solve(
@@ -119,24 +118,20 @@ impl<R: Real> SoftSolver<R> {
     ) -> SoftOutcome<R> {
         self.forces_without_slip = false;
         self.hessian.find_pattern(problem, metric);
-        kernel!(R, || {
-            self.hessian.find_stiff_rows(problem, metric);
-            self.begin(problem, metric, free, a);
-        });
+        kernel!(R, || self.begin(problem, metric, free, a));
         kernel!(R, || {
             let (mut outcome, mut running) = (SoftOutcome { residual: R::zero(), steps: R::zero() }, lanes);
-            let mut last_step = R::of(f64::INFINITY);
             for step in 0..=effort.steps {
-                let imbalance = kernel!(R, || self.find_gradient(problem, metric));
-                let residual = R::select(last_step.lt(imbalance), last_step, imbalance);
+                let residual = kernel!(R, || self.find_gradient(problem, metric));
                 outcome.residual = R::select(running, residual, outcome.residual);
                 running = running.and_not(residual.le(effort.tolerance));
                 if running.none() || step == effort.steps {
                     break;
                 }
                 outcome.steps += R::select(running, R::one(), R::zero());
-                kernel!(R, || self.hessian.factor_at(problem, metric, &self.argument));
-                last_step = kernel!(R, || self.descend(problem, metric, effort.tolerance, running, a));
+                kernel!(R, || self.hessian.assemble(problem, metric, &self.argument));
+                kernel!(R, || self.hessian.factor());
+                kernel!(R, || self.descend(problem, metric, running, a));
             }
             outcome
         })
@@ -234,10 +229,10 @@ impl<R: Real> SoftSolver<R> {
     pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.hessian.find_pattern(problem, metric);
         kernel!(R, || {
-            self.hessian.find_stiff_rows(problem, metric);
             self.begin(problem, metric, free, a);
+            self.hessian.assemble(problem, metric, &self.argument);
         });
-        kernel!(R, || self.hessian.factor_at(problem, metric, &self.argument));
+        kernel!(R, || self.hessian.factor());
     }
 
     /// Approximates the solution of a problem that is similar to that of the last [`SoftSolver::settle`]. `a` must be the acceleration of
@@ -337,43 +332,19 @@ impl<R: Real> SoftSolver<R> {
         largest
     }
 
-    /// Makes a Newton step with a line search in the lanes `lanes`. Returns the length of the step: the largest change of an acceleration.
-    ///
-    /// The length is infinite unless it is at most `tolerance` and the objective is quadratic along the step. Otherwise the step ends at
-    /// the solution, so that its length is the error before the step. Such a step needs no line search, whose slopes would be rounding
-    /// errors.
+    /// Makes a Newton step with a line search in the lanes `lanes`.
     #[inline(always)]
-    fn descend(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, tolerance: R, lanes: R::Mask, a: &mut [R]) -> R {
+    fn descend(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, lanes: R::Mask, a: &mut [R]) {
         for (direction, &gradient) in self.direction.iter_mut().zip(&self.gradient) {
             *direction = -gradient;
         }
         self.hessian.solve(&mut self.direction);
         self.change.multiply(problem, &self.direction, false);
         multiply(metric, &self.direction, &mut self.inertial_change);
-        let mut length = R::zero();
-        for &x in &self.direction {
-            length = length.max_or_nan(x.abs());
-        }
-        let mut last = lanes.and(length.le(tolerance));
-        if last.any() {
-            last = last.and(self.is_quadratic(problem));
-        }
-        let step = R::select(last, R::one(), self.search(problem, lanes.and_not(last)));
+        let step = self.search(problem, lanes);
         advance(a, &self.direction, step);
         advance(&mut self.inertial, &self.inertial_change, step);
         self.argument.advance(&self.change, step);
-        R::select(last, length, R::of(f64::INFINITY))
-    }
-
-    /// Lanes in which the objective is quadratic along Newton's direction: its curvature is the same at both ends of the step.
-    #[inline(always)]
-    fn is_quadratic(&self, problem: &SoftProblem<R>) -> R::Mask {
-        let mut kinetic = R::zero();
-        for (&direction, &change) in self.direction.iter().zip(&self.inertial_change) {
-            kinetic += direction * change;
-        }
-        let [start, end] = [R::zero(), R::one()].map(|step| self.curvature(problem, kinetic, step));
-        (end - start).abs().le(start * R::of(QUADRATIC_TOLERANCE))
     }
 
     /// Step length along the search direction at which the slope is zero; 0 outside `lanes`.

@@ -27,6 +27,7 @@ impl<R: Real> Assembler<'_, R> {
             self.add_soft_limits(input, &mut system);
         });
         self.add_soft_contacts(input, contacts, &mut system);
+        kernel!(R, || system.limit_weights(input.row.compiled, input.row.mass));
         if let Some(effective) = input.effective {
             let lanes = input.row.alive;
             if effective.couple(&mut system, lanes) {

@@ -59,6 +59,13 @@ impl<R: Real> SoftSystem<R> {
         }))
     }
 
+    /// Reduces the weights of almost rigid rows, see [`SoftSolver::limit_weights`].
+    #[inline(always)]
+    pub fn limit_weights(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>) {
+        let Self { problem, solver, mass, .. } = self;
+        solver.limit_weights(problem, &TreeMass { compiled, mass, factors });
+    }
+
     /// Solves for the acceleration in the lanes `lanes`. `free` is the acceleration without constraints.
     pub fn solve(
         &mut self,

@@ -104,15 +104,21 @@ impl<R: Real> Assembler<'_, R> {
             for (pair, same) in contacts.pairs(k, lanes.bits()) {
                 let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                 let is_conveyor = |geom| compiled.surfaces.iter().any(|surface| surface.geom == geom && surface.own.is_some());
-                if compiled.geoms[a].is_round && compiled.geoms[b].is_round && ![a, b].into_iter().any(is_conveyor) {
-                    let (half, [radius_a, radius_b]) = (gap * R::of(0.5), [a, b].map(|g| compiled.params.geom_size(g)[0]));
-                    let [spin_a, spin_b] = [a, b].map(|g| angular_velocity(input, compiled.geoms[g].frame));
+                let closing_time = input.times.of_pair(compiled, [a, b]).closing;
+                let approach = free[0] * closing_time;
+                if compiled.geoms[a].is_round
+                    && compiled.geoms[b].is_round
+                    && R::Mask::from_bits(same).and((gap + approach).lt(R::zero())).any()
+                    && ![a, b].into_iter().any(is_conveyor)
+                {
+                    let (half, radius_a, radius_b) = (gap * R::of(0.5), compiled.params.geom_size(a)[0], compiled.params.geom_size(b)[0]);
+                    let spin_a = angular_velocity(input, compiled.geoms[a].frame);
+                    let spin_b = angular_velocity(input, compiled.geoms[b].frame);
                     let spins = add(scale(spin_a, radius_a + half), scale(spin_b, radius_b + half));
                     let centre_velocity = cross(spins, normal);
                     let tangents = [slot.tangent, cross(normal, slot.tangent)];
-                    let [across, over] = tangents.map(|tangent| dot(tangent, centre_velocity));
+                    let (across, over) = (dot(tangents[0], centre_velocity), dot(tangents[1], centre_velocity));
                     let reach = radius_a + radius_b;
-                    let closing_time = input.times.of_pair(compiled, [a, b]).closing;
                     let displacement = scale([free[0], free[1] + across, free[2] + over], closing_time);
                     let distance = norm([reach + gap + displacement[0], displacement[1], displacement[2]]);
                     let meets = distance.lt(reach).and((reach + gap + displacement[0]).gt(R::zero()));

@@ -334,6 +334,9 @@ pub(crate) fn merge_connected<R: Real>(
     mut merge: impl FnMut([usize; 2], R::Mask) -> R::Mask,
 ) -> bool {
     let mut any = false;
+    if compiled.mechanisms.count < 2 {
+        return any;
+    }
     loop {
         let mut changed = R::Mask::splat(false);
         for k in 0..contacts.slots() {

@@ -423,3 +423,12 @@ def test_every_name_of_an_element_in_mujoco_exists_or_has_a_hint(kind):
                 error = error_of(owner, name)
                 wrong += faults(str(error).partition(";")[2]) if is_written(owner, name) else [str(error)]
     assert not wrong, "\n".join(wrong)
+
+
+def test_the_jacobian_of_a_site_by_its_name_alone_names_the_argument():
+    sim = stepper.Stepper(stepper.load('<mujoco><worldbody><body><joint/><geom size=".1"/><site name="tip"/></body></worldbody></mujoco>'))
+    with pytest.raises(KeyError, match=r"no body is named 'tip', but a site is: jacobian\(site='tip'\)"):
+        sim.jacobian("tip")
+    with pytest.raises(KeyError, match="tap"):
+        sim.jacobian("tap")
+    assert sim.jacobian(site="tip").shape == (6, 1)

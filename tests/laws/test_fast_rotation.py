@@ -77,7 +77,7 @@ TOPS = ['type="capsule" size=".02 .1"', 'type="cylinder" size=".1 .02"', 'type="
 
 
 @given(st.sampled_from(TOPS), st.sampled_from(["free", "ball"]), turns, st.floats(0.0, 0.01), timesteps, precisions)
-def test_a_top_precesses_with_a_constant_spin(top, kind, turn, wobble, timestep, precision):
+def test_a_top_precesses_with_a_constant_spin(top, kind, turn, wobble, timestep, precision):  # noqa: PLR0917
     """A body of revolution keeps its angular velocity about its axis, and the magnitude of that across the axis."""
     # With a fixed-point iteration in place of Newton's method, the wobble of the capsule was 1e-16 after 2,000 steps of 1.5 rad.
     sim = stepper_of(f'<body pos="0 0 9"><joint type="{kind}"/><geom {top} mass="1"/></body>', timestep, precision)

@@ -1,8 +1,8 @@
 //! Quantities derived from the states of all environments and from their last step.
 
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyString};
 use stepper_core::DerivedQuantity;
 
 use crate::arguments::no_others;
@@ -68,7 +68,13 @@ impl Stepper {
         no_others("Stepper.jacobian", others, &["body", "site"])?;
         let model = slf.simulation.model();
         let quantity = match (body, site) {
-            (Some(body), None) => DerivedQuantity::BodyJacobian(Kind::Body.find(model, &body)?),
+            (Some(body), None) => DerivedQuantity::BodyJacobian(Kind::Body.find(model, &body).map_err(|error| {
+                if body.is_instance_of::<PyString>() && Kind::Site.find(model, &body).is_ok() {
+                    let name = body.repr().map_or_else(|_| body.to_string(), |name| name.to_string());
+                    return PyKeyError::new_err(format!("no body is named {name}, but a site is: jacobian(site={name})"));
+                }
+                error
+            })?),
             (None, Some(site)) => DerivedQuantity::SiteJacobian(Kind::Site.find(model, &site)?),
             (Some(_), Some(_)) => return Err(PyValueError::new_err("jacobian has both body and site: give one of them")),
             (None, None) => return Err(PyValueError::new_err("jacobian has neither body nor site: give body= or site=, by name or index")),

@@ -24,7 +24,7 @@ class Status(IntFlag):
     CONTACTS_FULL = 4
     """More contacts were found than `Options.max_contacts` allows; the last ones were dropped."""
     UNRESOLVED = 8
-    """The time step is too long for the motion; use a shorter one. There are five cases:
+    """The time step is too long for the motion; use a shorter one. There are six cases:
 
     First, a joint turns too far in one step:
 
@@ -45,7 +45,9 @@ class Status(IntFlag):
     Fourth, stiff servos kept changing between their bounds (force limits, torque-speed curves) in the iterations of the step. Some of
     their forces may be outside of their range.
 
-    Fifth, a position, velocity or activation exceeds 1e10, where MuJoCo resets an environment."""
+    Fifth, a position, velocity or activation exceeds 1e10, where MuJoCo resets an environment.
+
+    Sixth, a free body or one on a ball joint spins and tumbles so fast that the equation for its rotation has no solution."""
     TUNNELLED = 16
     """A fast geom may have passed through a thin one in a step. Use a shorter time step."""
     INFEASIBLE = 32

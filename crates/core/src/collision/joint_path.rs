@@ -13,12 +13,12 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Rotation of a body on a path above which the chords of its points' paths are too inaccurate, rad. At 0.1 rad a path deviates from its
-/// tangent by half a hundredth of its radius.
+/// Rotation of a body above which straight lines approximate the paths of its points too badly, rad. At 0.1 rad a path leaves its tangent
+/// by half a hundredth of its radius.
 pub(crate) const MAX_STRAIGHT_ROTATION: f64 = 0.1;
 
-/// Distance by which a rotation may displace a surface without counting as sweeping, relative to the geom's bounding radius. Rounding in
-/// single precision displaces an axis by 1e-5 of a radius of a centimetre that is a metre from the origin.
+/// Distance per radian by which a rotation may displace a surface without counting as sweeping, relative to the geom's bounding radius.
+/// Rounding in single precision displaces an axis by 1e-5 of a radius of a centimetre that is a metre from the origin.
 const NEGLIGIBLE_SWEEP: f64 = 1e-4;
 
 /// Joints of a model at one configuration, with constant velocities.

@@ -19,9 +19,11 @@ pub(crate) struct EvaluationTimes<R: Real> {
     rule: R,
     /// Time from the beginning of the step to the evaluation of each mechanism, s. Current only if `moved` is true.
     before: Vec<R>,
-    /// Lanes in which each mechanism has very fast bodies. It is evaluated at the beginning of the step, unless it has an impact.
+    /// Lanes in which each mechanism has very fast bodies, or contacts connect it with such a mechanism. It is evaluated at the beginning
+    /// of the step, unless it has an impact.
     fast: Vec<R::Mask>,
-    /// Lanes in which each mechanism takes part in an elastic impact, and is evaluated at the impact's time.
+    /// Lanes in which each mechanism is evaluated at the time of an elastic impact. The impact is its own, or that of a mechanism that
+    /// contacts connect with it.
     impact: Vec<R::Mask>,
     /// Whether any mechanism is `fast` or has an `impact`, in any lane.
     moved: bool,

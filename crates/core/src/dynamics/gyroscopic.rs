@@ -13,8 +13,8 @@
 //! Wanner 2006, sections II.3 and XI.3). The momentum in world axes changes by exactly the impulse. Centres of mass away from the joint are
 //! included: linear momentum and spin of a free body, angular momentum about the anchor of a ball joint.
 //!
-//! With the mass matrix M in the middle of the step, Newton's method solves M (w+ - w) = h (torque) - N. Here N = p+(w+) - p-(w) - M
-//! (w+ - w).
+//! With the mass matrix M in the middle of the step, the equation is w+ = w + M^-1 (h (torque) - N), a fixed-point equation for w+. Here N
+//! = p+(w+) - p-(w) - M (w+ - w). Newton's method solves it.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
@@ -29,8 +29,8 @@ use crate::model::JointKind;
 /// Evidence: 2 to 4 suffice up to a radian per step. A wheel that turns by 20 rad per step about its axis, and wobbles, needs up to 8.
 const NEWTON_STEPS: usize = 16;
 
-/// Error of the angular velocity, relative to its size, up to which Newton's method has no solution. The step is then unresolved.
-const MAX_ERROR: f64 = 1e-4;
+/// Largest error of the angular velocity, relative to its size. If Newton's method leaves a larger one, the step is unresolved.
+const MAX_RELATIVE_ERROR: f64 = 1e-4;
 
 /// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies so that they follow the discrete
 /// midpoint rule. `v` is the velocity before the step. `v_free` contains the gyroscopic force at the velocity `v_eval`.
@@ -68,7 +68,7 @@ pub fn correct<R: Real>(
                 let image = add(start, change);
                 let error = sub(spin_of(&image), spin_of(&new));
                 let (size, speed) = (largest(error), largest(spin_of(&new)));
-                is_far = is_far.and_not(searching.and(size.le(speed * R::of(MAX_ERROR))));
+                is_far = is_far.and_not(searching.and(size.le(speed * R::of(MAX_RELATIVE_ERROR))));
                 let unfinished = searching.and_not(size.le(speed * rounding));
                 let step = select(unfinished, body.newton_step(&added, spin_of(&new), error, time_after), zero());
                 let w = add(spin_of(&new), step);

@@ -10,12 +10,12 @@ use crate::soft::contact::SoftContact;
 
 /// Largest product of the weight and the inverse inertia of a row, in double precision.
 ///
-/// The inverse is the relative change of a force by the limit of the weight. The product times the rounding unit is the relative error of a
-/// force by rounding. Rows of ordinary contacts have a product of up to 1e4.
+/// The limit changes a force by the inverse of this number, relative to the force. Rounding changes it by this number times the rounding
+/// unit. Rows of ordinary contacts have a product of up to 1e4.
 const MAX_WEIGHT: f64 = 1e8;
 
 /// [`MAX_WEIGHT`] for contacts with an elliptic cone. Newton's method needs many steps on a curved cone with a large weight: of random
-/// contacts with a product of 1e8, 6 % do not converge in 100 steps, and with 1e7 none.
+/// contacts with a product of 1e8, 6 % do not converge in 100 steps. With 1e7 all do.
 const MAX_WEIGHT_ELLIPTIC: f64 = 1e7;
 
 /// [`MAX_WEIGHT`] in single precision, for all rows.
@@ -330,8 +330,8 @@ impl<R: Real> SoftProblem<R> {
     /// Overwrites `buffer`, which has an entry for each coordinate.
     ///
     /// Contacts of a body that turns about its centre of mass have enormous weights, because MuJoCo's approximation of their inverse
-    /// inertia is 0. The product of a row's weight and its inverse inertia J M^-1 J^T becomes at most [`MAX_WEIGHT`], or
-    /// [`MAX_WEIGHT_ELLIPTIC`] for elliptic cones.
+    /// inertia is 0. If the product of weight and J_d^2 / M_dd exceeds the limit at any coordinate d, the rows are scaled. The product
+    /// of weight and inverse inertia J M^-1 J^T is then the limit: [`MAX_WEIGHT`], [`MAX_WEIGHT_ELLIPTIC`] or [`MAX_WEIGHT_SINGLE`].
     #[inline(always)]
     pub(super) fn limit_weights(&mut self, metric: &impl Metric<R>, buffer: &mut [R]) {
         let is_single = <R::Scalar as Scalar>::EPSILON.to_f64() > f64::EPSILON;

@@ -114,6 +114,9 @@ proptest! {
     /// The residual of a lane is NaN if the offset of any of its constraints is.
     #[test]
     fn the_residual_shows_a_nan_of_any_constraint(case in case(0.0, Just(1.0)), at in 0..ROWS) {
+        // The solver leaves out rows without an entry.
+        let first = if at == 0 { 0 } else { N + 3 * N * (at - 1) };
+        prop_assume!((0..N).any(|c| case.touches(at, c) && case.y[first + c] != 0.0));
         let (mut problem, iterate) = build::<F64Lanes>(&case);
         match at {
             0 => problem.scalars[0].g.set_lane(3, f64::NAN),

@@ -22,7 +22,7 @@ pub(crate) struct EvaluationTimes<R: Real> {
     /// Lanes in which each mechanism has very fast bodies, or contacts connect it with such a mechanism. It is evaluated at the beginning
     /// of the step, unless it has an impact.
     fast: Vec<R::Mask>,
-    /// Lanes in which each mechanism is evaluated at the time of an elastic impact. The impact is its own, or that of a mechanism that
+    /// Lanes in which each mechanism is evaluated at the time of an elastic impact, in which the mechanism takes part, or another one that
     /// contacts connect with it.
     impact: Vec<R::Mask>,
     /// Whether any mechanism is `fast` or has an `impact`, in any lane.

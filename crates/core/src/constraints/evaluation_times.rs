@@ -22,8 +22,8 @@ pub(crate) struct EvaluationTimes<R: Real> {
     /// Lanes in which each mechanism has very fast bodies, or contacts connect it with such a mechanism. It is evaluated at the beginning
     /// of the step, unless it has an impact.
     fast: Vec<R::Mask>,
-    /// Lanes in which each mechanism is evaluated at the time of an elastic impact, in which the mechanism takes part, or another one that
-    /// contacts connect with it.
+    /// Lanes in which each mechanism is evaluated at the time of an elastic impact. The mechanism takes part in the impact, or contacts
+    /// connect it with one that does.
     impact: Vec<R::Mask>,
     /// Whether any mechanism is `fast` or has an `impact`, in any lane.
     moved: bool,

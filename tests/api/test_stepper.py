@@ -135,7 +135,7 @@ def test_float32_inputs_are_widened():
 
 
 def test_what_is_no_array_of_numbers_is_named():
-    with pytest.raises(ValueError, match="ctrl"):
+    with pytest.raises(TypeError, match=r"ctrl is \['left', 'right'\], must be an array of numbers"):
         falling().step(["left", "right"])
 
 

@@ -29,8 +29,9 @@ use crate::model::JointKind;
 /// Evidence: 2 to 4 suffice up to a radian per step. A wheel that turns by 20 rad per step about its axis, and wobbles, needs up to 8.
 const NEWTON_STEPS: usize = 16;
 
-/// Largest error of the angular velocity, relative to its size. If Newton's method leaves a larger one, the step is unresolved.
-const MAX_RELATIVE_ERROR: f64 = 1e-4;
+/// Largest error of the rotation in a step, rad, or relative to rotations above a radian. If Newton's method leaves a larger one, the step
+/// is unresolved.
+const MAX_ERROR: f64 = 1e-4;
 
 /// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies so that they follow the discrete
 /// midpoint rule. `v` is the velocity before the step. `v_free` contains the gyroscopic force at the velocity `v_eval`.
@@ -67,10 +68,11 @@ pub fn correct<R: Real>(
                 solve(compiled, mass, spinner, &mut change);
                 let image = add(start, change);
                 let error = sub(spin_of(&image), spin_of(&new));
-                let (size, speed) = (largest(error), largest(spin_of(&new)));
-                is_far = is_far.and_not(searching.and(size.le(speed * R::of(MAX_RELATIVE_ERROR))));
-                let unfinished = searching.and_not(size.le(speed * rounding));
-                let step = select(unfinished, body.newton_step(&added, spin_of(&new), error, time_after), zero());
+                // Slow rotations may have rounding errors of fast translations.
+                let (size, scale) = (largest(error) * h, (largest(spin_of(&new)) * h).max(R::one()));
+                is_far = is_far.and_not(searching.and(size.le(scale * R::of(MAX_ERROR))));
+                let unfinished = searching.and_not(size.le(scale * rounding));
+                let step = select(unfinished, body.newton_step(&added, spin_of(&new), error, time_after), error);
                 let w = add(spin_of(&new), step);
                 new = select(searching, [image[0], image[1], image[2], w[0], w[1], w[2]], new);
                 searching = unfinished;

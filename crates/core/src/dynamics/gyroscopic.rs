@@ -72,7 +72,7 @@ pub fn correct<R: Real>(
                 let (size, scale) = (largest(error) * h, (largest(spin_of(&new)) * h).max(R::one()));
                 is_far = is_far.and_not(searching.and(size.le(scale * R::of(MAX_ERROR))));
                 let unfinished = searching.and_not(size.le(scale * rounding));
-                let step = select(unfinished, body.newton_step(&added, spin_of(&new), error, time_after), error);
+                let step = body.newton_step(&added, spin_of(&new), error, time_after);
                 let w = add(spin_of(&new), step);
                 new = select(searching, [image[0], image[1], image[2], w[0], w[1], w[2]], new);
                 searching = unfinished;

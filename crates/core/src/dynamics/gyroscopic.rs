@@ -55,16 +55,16 @@ pub fn correct<R: Real>(
             let at = spinner.dof;
             let [time_before, time_after] = times(at);
             let h = time_before + time_after;
-            let before = body.momentum(&take(v, at, spinner.kind), -time_before);
+            let [old, start] = [v, &*v_free].map(|v| take(v, at, spinner.kind));
+            let before = body.momentum(&old, &turn(&old, -time_before));
             let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
-            let start = take(v_free, at, spinner.kind);
-            let old = take(v, at, spinner.kind);
             let turns = largest(spin_of(&old)) * h;
             let mut new = select(turns.gt(R::one()), old, start);
             let added = added_inertia(compiled, mass, spinner, &body);
             let (mut searching, mut is_far) = (tumbles, tumbles);
             for _ in 0..=NEWTON_STEPS {
-                let mut change = sub(explicit, body.transport([&old, &new], before, time_after));
+                let turn = turn(&new, time_after);
+                let mut change = sub(explicit, body.transport([&old, &new], before, &turn));
                 solve(compiled, mass, spinner, &mut change);
                 let image = add(start, change);
                 let error = sub(spin_of(&image), spin_of(&new));
@@ -72,7 +72,7 @@ pub fn correct<R: Real>(
                 let (size, scale) = (largest(error) * h, (largest(spin_of(&new)) * h).max(R::one()));
                 is_far = is_far.and_not(searching.and(size.le(scale * R::of(MAX_ERROR))));
                 let unfinished = searching.and_not(size.le(scale * rounding));
-                let step = body.newton_step(&added, spin_of(&new), error, time_after);
+                let step = body.newton_step(&added, spin_of(&new), error, time_after, &turn);
                 let w = add(spin_of(&new), step);
                 new = select(searching, [image[0], image[1], image[2], w[0], w[1], w[2]], new);
                 searching = unfinished;
@@ -109,7 +109,8 @@ pub fn correct_spin<R: Real>(
             let [[time_before, time_after], times] = times_of(at);
             let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
             let explicit = add_scaled(scale(body.gyroscopic(&old), times[0]), body.gyroscopic(&new), times[1]);
-            let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -time_before), time_after));
+            let before = body.momentum(&old, &turn(&old, -time_before));
+            let mut change = sub(explicit, body.transport([&old, &new], before, &turn(&new, time_after)));
             solve(compiled, mass, spinner, &mut change);
             let dofs = spinner.kind.nv();
             for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
@@ -135,6 +136,12 @@ fn spin_of<R: Real>(v: &V6<R>) -> V3<R> {
     [v[3], v[4], v[5]]
 }
 
+/// Rotation of a single body with the velocity `v` in `time` seconds.
+#[inline(always)]
+fn turn<R: Real>(v: &V6<R>, time: R) -> M3<R> {
+    quat_to_mat(quat_exp(scale(spin_of(v), time)))
+}
+
 /// Largest magnitude of the components of `x`, or NaN if any is NaN.
 #[inline(always)]
 fn largest<R: Real>(x: V3<R>) -> R {
@@ -153,8 +160,7 @@ fn added_inertia<R: Real>(
     let first = spinner.dof + spinner.kind.nv() - 3;
     let mut added = [zero(); 3];
     for (j, column) in added.iter_mut().enumerate() {
-        let unit = unit(j);
-        *column = scale(add(body.spin(unit), scale(cross(body.arm, cross(unit, body.arm)), body.mass)), -R::one());
+        *column = scale(body.spin_about_joint(unit(j)), -R::one());
     }
     // A = L^T D L. The rotation comes last, so that its part of A has only these rows of L.
     for k in 0..3 {
@@ -252,19 +258,23 @@ impl<R: Real> Body<R> {
     /// anchor of a ball joint.
     #[inline(always)]
     fn turning(&self, w: V3<R>) -> V3<R> {
-        let own = self.spin(w);
-        if self.free { own } else { add(own, scale(cross(self.arm, cross(w, self.arm)), self.mass)) }
+        if self.free { self.spin(w) } else { self.spin_about_joint(w) }
+    }
+
+    /// Angular momentum about the joint of a rotation with the angular velocity `w` about the joint, kg m^2/s.
+    #[inline(always)]
+    fn spin_about_joint(&self, w: V3<R>) -> V3<R> {
+        add(self.spin(w), scale(cross(self.arm, cross(w, self.arm)), self.mass))
     }
 
     /// Newton step for the angular velocity `w` after the step: the change that removes `error`, the error of the fixed-point equation.
     ///
     /// The step d solves (E + P) d = (E + I) error. E is `added`, by columns, and I the inertia. P is the derivative of exp(t w) I w with
-    /// respect to w, where t is the time `time`. P d = exp(t w) (I d + (t J(t w) d) x I w), with the right Jacobian J of the exponential
-    /// map.
+    /// respect to w, where t is the time `time`, and exp(t w) is `turn`. P d = exp(t w) (I d + (t J(t w) d) x I w), with the right Jacobian
+    /// J of the exponential map.
     #[inline(always)]
-    fn newton_step(&self, added: &[V3<R>; 3], w: V3<R>, error: V3<R>, time: R) -> V3<R> {
-        let rotation = scale(w, time);
-        let (turn, momentum) = (quat_to_mat(quat_exp(rotation)), self.turning(w));
+    fn newton_step(&self, added: &[V3<R>; 3], w: V3<R>, error: V3<R>, time: R, turn: &M3<R>) -> V3<R> {
+        let (rotation, momentum) = (scale(w, time), self.turning(w));
         let square = dot(rotation, rotation);
         let small = square.lt(R::of(1e-4));
         let angle = R::select(small, R::one(), square).sqrt();
@@ -278,24 +288,23 @@ impl<R: Real> Body<R> {
             let unit = unit(k);
             let once = cross(rotation, unit);
             let turned = add_scaled(add_scaled(unit, once, -b), cross(rotation, once), c);
-            *column = add(*column, rotate(&turn, add(self.turning(unit), scale(cross(turned, momentum), time))));
+            *column = add(*column, rotate(turn, add(self.turning(unit), scale(cross(turned, momentum), time))));
         }
         let [k0, k1, k2] = columns;
         let minors = [cross(k1, k2), cross(k2, k0), cross(k0, k1)];
         scale([dot(minors[0], target), dot(minors[1], target), dot(minors[2], target)], dot(k0, minors[0]).recip())
     }
 
-    /// Momentum of the body at the velocity `v`, `time` seconds after the middle of the step. The linear part is in world axes. The angular
-    /// part is about the joint, in the body axes at the middle of the step.
+    /// Momentum of the body at the velocity `v`, after the rotation `turn` from the middle of the step. The linear part is in world axes.
+    /// The angular part is about the joint, in the body axes at the middle of the step.
     #[inline(always)]
-    fn momentum(&self, v: &V6<R>, time: R) -> V6<R> {
-        let (u, w) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
-        let turn = quat_to_mat(quat_exp(scale(w, time)));
-        let own = rotate(&turn, self.spin(w));
+    fn momentum(&self, v: &V6<R>, turn: &M3<R>) -> V6<R> {
+        let (u, w) = ([v[0], v[1], v[2]], spin_of(v));
+        let own = rotate(turn, self.spin(w));
         // All quantities are in the body axes at the middle of the step.
         let u = rotate_back(&self.mat, u);
-        let arm = rotate(&turn, self.arm);
-        let speed = add(u, rotate(&turn, cross(w, self.arm)));
+        let arm = rotate(turn, self.arm);
+        let speed = add(u, rotate(turn, cross(w, self.arm)));
         let p = scale(speed, self.mass);
         // Only torques about the centre of mass change the spin of a free body, independent of that centre's displacement.
         let place = if self.free { self.arm } else { arm };
@@ -307,7 +316,7 @@ impl<R: Real> Body<R> {
     /// Product M v of the body's mass matrix in the middle of the step and the velocity `v`.
     #[inline(always)]
     fn inertial(&self, v: &V6<R>) -> V6<R> {
-        let (u, w) = (rotate_back(&self.mat, [v[0], v[1], v[2]]), [v[3], v[4], v[5]]);
+        let (u, w) = (rotate_back(&self.mat, [v[0], v[1], v[2]]), spin_of(v));
         let p = scale(add(u, cross(w, self.arm)), self.mass);
         let l = add(self.spin(w), cross(self.arm, p));
         let p = rotate(&self.mat, p);
@@ -315,16 +324,17 @@ impl<R: Real> Body<R> {
     }
 
     /// Term N of the fixed-point equation: momentum at the velocity `new` after the step, minus the momentum `before` the step, minus M
-    /// (new - old). `old` is the velocity before the step, and M the mass matrix.
+    /// (new - old). `old` is the velocity before the step, and M the mass matrix. `turn` is the rotation from the middle of the step to its
+    /// end.
     #[inline(always)]
-    fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, time_after: R) -> V6<R> {
-        sub(sub(self.momentum(new, time_after), before), self.inertial(&sub(*new, *old)))
+    fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, turn: &M3<R>) -> V6<R> {
+        sub(sub(self.momentum(new, turn), before), self.inertial(&sub(*new, *old)))
     }
 
     /// Velocity-dependent part of the bias force at the velocity `v`.
     #[inline(always)]
     fn gyroscopic(&self, v: &V6<R>) -> V6<R> {
-        let w = [v[3], v[4], v[5]];
+        let w = spin_of(v);
         let p = scale(cross(w, cross(w, self.arm)), self.mass);
         let l = add(cross(w, self.spin(w)), cross(self.arm, p));
         let p = if self.free { rotate(&self.mat, p) } else { zero() };

@@ -336,7 +336,6 @@ impl<R: Real> StepResolution<R> {
             }
             mass.solve(compiled, change);
         });
-        unresolved.fill(R::Mask::splat(false));
         assess_corrector(compiled, alive, [v, v_next, change], h, (motions, &mut *unresolved));
         for lanes in unresolved {
             *lanes = runs_away.or(fast.and(*lanes));

@@ -13,7 +13,7 @@ use crate::vectors::V;
 pub struct SearchLimits {
     /// Largest distance of the surfaces at which a contact is added, m.
     pub max_distance: f64,
-    /// Distance below which surfaces count as touching, m. Far points never replace the points of touching surfaces, see [`Reach`].
+    /// Distance below which surfaces count as touching, m. Far points never replace the points of touching surfaces.
     pub touching: f64,
     /// Contact normal of the pair of hulls in the previous step, from which the search starts. This normal saves time, and changes the
     /// result by rounding errors at most.

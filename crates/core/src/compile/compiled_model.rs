@@ -176,6 +176,12 @@ impl<S: Scalar> ModelStructure<S> {
         self.mechanisms.of_tree[self.dofs[dof].tree]
     }
 
+    /// Degrees of freedom that are rotations.
+    #[inline(always)]
+    pub fn rotations(&self) -> impl Iterator<Item = usize> {
+        self.mechanisms.parts.iter().flat_map(|part| part.rotations.iter().cloned().flatten())
+    }
+
     /// Mechanism of the geom `geom`; `None` if the geom is fixed to the world.
     #[inline(always)]
     pub fn mechanism_of_geom(&self, geom: usize) -> Option<usize> {

@@ -44,7 +44,7 @@ impl<S: Scalar> CompiledModel<S> {
         let single = (&limits[..], &frictions[..], &ball_limits[..]);
         let tree_of_scalar_impulse = tree_of_scalar_impulse(scalar_impulses, &dofs, single, &equalities, &tendons);
         let tree_of_act = tree_of_act(model.na(), &dofs, &actuators.actuators);
-        let mechanisms = Mechanisms::new(merged.ntree, &dofs, &mocap, &equalities, &tendons, &actuators.actuators);
+        let mechanisms = Mechanisms::new(merged.ntree, &joints, &dofs, &mocap, &equalities, &tendons, &actuators.actuators);
         let structure = ModelStructure {
             nq: model.nq(),
             nv: model.nv(),

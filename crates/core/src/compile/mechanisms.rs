@@ -1,11 +1,14 @@
 //! Mechanisms: sets of kinematic trees that the model couples.
 
+use std::ops::Range;
+
 use stepper_real::Scalar;
 
 use crate::compile::actuators::CompiledActuator;
 use crate::compile::equality::{CompiledTendon, EqualityBlock, EqualityRows};
-use crate::compile::tree::{CompiledBallLimit, CompiledFriction, CompiledLimit, CompiledMocap, Dof};
+use crate::compile::tree::{CompiledBallLimit, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, Dof};
 use crate::math::disjoint_sets::DisjointSets;
+use crate::model::JointKind;
 
 /// Mechanisms of a model: sets of kinematic trees that equalities, tendons or actuators couple. Only contacts couple different mechanisms.
 ///
@@ -19,6 +22,19 @@ pub struct Mechanisms {
     pub of_tree: Vec<usize>,
     /// Mechanism of each mocap body.
     pub of_mocap: Vec<usize>,
+    /// All degrees of freedom, in order, in parts of one mechanism each.
+    pub parts: Vec<MechanismPart>,
+}
+
+/// Consecutive degrees of freedom of one mechanism.
+#[derive(Clone, Debug)]
+pub struct MechanismPart {
+    /// Index of the mechanism.
+    pub mechanism: usize,
+    /// Range of the degrees of freedom.
+    pub dofs: Range<usize>,
+    /// Ranges of those degrees of freedom that are rotations.
+    pub rotations: Vec<Range<usize>>,
 }
 
 /// Kinematic tree on which the actuator of each of `na` activations acts; `None` if it acts on no degree of freedom.
@@ -66,6 +82,7 @@ impl Mechanisms {
     /// Finds the mechanisms of a model with `ntree` kinematic trees. Equalities that are not active count too.
     pub(super) fn new<S: Scalar>(
         ntree: usize,
+        joints: &[CompiledJoint<S>],
         dofs: &[Dof],
         mocap: &[CompiledMocap<S>],
         equalities: &[EqualityBlock<S>],
@@ -99,6 +116,30 @@ impl Mechanisms {
             }
         }
         let of_mocap = of_set.split_off(ntree);
-        Self { count, of_tree: of_set, of_mocap }
+        let parts = parts(&of_set, joints, dofs);
+        Self { count, of_tree: of_set, of_mocap, parts }
     }
+}
+
+/// Parts of the list of degrees of freedom that belong to one mechanism each. `of_tree` has the mechanism of each kinematic tree.
+fn parts<S: Scalar>(of_tree: &[usize], joints: &[CompiledJoint<S>], dofs: &[Dof]) -> Vec<MechanismPart> {
+    let mut parts: Vec<MechanismPart> = vec![];
+    for joint in joints {
+        let (mechanism, [start, end]) = (of_tree[dofs[joint.v].tree], [joint.v, joint.v + joint.kind.nv()]);
+        if parts.last().is_none_or(|part| part.mechanism != mechanism) {
+            parts.push(MechanismPart { mechanism, dofs: start..start, rotations: vec![] });
+        }
+        let part = parts.last_mut().expect("a part was just added");
+        part.dofs.end = end;
+        let first = match joint.kind {
+            JointKind::Free => start + 3,
+            JointKind::Slide => continue,
+            JointKind::Ball | JointKind::Hinge => start,
+        };
+        match part.rotations.last_mut() {
+            Some(rotations) if rotations.end == first => rotations.end = end,
+            _ => part.rotations.push(first..end),
+        }
+    }
+    parts
 }

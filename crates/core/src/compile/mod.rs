@@ -27,6 +27,7 @@ pub use collision::{CompiledPair, DynamicPairs, NO_PAIR_GROUP};
 pub use compiled_model::{CompiledModel, ModelStructure};
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, FramePath, Spring};
 pub use lane_model::LaneModel;
+pub use mechanisms::MechanismPart;
 pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};
 pub use ray_surfaces::RaySurfaces;

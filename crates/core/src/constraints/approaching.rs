@@ -6,11 +6,11 @@
 //! [`crate::integrators::contact_activation`] activates the rows of the pairs that collide in this motion, and the solver solves the lanes
 //! of these pairs again. Before the solve, it does the same with the predicted motion.
 //!
-//! Contacts that rest, slide or roll are never deferred. Nor are contacts with soft surfaces, those of two round geoms that certainly
-//! collide, and those at a flat face. A contact is at a flat face if its geom is a plane, or if a ball stays over one flat face of the
-//! other geom during two steps. A large sweeping rotation moves the surface at a flat face along a curve; such contacts are deferred too.
-//! On a surface of triangles, a face is a triangle together with its neighbours across flat or concave edges, because a ball cannot hit
-//! such an edge.
+//! Contacts that rest, slide or roll are never deferred. Nor are contacts that bore load in the step before, contacts with soft surfaces,
+//! those of two round geoms that certainly collide, and those at a flat face. A contact is at a flat face if its geom is a plane, or if a
+//! ball stays over one flat face of the other geom during two steps. A large sweeping rotation moves the surface at a flat face along a
+//! curve; such contacts are deferred too. On a surface of triangles, a face is a triangle together with its neighbours across flat or
+//! concave edges, because a ball cannot hit such an edge.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
@@ -56,7 +56,8 @@ impl<R: Real> Assembler<'_, R> {
         let gap = contacts.data[k].point.distance;
         let closes =
             gap.gt(R::of(options.slop)).and((input.closing_part_of_slot(contacts, k, lanes.bits()) + input.h * free[0]).lt(R::zero()));
-        let mut deferred = curved.and(before.lt(-resting_speed).or(closes));
+        let loaded = contacts.data[k].impulse[0].gt(R::zero());
+        let mut deferred = curved.and_not(loaded).and(before.lt(-resting_speed).or(closes));
         let faces = deferred.and(at_face);
         if faces.any() {
             deferred = deferred.and_not(faces.and_not(self.sweeping_lanes(input, contacts, k, faces)));

@@ -109,6 +109,16 @@ pub(crate) struct CurvatureTerms<R: Real> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
+    /// Index in the problem of the contact in slot `k` and lane `lane`: contacts with three rows first, then those with six. `None` if the
+    /// contact is immovable.
+    pub(crate) fn contact_in_slot(&self, k: usize, lane: usize) -> Option<usize> {
+        let has = |lanes: R::Mask| lanes.bits() >> lane & 1 == 1;
+        let Self { sliding_slots, rolling_slots, .. } = self;
+        let sliding = sliding_slots.binary_search_by_key(&k, |slot| slot.0).ok().filter(|&i| has(sliding_slots[i].1));
+        let rolling = || rolling_slots.binary_search_by_key(&k, |slot| slot.0).ok().filter(|&i| has(rolling_slots[i].1));
+        sliding.or_else(|| rolling().map(|i| sliding_slots.len() + i))
+    }
+
     /// Workspace for a compiled model with at most `max_contacts` contacts per environment.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         // With MuJoCo's law, all lanes of a contact in the problem act on the same trees. A slot whose lanes have geoms of different trees

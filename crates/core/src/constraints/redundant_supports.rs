@@ -13,8 +13,8 @@
 //! * If a loaded contact of the cluster slips, the normal impulses are shared. Friction of a slipping contact is recomputed as mu times the
 //!   normal impulse, against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque
 //!   changes, and the solver continues from the shared loads.
-//! * If the cluster sticks, all impulses are shared at the end of the step, which changes no velocity. Without this the residuals of many
-//!   steps would move load from contact to contact, until some contacts reach their cones and the cluster slips.
+//! * If the cluster sticks, all impulses are shared at the end of about one step in eight, which changes no velocity. Without this the
+//!   residuals of many steps would move load from contact to contact, until some contacts reach their cones and the cluster slips.
 
 use std::ops::Range;
 
@@ -24,15 +24,18 @@ use stepper_solve::{Iterate, Problem};
 use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;
 use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::math::lanes::{MAX_LANES, each_of};
 use crate::tuning::{
     DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARE_ROUNDS, MAX_SHARED_CONTACTS, MAX_STICKING_WORK, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS,
+    STEPS_PER_SHARE,
 };
 
 /// Contact groups of all lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct ContactGroups<R> {
-    /// Slots of the contacts of all groups in the contact set, group by group. A slot has up to one contact per lane.
-    slots: Vec<usize>,
+    /// Indices in the problem of the contacts of all groups, group by group. Contacts with three rows come first, then those with six.
+    /// Immovable contacts are absent.
+    members: Vec<usize>,
     /// Contact groups of all lanes, lane by lane.
     groups: Vec<ContactGroup>,
     /// Workspace of the search for contact groups in one lane: the two bodies of each group, and its number of contacts.
@@ -53,8 +56,8 @@ pub(crate) struct ContactGroups<R> {
 #[derive(Clone, Copy, Debug)]
 struct ContactGroup {
     lane: usize,
-    /// Range of the group's contacts in the list of slots.
-    slots: [usize; 2],
+    /// Range of the group's contacts in the list of members.
+    members: [usize; 2],
     /// Cluster of the group (groups that move a common coordinate), given as the index of one of its groups.
     cluster: usize,
     /// Whether any contact of the group slips under load.
@@ -62,16 +65,10 @@ struct ContactGroup {
 }
 
 impl ContactGroup {
-    /// Indices of the group's contacts in the problem. Contacts with three rows come first, then those with six. The iterator leaves out
-    /// contacts that are immovable or deferred in the group's lane.
-    fn contacts<'a, R: Real>(&self, slots: &'a [usize], problem: &'a ConstraintProblem<R>) -> impl Iterator<Item = usize> + 'a {
-        let (lane, has) = (self.lane, |lanes: R::Mask, lane: usize| lanes.bits() >> lane & 1 == 1);
-        let ConstraintProblem { rows, sliding_slots, rolling_slots, .. } = problem;
-        let index = move |k: &usize| {
-            let sliding = sliding_slots.binary_search_by_key(k, |slot| slot.0).ok().filter(|&i| has(sliding_slots[i].1, lane));
-            sliding.or_else(|| rolling_slots.binary_search_by_key(k, |slot| slot.0).ok().map(|i| sliding_slots.len() + i))
-        };
-        slots[self.slots[0]..self.slots[1]].iter().filter_map(index).filter(move |&i| has(rows.contact_lanes(i), lane))
+    /// Indices of the group's contacts in the problem, without those that are deferred in the group's lane. `members` is the list of members.
+    fn contacts<'a, R: Real>(&self, members: &'a [usize], problem: &'a ConstraintProblem<R>) -> impl Iterator<Item = usize> + 'a {
+        let lane = self.lane;
+        members[self.members[0]..self.members[1]].iter().copied().filter(move |&i| problem.rows.contact_lanes(i).bits() >> lane & 1 == 1)
     }
 }
 
@@ -253,7 +250,7 @@ impl<R: Real> ContactGroups<R> {
     pub(crate) fn new(dimension: usize, max_contacts: usize) -> Self {
         let n = max_contacts;
         Self {
-            slots: Vec::with_capacity(n * R::LANES),
+            members: Vec::with_capacity(n * R::LANES),
             groups: Vec::with_capacity(n.div_ceil(MIN_SHARED_CONTACTS) * R::LANES),
             pairs: Vec::with_capacity(n),
             of_contact: Vec::with_capacity(n),
@@ -264,9 +261,15 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Finds the contact groups in the lanes `lanes` (bits).
-    pub(crate) fn find(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, lanes: u32) {
-        self.slots.clear();
+    /// Finds the contact groups among the contacts of the problem, in the lanes `lanes` (bits).
+    pub(crate) fn find(
+        &mut self,
+        compiled: &ModelStructure<R::Scalar>,
+        contacts: &Contacts<R>,
+        problem: &ConstraintProblem<R>,
+        lanes: u32,
+    ) {
+        self.members.clear();
         self.groups.clear();
         if compiled.floating.is_empty() {
             return;
@@ -294,10 +297,11 @@ impl<R: Real> ContactGroups<R> {
             for (group, (frames, count)) in self.pairs.iter().enumerate() {
                 let loose = |&f: &usize| f > 0 && compiled.floating.get(f - 1) == Some(&true);
                 if *count >= MIN_SHARED_CONTACTS && frames.iter().any(loose) {
-                    let start = self.slots.len();
-                    self.slots.extend((0..contacts.count[lane]).filter(|&k| self.of_contact[k] == group));
+                    let start = self.members.len();
+                    let slots = (0..contacts.count[lane]).filter(|&k| self.of_contact[k] == group);
+                    self.members.extend(slots.filter_map(|k| problem.contact_in_slot(k, lane)));
                     let cluster = self.groups.len();
-                    self.groups.push(ContactGroup { lane, slots: [start, self.slots.len()], cluster, slips: false });
+                    self.groups.push(ContactGroup { lane, members: [start, self.members.len()], cluster, slips: false });
                 }
             }
         }
@@ -309,6 +313,22 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(self.groups.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
+    /// Lanes of `lanes` in which sticking clusters share their loads in this step: about one step in [`STEPS_PER_SHARE`].
+    ///
+    /// The bits of the normal impulses decide. They differ from step to step, unless the loads stay the same. A count of steps would be
+    /// one more number in the state.
+    pub(crate) fn due_lanes(&self, problem: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
+        let (all, mut bits) = (lanes.bits(), [0_u64; MAX_LANES]);
+        for group in self.groups.iter().filter(|group| all >> group.lane & 1 == 1) {
+            for i in group.contacts(&self.members, problem) {
+                bits[group.lane] ^= iterate.contact_impulse(i)[0].lane(group.lane).to_f64().to_bits();
+            }
+        }
+        // The high bits of the product depend on all bits (multiplication by 2^64 divided by the golden ratio).
+        let is_due = |bits: u64| bits != 0 && bits.wrapping_mul(0x9E37_79B9_7F4A_7C15) < u64::MAX / STEPS_PER_SHARE;
+        R::Mask::from_bits(each_of(all).filter(|&lane| is_due(bits[lane])).fold(0, |due, lane| due | 1 << lane))
+    }
+
     /// Newly loaded lanes: those with a contact group that has no normal impulses yet, and one of whose contacts has a normal velocity
     /// below its target. Lanes with more than [`MAX_NEW_CONTACTS`] contacts are left out.
     ///
@@ -317,7 +337,7 @@ impl<R: Real> ContactGroups<R> {
     pub(crate) fn newly_loaded_lanes(&self, contacts: &Contacts<R>, problem: &ConstraintProblem<R>, iterate: &Iterate<R>) -> R::Mask {
         let mut lanes = 0;
         for group in self.groups.iter().filter(|p| contacts.count[p.lane] <= MAX_NEW_CONTACTS) {
-            let (own, lane) = (|| group.contacts(&self.slots, problem), group.lane);
+            let (own, lane) = (|| group.contacts(&self.members, problem), group.lane);
             let unloaded = |i: usize| iterate.contact_impulse(i)[0].lane(lane) <= R::Scalar::default();
             let closes = |i: usize| problem.rows.contact_velocity(i, &iterate.w)[0].lane(lane) < R::Scalar::default();
             if lanes >> lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
@@ -334,7 +354,7 @@ impl<R: Real> ContactGroups<R> {
         if lanes.none() {
             return lanes;
         }
-        let Self { groups, slots, velocities, .. } = self;
+        let Self { groups, members, velocities, .. } = self;
         velocities.clear();
         kernel!(R, || {
             for i in 0..problem.rows.contacts.len() + problem.rows.rolling_contacts.len() {
@@ -345,7 +365,7 @@ impl<R: Real> ContactGroups<R> {
         for group in groups.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
             let (lane, most) = (group.lane, slip_speed.lane(group.lane).to_f64());
             let loaded = |i: usize| iterate.contact_impulse(i)[0].lane(lane).to_f64() > 0.0;
-            group.slips = group.contacts(slots, problem).any(|i| loaded(i) && slip(&numbers_of(&velocities[i], lane)) > most);
+            group.slips = group.contacts(members, problem).any(|i| loaded(i) && slip(&numbers_of(&velocities[i], lane)) > most);
             slipping |= u32::from(group.slips) << lane;
         }
         R::Mask::from_bits(slipping)
@@ -389,12 +409,12 @@ impl<R: Real> ContactGroups<R> {
         self.find_clusters(groups.clone(), problem);
         let mut changed = false;
         for cluster in groups.clone() {
-            let Self { slots, groups: all, points, velocities, .. } = &mut *self;
+            let Self { members, groups: all, points, velocities, .. } = &mut *self;
             points.clear();
             let mut slips = false;
             for group in all[groups.clone()].iter().filter(|group| group.cluster == cluster) {
                 slips |= group.slips;
-                points.extend(group.contacts(slots, problem).map(|i| {
+                points.extend(group.contacts(members, problem).map(|i| {
                     let (velocity, mu) = (numbers_of(&velocities[i], lane), problem.rows.contact_friction(i).lane(lane).to_f64());
                     let loaded = iterate.contact_impulse(i)[0].lane(lane).to_f64() > 0.0;
                     Point { contact: i, mu, velocity, free: loaded || velocity[0] <= slip_speed }
@@ -455,12 +475,12 @@ impl<R: Real> ContactGroups<R> {
 
     /// Finds clusters among the contact groups with the indices `groups`: groups that move a common coordinate get the same cluster.
     fn find_clusters(&mut self, groups: Range<usize>, problem: &ConstraintProblem<R>) {
-        let Self { slots, groups: all, owners, .. } = self;
+        let Self { members, groups: all, owners, .. } = self;
         owners.clear();
         owners.resize(problem.rows.dimension(), usize::MAX);
         let lane = all[groups.start].lane;
         for p in groups.clone() {
-            for i in all[p].contacts(slots, problem) {
+            for i in all[p].contacts(members, problem) {
                 problem.rows.for_each_contact_entry(i, lane, |c, y| {
                     let (owner, cluster) = (owners[c as usize], all[p].cluster);
                     if y == [0.0; 6] || owner == cluster {

@@ -167,13 +167,13 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// The midpoint rule moves bodies for half of the step at the velocity before the step, and for half at the velocity after it. Inertial
     /// forces should therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean
     /// velocity instead. If the velocity jumps, this is an error of first order in momentum and energy. The function checks the lanes
-    /// `checked`. For those in `first`, it is the first check in this step.
+    /// `checked`.
     #[inline(always)]
-    pub(crate) fn correct_impact_forces(&mut self, checked: R::Mask, first: R::Mask) -> R::Mask {
-        let lanes = if checked.any() { self.find_impacts(checked, first) } else { checked };
+    pub(crate) fn correct_impact_forces(&mut self, checked: R::Mask) -> R::Mask {
+        let lanes = if checked.any() { self.find_impacts(checked) } else { checked };
         if lanes.any() {
             self.compute_inertial_forces();
-            self.update_free_velocity(first);
+            self.update_free_velocity();
         }
         lanes
     }
@@ -181,9 +181,10 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Finds the lanes of `checked` in which the inertial forces of each mechanism must be recomputed. They were computed with another
     /// velocity than the solved one, or those of a mechanism in contact were. Returns the lanes with such a mechanism.
     ///
-    /// In the lanes `first`, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
-    /// mean of the forces at these two velocities. If the two results differ enough, such a mechanism counts too.
-    fn find_impacts(&mut self, checked: R::Mask, first: R::Mask) -> R::Mask {
+    /// The inertial forces were evaluated at the mean of the velocities before and after the step. They should be the mean of the forces at
+    /// these two velocities. If the two results differ enough, such a mechanism counts too. Only velocity changes by impulses are impacts:
+    /// the error of a rough prediction is none.
+    fn find_impacts(&mut self, checked: R::Mask) -> R::Mask {
         let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation } = self.context;
         let Evaluation { scheme, contacts, .. } = evaluation;
         let Self { free, problem, velocity, .. } = self;
@@ -191,21 +192,29 @@ impl<R: Real> VelocityLoop<'_, R> {
         kernel!(R, || {
             jumps.fill(Jump::default());
             let mut all = Jump::default();
-            for i in 0..compiled.nv {
-                let (v, free, next, expected) = (state.v[i], v_free[i], velocity.v[i], v_expected[i]);
-                let jump = Jump {
-                    error: (next - expected).abs(),
-                    fastest: v.abs().max(next.abs()),
-                    pushed: (next - free).abs(),
-                    smooth: (free - v).abs(),
-                    touches: R::zero(),
-                };
-                let mechanism = &mut jumps[compiled.mechanism_of(i)];
-                *mechanism = mechanism.max(&jump);
-                all = all.max(&jump);
+            for part in &compiled.mechanisms.parts {
+                let mut jump = jumps[part.mechanism];
+                for i in part.dofs.clone() {
+                    let (v, free, next, expected) = (state.v[i], v_free[i], velocity.v[i], v_expected[i]);
+                    jump = jump.max(&Jump {
+                        error: (next - expected).abs(),
+                        fastest: v.abs().max(next.abs()),
+                        pushed: (next - free).abs(),
+                        smooth: (free - v).abs(),
+                        touches: R::zero(),
+                    });
+                }
+                jumps[part.mechanism] = jump;
             }
-            let matters = |jump: &Jump<R>| (scheme.h * jump.velocity_error(first)).gt(R::of(MIN_VELOCITY_ERROR));
-            let checked = checked.and(alive).and(matters(&all));
+            let matters = |jump: &Jump<R>| (scheme.h * jump.velocity_error()).gt(R::of(MIN_VELOCITY_ERROR));
+            let is_sudden = |jump: &Jump<R>| jump.pushed.gt(jump.smooth * R::of(MIN_IMPACT_RATIO));
+            // Without a sudden change in any mechanism there is none in the connected ones, whose largest velocities are compared below.
+            let mut sudden = R::Mask::splat(false);
+            for jump in &*jumps {
+                all = all.max(jump);
+                sudden = sudden.or(is_sudden(jump));
+            }
+            let checked = checked.and(alive).and(sudden).and(matters(&all));
             if checked.none() {
                 return checked;
             }
@@ -223,8 +232,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             });
             let mut any = R::Mask::splat(false);
             for ((impact, jump), &unresolved) in impacts.iter_mut().zip(&*jumps).zip(&*unresolved) {
-                let change = jump.error.max(jump.pushed);
-                let is_impact = change.gt(jump.smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_MOTION)));
+                let is_impact = is_sudden(jump).and((scheme.h * jump.pushed).lt(R::of(MAX_RESOLVED_MOTION)));
                 // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
                 let touches = jump.touches.gt(R::zero());
                 *impact = checked.and_not(unresolved).and(is_impact).and(matters(jump)).and(touches);
@@ -280,9 +288,8 @@ impl<R: Real> VelocityLoop<'_, R> {
 
     /// Replaces the free velocity of mechanisms with an impact by the recomputed one, and shifts the offsets of the rows by the change.
     ///
-    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity is recomputed, with inertial
-    /// forces at the velocity before the step. In later corrections it stays: `early_extra_change` cancels `free_change`.
-    fn update_free_velocity(&mut self, first: R::Mask) {
+    /// The rows of impacts depend on the velocity before the impact. It is recomputed with inertial forces at the velocity before the step.
+    fn update_free_velocity(&mut self) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;
         let FreeMotion { v, v_expected, smooth, scratch, .. } = &mut **free;
@@ -295,8 +302,7 @@ impl<R: Real> VelocityLoop<'_, R> {
                 v[i] = new;
                 v_expected[i] = R::select(lanes, velocity.v[i], v_expected[i]);
                 if problem.resolves_impacts {
-                    let extra = R::select(first, v_free_early[i] - new, -free_change[i]);
-                    early_extra_change[i] = R::select(lanes, extra, R::zero());
+                    early_extra_change[i] = R::select(lanes, v_free_early[i] - new, R::zero());
                 }
             }
         });

@@ -71,10 +71,9 @@ impl<R: Real> Jump<R> {
         changed
     }
 
-    /// Error of inertial forces, divided by an inertia, 1/s^2. In the lanes `first`, they were evaluated at the mean of two velocities.
+    /// Error of inertial forces that were evaluated at the mean of two velocities, divided by an inertia, 1/s^2.
     #[inline(always)]
-    pub(crate) fn velocity_error(&self, first: R::Mask) -> R {
-        let apart = R::select(first, self.pushed * self.pushed * R::of(0.25), R::zero());
-        (self.error * self.fastest).max(apart)
+    pub(crate) fn velocity_error(&self) -> R {
+        (self.error * self.fastest).max(self.pushed * self.pushed * R::of(0.25))
     }
 }

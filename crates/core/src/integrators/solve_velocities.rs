@@ -14,10 +14,10 @@ use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::step_resolution::{StepResolution, find_diverging};
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::probe::{Counter, Probe, span};
-use crate::stages::s05_solve::solve;
+use crate::stages::s05_solve::{share_slipping_loads, solve};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
-use crate::tuning::{EARLIEST_ONLY_PASSES, IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
+use crate::tuning::{EARLIEST_ONLY_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
 impl<R: Real> VelocityLoop<'_, R> {
     /// Solves for the velocity after the step. Repeats the solve until the solution satisfies the assumptions of the assembled problem, or
@@ -28,7 +28,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// * Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact that collides becomes
     ///   active.
     /// * The velocity after the step is the predicted velocity, with which inertial forces were evaluated. With the midpoint rule, if an
-    ///   impact changed the velocity, inertial forces are recomputed, at most three times.
+    ///   impact changed the velocity, inertial forces are recomputed once.
     /// * Newton's law of impact has a plausible solution. It is implausible if friction at an impact adds more energy than the free
     ///   motion has, as in a corner with much friction (see `restitution.rs`). The impact then becomes inelastic.
     /// * The active bounds of stiff servos (with Euler's rule, of all servos with actuator dynamics) are those of the solution. If not, the
@@ -41,20 +41,20 @@ impl<R: Real> VelocityLoop<'_, R> {
         let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let none = R::Mask::splat(false);
         let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-        // Each assembly resets the variables of the next two lines. `lanes` are the lanes to solve next, `unchecked` those that were solved
-        // after their last check for impacts, and `inelastic` those in which impacts became inelastic. Numbers of passes are counted per
-        // lane, so that no result depends on how often other lanes are solved.
+        // Each assembly resets the variables of the next two lines. `lanes` are the lanes to solve next, `unchecked` those that were not yet
+        // checked for impacts, and `inelastic` those in which impacts became inelastic. Passes are counted per lane, so that no result
+        // depends on how often other lanes are solved.
         let (mut lanes, mut unchecked, mut inelastic) = (none, none, none);
-        let (mut passes, mut impact_passes) = (R::zero(), R::zero());
+        let mut passes = R::zero();
         let (mut must_assemble, mut reassemblies) = (true, 0);
         let disagrees = loop {
             if must_assemble {
                 self.assemble_problem(probe);
                 span!(probe, CorrectForces, || self.predict(probe));
                 (lanes, unchecked, inelastic) = (self.problem.constrained, R::Mask::splat(true), none);
-                (passes, impact_passes) = (R::zero(), R::zero());
+                passes = R::zero();
             }
-            let solved = span!(probe, Solve, || self.solve_lanes(lanes));
+            let solved = span!(probe, Solve, || self.solve_lanes(lanes, must_assemble));
             // After a new assembly all lanes are solved again, and their numbers of iterations start from zero. A sum over assemblies would
             // make the record of a lane depend on the other lanes, which may have caused the new assembly.
             if must_assemble {
@@ -65,17 +65,13 @@ impl<R: Real> VelocityLoop<'_, R> {
             must_assemble = false;
             let Self { free, velocity, .. } = self;
             span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
-            unchecked = unchecked.or(lanes);
             // The first solves activate only the earliest collision of each kinematic tree.
             let motion = SweptMotion::Solved { finds_all: passes.ge(R::of(EARLIEST_ONLY_PASSES)) };
             passes = R::select(lanes, passes + R::one(), passes);
             lanes = span!(probe, Solve, || self.activate_colliding(motion));
             if lanes.none() && scheme.in_the_middle {
-                let to_check = unchecked.and(impact_passes.lt(R::of(IMPACT_PASSES)));
-                let first = impact_passes.eq(R::zero());
-                lanes = span!(probe, SolveImpacts, || self.correct_impact_forces(to_check, first));
-                impact_passes = R::select(to_check, impact_passes + R::one(), impact_passes);
-                (passes, unchecked) = (R::select(unchecked, R::zero(), passes), none);
+                lanes = span!(probe, SolveImpacts, || self.correct_impact_forces(unchecked));
+                (passes, unchecked) = (R::select(lanes, R::zero(), passes), none);
             }
             if lanes.none() {
                 lanes = self.drop_restitution(outcome.residual, inelastic);
@@ -124,8 +120,10 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), the body may not
     /// be able to reach these velocities, and the impulses of the first solve diverge. The second solve therefore does not start from these
     /// impulses, but from the result of [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero.
+    ///
+    /// If `share` is true, slipping contact groups share their loads evenly afterwards.
     #[inline(always)]
-    fn solve_lanes(&mut self, lanes: R::Mask) -> Outcome<R> {
+    fn solve_lanes(&mut self, lanes: R::Mask, share: bool) -> Outcome<R> {
         let StepContext { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { contacts, .. } } = self.context;
         let Self { problem, velocity, .. } = self;
         let mut outcome = solve(options, &state.v, lanes, problem, velocity, contacts);
@@ -137,6 +135,9 @@ impl<R: Real> VelocityLoop<'_, R> {
                 stepper_solve::gauss_seidel::sweep_from_zero(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);
                 outcome.replace(&solve(options, &state.v, changed, problem, velocity, contacts), changed);
             }
+        }
+        if share {
+            share_slipping_loads(options, &state.v, lanes, problem, velocity, contacts, &mut outcome);
         }
         outcome
     }

@@ -18,7 +18,7 @@
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::System;
 
-use crate::compile::{CompiledJoint, LaneModel, ModelStructure};
+use crate::compile::{CompiledJoint, LaneModel, MechanismPart, ModelStructure};
 use crate::constraints::evaluation_times::EvaluationTimes;
 use crate::constraints::islands::IslandLoad;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
@@ -49,18 +49,23 @@ pub(crate) fn assess_corrector<R: Real>(
     (motions, unresolved): (&mut [MechanismMotion<R>], &mut [R::Mask]),
 ) -> R::Mask {
     kernel!(R, || {
-        let mut may_gain = R::Mask::splat(false);
-        let fastest = max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free)) * h;
+        let (mut may_gain, mut fastest) = (R::Mask::splat(false), R::zero());
+        motions.fill(MechanismMotion::default());
+        for part in &compiled.mechanisms.parts {
+            let turn = rate_of_part(part, v).max(rate_of_part(part, v_free)) * h;
+            motions[part.mechanism].turn = motions[part.mechanism].turn.max(turn);
+            fastest = fastest.max(turn);
+        }
         if fastest.gt(R::of(BALANCE_ROTATION)).none() {
             return may_gain;
         }
-        motions.fill(MechanismMotion::default());
-        raise_turns(compiled, v, h, motions);
-        raise_turns(compiled, v_free, h, motions);
-        for i in 0..compiled.nv {
-            let motion = &mut motions[compiled.mechanism_of(i)];
-            motion.speed = motion.speed.max(v[i].abs()).max(v_free[i].abs());
-            motion.change = motion.change.max_or_nan(change[i].abs());
+        for part in &compiled.mechanisms.parts {
+            let MechanismMotion { mut speed, change: mut largest, .. } = motions[part.mechanism];
+            for ((v, v_free), change) in v[part.dofs.clone()].iter().zip(&v_free[part.dofs.clone()]).zip(&change[part.dofs.clone()]) {
+                speed = speed.max(v.abs()).max(v_free.abs());
+                largest = largest.max_or_nan(change.abs());
+            }
+            motions[part.mechanism] = MechanismMotion { speed, change: largest, ..motions[part.mechanism] };
         }
         for (motion, unresolved) in motions.iter().zip(unresolved) {
             let exceeds = |ratio: f64| alive.and_not(motion.change.le(motion.speed * R::of(ratio)));
@@ -85,18 +90,14 @@ pub(crate) fn find_diverging<R: Real>(
 ) {
     let turns = |joint: &&CompiledJoint<R::Scalar>| matches!(joint.kind, JointKind::Hinge | JointKind::Ball);
     kernel!(R, || {
-        let mut fastest = R::zero();
-        for joint in compiled.joints.iter().filter(turns) {
-            for &v in &v_next[joint.v..joint.v + joint.kind.nv()] {
-                fastest = fastest.max(v.abs());
-            }
-        }
-        if (fastest * h).gt(R::of(MAX_IMPULSE_ROTATION)).none() {
+        if (max_joint_rate(compiled, v_next) * h).gt(R::of(MAX_IMPULSE_ROTATION)).none() {
             return;
         }
         motions.fill(MechanismMotion::default());
-        raise_turns(compiled, v, h, motions);
-        raise_turns(compiled, v_free, h, motions);
+        for part in &compiled.mechanisms.parts {
+            let turn = rate_of_part(part, v).max(rate_of_part(part, v_free)) * h;
+            motions[part.mechanism].turn = motions[part.mechanism].turn.max(turn);
+        }
         for joint in compiled.joints.iter().filter(turns) {
             let mechanism = compiled.mechanism_of(joint.v);
             for &v in &v_next[joint.v..joint.v + joint.kind.nv()] {
@@ -106,15 +107,6 @@ pub(crate) fn find_diverging<R: Real>(
             }
         }
     });
-}
-
-/// Raises the joint rotations of each mechanism to those at the velocity `v` in `h` seconds.
-#[inline(always)]
-fn raise_turns<R: Real>(compiled: &LaneModel<R>, v: &[R], h: R, motions: &mut [MechanismMotion<R>]) {
-    for joint in &compiled.joints {
-        let turn = &mut motions[compiled.mechanism_of(joint.v)].turn;
-        *turn = turn.max(joint_rate(joint, v) * h);
-    }
 }
 
 /// Lanes in which a step without a corrector turns a joint by more than half a turn and makes the fastest joint faster by more than a
@@ -129,27 +121,20 @@ pub(crate) fn runs_away<R: Real>(compiled: &LaneModel<R>, v: &[R], v_next: &[R],
     })
 }
 
-/// Largest angular velocity of any joint, rad/s.
+/// Largest component of the angular velocity of any joint, rad/s.
 #[inline(always)]
 fn max_joint_rate<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
-    let mut rate = R::zero();
-    for joint in &compiled.joints {
-        rate = rate.max(joint_rate(joint, v));
-    }
-    rate
+    compiled.mechanisms.parts.iter().fold(R::zero(), |rate, part| rate.max(rate_of_part(part, v)))
 }
 
-/// Largest component of the angular velocity of a joint, rad/s.
+/// Largest component of the angular velocity of the joints in a part of a mechanism, rad/s.
 #[inline(always)]
-fn joint_rate<R: Real>(joint: &CompiledJoint<R::Scalar>, v: &[R]) -> R {
-    let first = match joint.kind {
-        JointKind::Free => 3,
-        JointKind::Slide => 1,
-        JointKind::Ball | JointKind::Hinge => 0,
-    };
+fn rate_of_part<R: Real>(part: &MechanismPart, v: &[R]) -> R {
     let mut rate = R::zero();
-    for d in joint.v + first..joint.v + joint.kind.nv() {
-        rate = rate.max(v[d].abs());
+    for rotations in &part.rotations {
+        for v in &v[rotations.clone()] {
+            rate = rate.max(v.abs());
+        }
     }
     rate
 }
@@ -431,8 +416,8 @@ impl<R: Real> StepResolution<R> {
         factors.fill(R::one());
         for lane in each_of(lanes.bits()) {
             islands.find(compiled, System::from(&problem.rows), lane);
-            for joint in &compiled.joints {
-                islands.raise_max(compiled.dofs[joint.v].tree, (joint_rate(joint, v) * h).lane(lane).to_f64());
+            for dof in compiled.rotations() {
+                islands.raise_max(compiled.dofs[dof].tree, (v[dof].abs() * h).lane(lane).to_f64());
             }
             for (tree, factor) in factors.iter_mut().enumerate().filter(|(tree, _)| limited[*tree] >> lane & 1 == 1) {
                 let turn = islands.max_of(tree);

@@ -103,7 +103,7 @@ impl<R: Real> Assembler<'_, R> {
         if !problem.deferred.is_empty() {
             problem.activate_coplanar(velocity, contacts);
         }
-        velocity.contact_groups.find(compiled, contacts, problem.constrained.bits());
+        velocity.contact_groups.find(compiled, contacts, problem, problem.constrained.bits());
         velocity.impulses.compute_w(&problem.rows);
         problem.rows.newly_loaded = velocity.contact_groups.newly_loaded_lanes(contacts, problem, &velocity.impulses);
     }

@@ -51,8 +51,7 @@ pub fn solve_to<R: Real>(
     if let Some(lane) = capture.lane.take() {
         capture.bytes = System::from(rows).to_bytes(impulses, &settings, lane);
     }
-    let mut outcome = stepper_solve::solve(rows, impulses, settings, lanes, newton);
-    share_loads(problem, settings, velocity, lanes.and(outcome.residual.le(enough)), &mut outcome);
+    let outcome = stepper_solve::solve(rows, impulses, settings, lanes, newton);
     // Users can read the row with the largest residual of an unsolved lane.
     let unsolved = lanes.and_not(outcome.residual.le(enough));
     velocity.worst.update(problem, rows.into(), &velocity.impulses, contacts, [lanes, unsolved]);
@@ -79,7 +78,7 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
     });
 }
 
-/// Distributes the load evenly over the contacts of each cluster of contact groups that sticks (see
+/// Distributes the load evenly over the contacts of each cluster of contact groups that sticks, in about one step in eight (see
 /// [`crate::constraints::redundant_supports`]). `v` is the velocity before the step. The function changes impulses, and no velocity.
 ///
 /// Lanes at rest are left out. They are solved so exactly that their loads do not drift, and the rounding of new impulses would exceed
@@ -93,8 +92,9 @@ pub fn share_sticking_loads<R: Real>(options: &StepSettings, v: &[R], problem: &
     }
     let tolerance = tolerance(options, v, has_groups);
     let moving = kernel!(R, || has_groups.and(tolerance.gt(R::of(MAX_REST_TOLERANCE * options.tolerance))));
-    contact_groups.find_slips(problem, impulses, moving, slip_speed(tolerance));
-    contact_groups.share(Clusters::Sticking, problem, impulses, moving, slip_speed(tolerance));
+    let due = contact_groups.due_lanes(problem, impulses, moving);
+    contact_groups.find_slips(problem, impulses, due, slip_speed(tolerance));
+    contact_groups.share(Clusters::Sticking, problem, impulses, due, slip_speed(tolerance));
 }
 
 /// Speed above which a loaded contact of a redundant support slips after a solve to the residual `tolerance`, m/s.
@@ -103,22 +103,30 @@ fn slip_speed<R: Real>(tolerance: R) -> R {
     kernel!(R, || tolerance.max(R::of(SLIP_SPEED)))
 }
 
-/// Distributes the load evenly over the contacts of each contact group that slips (see [`crate::constraints::redundant_supports`]). The
-/// function changes only the lanes `solved`.
+/// Distributes the load evenly over the contacts of each contact group that slips (see [`crate::constraints::redundant_supports`]), in those
+/// of the lanes `lanes` whose residual is at most the tolerance of the options. `v` is the velocity before the step.
 ///
 /// If a group rotates while it slips, the new loads change the velocity. The lanes of such groups are solved again, starting from the new
 /// loads.
 #[inline(always)]
-fn share_loads<R: Real>(
+pub fn share_slipping_loads<R: Real>(
+    options: &StepSettings,
+    v: &[R],
+    lanes: R::Mask,
     problem: &ConstraintProblem<R>,
-    settings: Settings<R>,
     velocity: &mut VelocitySolution<R>,
-    solved: R::Mask,
+    contacts: &Contacts<R>,
     outcome: &mut Outcome<R>,
 ) {
-    let VelocitySolution { impulses, newton, contact_groups, saved_impulses, .. } = velocity;
-    let slip_speed = slip_speed(settings.tolerance);
-    let slipping = contact_groups.find_slips(problem, impulses, solved.and(contact_groups.lanes()), slip_speed);
+    let VelocitySolution { impulses, contact_groups, saved_impulses, .. } = velocity;
+    let has_groups = contact_groups.lanes();
+    let solved = has_groups.and(lanes).and(outcome.residual.le(R::of(options.tolerance)));
+    if solved.none() {
+        return;
+    }
+    let tolerance = tolerance(options, v, has_groups);
+    let slip_speed = slip_speed(tolerance);
+    let slipping = contact_groups.find_slips(problem, impulses, solved, slip_speed);
     if slipping.none() {
         return;
     }
@@ -135,9 +143,9 @@ fn share_loads<R: Real>(
     });
     let before = outcome.residual;
     outcome.residual = R::select(redistributed, left, before);
-    let moved = redistributed.and_not(left.le(before.max(settings.tolerance)));
+    let moved = redistributed.and_not(left.le(before.max(tolerance)));
     if moved.any() {
-        let repeated = stepper_solve::solve(&problem.rows, impulses, settings, moved, newton);
+        let repeated = solve_to(options, tolerance, moved, problem, velocity, contacts);
         outcome.replace(&repeated, moved);
     }
 }

@@ -19,7 +19,8 @@ use crate::compile::sensing::CompiledSensing;
 use crate::compile::softness::CompiledSoftness;
 use crate::compile::static_pairs::StaticPairs;
 use crate::compile::tree::{
-    CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Descendant, Dof, Link,
+    CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSingleBody, Descendant, Dof,
+    Link,
 };
 
 /// Compiled model: everything that a step reads of a model, in the scalar type of its lanes. Parameters have the type `T`.
@@ -71,8 +72,8 @@ pub struct ModelStructure<S: Scalar> {
     pub wind: [S; 3],
     /// Bodies and geoms on which the surrounding fluid exerts forces.
     pub fluid: Vec<CompiledFluid<S>>,
-    /// Spinners: links on a free or ball joint that are alone in their kinematic tree. Their gyroscopic torque is integrated separately.
-    pub spinners: Vec<CompiledSpinner<S>>,
+    /// Single bodies: links on a free or ball joint that are alone in their kinematic tree. Their gyroscopic torque is integrated separately.
+    pub single_bodies: Vec<CompiledSingleBody<S>>,
     /// Gravity compensation forces (`gravcomp`).
     pub compensation: Vec<GravityCompensation>,
     /// Conveyor surfaces, and surfaces of mocap bodies: they move without a degree of freedom.

@@ -9,7 +9,7 @@ use crate::compile::mechanisms::{Mechanisms, tree_of_act, tree_of_scalar_impulse
 use crate::compile::merging::Merged;
 use crate::compile::sensing::CompiledSensing;
 use crate::compile::static_pairs::StaticPairs;
-use crate::compile::tree::{CompiledJoint, CompiledSpinner, Link, scalars};
+use crate::compile::tree::{CompiledJoint, CompiledSingleBody, Link, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive};
 use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{JointKind, Model};
@@ -35,7 +35,7 @@ impl<S: Scalar> CompiledModel<S> {
         let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
         let contact_points = listed + dynamic_pairs.as_ref().map_or(0, DynamicPairs::contact_points);
         let (links, joints) = (merging::links(model, &merged), merging::joints(model, &merged));
-        let spinners = Self::spinners(&links, &joints);
+        let single_bodies = Self::single_bodies(&links, &joints);
         let moved_dofs = merged.moved_dofs(model.nv());
         let input = actuators::CompilerInput { model, merged: &merged, frictions: &frictions };
         let actuators = actuators::CompiledActuators::new(input, specs);
@@ -57,8 +57,8 @@ impl<S: Scalar> CompiledModel<S> {
             fluid: passive::fluid(model, &merged),
             compensation: passive::compensation(model, &merged),
             surfaces: passive::surfaces(model, &geoms, merged.leaders.len()),
-            floating: Self::floating(&spinners, links.len()),
-            spinners,
+            floating: Self::floating(&single_bodies, links.len()),
+            single_bodies,
             links,
             joints,
             dofs,
@@ -104,30 +104,30 @@ impl<S: Scalar> CompiledModel<S> {
         Self { structure: ModelStructure { static_pairs, ..structure }, params }
     }
 
-    /// Finds the spinners: links on a free or ball joint that are alone in their kinematic tree.
-    fn spinners(links: &[Link<S>], joints: &[CompiledJoint<S>]) -> Vec<CompiledSpinner<S>> {
+    /// Finds the single bodies: links on a free or ball joint that are alone in their kinematic tree.
+    fn single_bodies(links: &[Link<S>], joints: &[CompiledJoint<S>]) -> Vec<CompiledSingleBody<S>> {
         let mut has_child = vec![false; links.len()];
         links.iter().filter(|link| !link.is_root).for_each(|link| has_child[link.parent - 1] = true);
         let alone = |l: usize| links[l].is_root && !has_child[l];
-        let spinner = |l: usize| {
+        let single = |l: usize| {
             let link = &links[l];
             let [joint] = &joints[link.joints.clone()] else { return None };
             if !matches!(joint.kind, JointKind::Free | JointKind::Ball) || !alone(l) {
                 return None;
             }
             let anchor = if joint.kind == JointKind::Ball { joint.anchor } else { [S::default(); 3] };
-            Some(CompiledSpinner { link: l, dof: joint.v, kind: joint.kind, anchor })
+            Some(CompiledSingleBody { link: l, dof: joint.v, kind: joint.kind, anchor })
         };
-        (0..links.len()).filter_map(spinner).collect()
+        (0..links.len()).filter_map(single).collect()
     }
 
     /// For each link, whether it is alone on a free joint, without other links in its tree. `links` is the number of links. The list is
     /// empty if no link is alone on a free joint.
-    fn floating(spinners: &[CompiledSpinner<S>], links: usize) -> Vec<bool> {
+    fn floating(single_bodies: &[CompiledSingleBody<S>], links: usize) -> Vec<bool> {
         let mut floating = vec![];
-        for spinner in spinners.iter().filter(|s| s.kind == JointKind::Free) {
+        for single in single_bodies.iter().filter(|s| s.kind == JointKind::Free) {
             floating.resize(links, false);
-            floating[spinner.link] = true;
+            floating[single.link] = true;
         }
         floating
     }

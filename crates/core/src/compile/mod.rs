@@ -34,4 +34,4 @@ pub use ray_surfaces::RaySurfaces;
 pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};
 pub(crate) use softness::{EndLaw, MIN_FRICTION, MIN_MOBILITY};
 pub use static_pairs::StaticPairs;
-pub use tree::{CompiledJoint, CompiledSpinner, Descendant, Dof, Link};
+pub use tree::{CompiledJoint, CompiledSingleBody, Descendant, Dof, Link};

@@ -79,9 +79,9 @@ pub struct Descendant {
     pub entry: u32,
 }
 
-/// Spinner: a link on a free or ball joint that is alone in its kinematic tree. Its gyroscopic torque is integrated separately.
+/// Single body: a link on a free or ball joint that is alone in its kinematic tree. Its gyroscopic torque is integrated separately.
 #[derive(Clone, Debug)]
-pub struct CompiledSpinner<S> {
+pub struct CompiledSingleBody<S> {
     /// Index of the link.
     pub link: usize,
     /// Index of the joint's first degree of freedom.

@@ -6,19 +6,19 @@
 //! halves. The step
 //!
 //! ```text
-//! p+(w+) = p-(w) + h (torque)
+//! p+(w+) = p-(w) + h t
 //! ```
 //!
-//! is a map composed with its adjoint. It is therefore symmetric and of second order, and its energy does not drift (Hairer, Lubich &
-//! Wanner 2006, sections II.3 and XI.3). The momentum in world axes changes by exactly the impulse. Centres of mass away from the joint are
+//! with the torque t is the same with time reversed, so that it is of second order and its energy does not drift (Hairer, Lubich & Wanner
+//! 2006, sections II.3 and XI.3). The momentum in world axes changes by exactly the impulse. Centres of mass away from the joint are
 //! included: linear momentum and spin of a free body, angular momentum about the anchor of a ball joint.
 //!
-//! With the mass matrix M in the middle of the step, the equation is w+ = w + M^-1 (h (torque) - N), a fixed-point equation for w+. Here N
+//! With the mass matrix M in the middle of the step, the equation is w+ = w + M^-1 (h t - N), a fixed-point equation for w+. Here N
 //! = p+(w+) - p-(w) - M (w+ - w). Newton's method solves it.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
-use crate::compile::{CompiledSpinner, Inertial, LaneModel};
+use crate::compile::{CompiledSingleBody, Inertial, LaneModel};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -50,22 +50,22 @@ pub fn correct<R: Real>(
 ) {
     let rounding = R::of(100.0 * <R::Scalar as Scalar>::EPSILON.to_f64());
     kernel!(R, || {
-        for spinner in &compiled.spinners {
-            let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
-            let at = spinner.dof;
+        for single in &compiled.single_bodies {
+            let Some((body, tumbles)) = Body::of_single(compiled, kinematics, single) else { continue };
+            let at = single.dof;
             let [time_before, time_after] = times(at);
             let h = time_before + time_after;
-            let [old, start] = [v, &*v_free].map(|v| take(v, at, spinner.kind));
+            let [old, start] = [v, &*v_free].map(|v| take(v, at, single.kind));
             let before = body.momentum(&old, &turn(&old, -time_before));
-            let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
+            let explicit = scale(body.gyroscopic(&take(v_eval, at, single.kind)), h);
             let turns = largest(spin_of(&old)) * h;
             let mut new = select(turns.gt(R::one()), old, start);
-            let added = added_inertia(compiled, mass, spinner, &body);
+            let added = added_inertia(compiled, mass, single, &body);
             let (mut searching, mut is_far) = (tumbles, tumbles);
             for _ in 0..=NEWTON_STEPS {
                 let turn = turn(&new, time_after);
                 let mut change = sub(explicit, body.transport([&old, &new], before, &turn));
-                solve(compiled, mass, spinner, &mut change);
+                solve(compiled, mass, single, &mut change);
                 let image = add(start, change);
                 let error = sub(spin_of(&image), spin_of(&new));
                 // Slow rotations may have rounding errors of fast translations.
@@ -82,7 +82,7 @@ pub fn correct<R: Real>(
             }
             let unresolved = &mut unresolved[compiled.mechanism_of(at)];
             *unresolved = unresolved.or(lanes.and(is_far));
-            let dofs = spinner.kind.nv();
+            let dofs = single.kind.nv();
             v_free[at..at + dofs].copy_from_slice(&select(tumbles, new, start)[6 - dofs..]);
         }
     })
@@ -103,16 +103,16 @@ pub fn correct_spin<R: Real>(
     v_free: &mut [R],
 ) {
     kernel!(R, || {
-        for spinner in &compiled.spinners {
-            let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
-            let at = spinner.dof;
+        for single in &compiled.single_bodies {
+            let Some((body, tumbles)) = Body::of_single(compiled, kinematics, single) else { continue };
+            let at = single.dof;
             let [[time_before, time_after], times] = times_of(at);
-            let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
+            let [old, new] = [v, after].map(|v| take(v, at, single.kind));
             let explicit = add_scaled(scale(body.gyroscopic(&old), times[0]), body.gyroscopic(&new), times[1]);
             let before = body.momentum(&old, &turn(&old, -time_before));
             let mut change = sub(explicit, body.transport([&old, &new], before, &turn(&new, time_after)));
-            solve(compiled, mass, spinner, &mut change);
-            let dofs = spinner.kind.nv();
+            solve(compiled, mass, single, &mut change);
+            let dofs = single.kind.nv();
             for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
                 *v = R::select(tumbles, *v + *change, *v);
             }
@@ -154,10 +154,10 @@ fn largest<R: Real>(x: V3<R>) -> R {
 fn added_inertia<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
-    spinner: &CompiledSpinner<R::Scalar>,
+    single: &CompiledSingleBody<R::Scalar>,
     body: &Body<R>,
 ) -> [V3<R>; 3] {
-    let first = spinner.dof + spinner.kind.nv() - 3;
+    let first = single.dof + single.kind.nv() - 3;
     let mut added = [zero(); 3];
     for (j, column) in added.iter_mut().enumerate() {
         *column = scale(body.spin_about_joint(unit(j)), -R::one());
@@ -186,8 +186,8 @@ fn unit<R: Real>(k: usize) -> V3<R> {
 
 /// Solves x <- A^-1 x for the degrees of freedom of one single body. `mass` has the factors of A.
 #[inline(always)]
-fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &CompiledSpinner<R::Scalar>, x: &mut V6<R>) {
-    let (n, at) = (spinner.kind.nv(), spinner.dof);
+fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, single: &CompiledSingleBody<R::Scalar>, x: &mut V6<R>) {
+    let (n, at) = (single.kind.nv(), single.dof);
     let skip = 6 - n;
     if skip > 0 {
         x[..skip].fill(R::zero());
@@ -223,17 +223,17 @@ struct Body<R: Real> {
 }
 
 impl<R: Real> Body<R> {
-    /// Creates the single body of `spinner`, a link alone on a free or ball joint. Also returns the lanes in which the body has a
+    /// Creates the single body of `single`, a link alone on a free or ball joint. Also returns the lanes in which the body has a
     /// gyroscopic force. `None` if it has none in any lane, as for a ball.
     #[inline(always)]
-    fn tumbling(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, spinner: &CompiledSpinner<R::Scalar>) -> Option<(Self, R::Mask)> {
-        let Inertial { mass, com, inertia } = compiled.params.inertial(spinner.link);
+    fn of_single(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, single: &CompiledSingleBody<R::Scalar>) -> Option<(Self, R::Mask)> {
+        let Inertial { mass, com, inertia } = compiled.params.inertial(single.link);
         let body = Self {
-            mat: kinematics.mat[spinner.link + 1],
+            mat: kinematics.mat[single.link + 1],
             mass,
             inertia,
-            arm: sub(com, splat(spinner.anchor)),
-            free: spinner.kind == JointKind::Free,
+            arm: sub(com, splat(single.anchor)),
+            free: single.kind == JointKind::Free,
         };
         let tumbles = body.is_round().not();
         tumbles.any().then_some((body, tumbles))

@@ -274,7 +274,7 @@ impl<R: Real> VelocityLoop<'_, R> {
                 scratch.v_free_corrected[dof] = scratch.v_half[dof] + smooth.acc[dof] * times_of(dof)[1];
             }
         });
-        if !compiled.spinners.is_empty() {
+        if !compiled.single_bodies.is_empty() {
             gyroscopic::correct_spin(
                 compiled,
                 kinematics,

@@ -76,10 +76,9 @@ impl<R: Real> VelocityLoop<'_, R> {
         }
         span!(probe, Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity));
         advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
-        // Spinners are single bodies on a free or ball joint. `correct` replaces their gyroscopic torque by one that keeps angular
-        // momentum.
+        // `correct` replaces the gyroscopic torque of single bodies by one that keeps angular momentum.
         unresolved.fill(R::Mask::splat(false));
-        if !compiled.spinners.is_empty() && scheme.in_the_middle {
+        if !compiled.single_bodies.is_empty() && scheme.in_the_middle {
             let times_of = |dof: usize| times.around(compiled.mechanism_of(dof));
             let velocities = [&state.v[..], force_velocity];
             gyroscopic::correct(compiled, kinematics, &smooth.mass, times_of, velocities, v_free_corrected, (alive, unresolved));

@@ -168,7 +168,7 @@ pub struct StepResolution<R: Real> {
     mean: [Vec<R>; 2],
     newton_euler: NewtonEuler<R>,
     /// Whether each link is alone in its tree, on a free or ball joint.
-    single_link: Vec<bool>,
+    is_single_body: Vec<bool>,
     /// Lanes (bits) in which the motion of each kinematic tree is limited.
     limited: Vec<u32>,
     /// Factor of the velocity of each kinematic tree.
@@ -181,8 +181,8 @@ pub struct StepResolution<R: Real> {
 impl<R: Real> StepResolution<R> {
     /// Workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
-        let mut single_link = vec![false; compiled.links.len()];
-        compiled.spinners.iter().for_each(|spinner| single_link[spinner.link] = true);
+        let mut is_single_body = vec![false; compiled.links.len()];
+        compiled.single_bodies.iter().for_each(|single| is_single_body[single.link] = true);
         Self {
             q_end: vec![R::zero(); compiled.nq],
             force_velocity: vec![R::zero(); compiled.nv],
@@ -191,7 +191,7 @@ impl<R: Real> StepResolution<R> {
             change: vec![zero(); compiled.links.len()],
             mean: std::array::from_fn(|_| vec![R::zero(); compiled.nv]),
             newton_euler: NewtonEuler::new(compiled),
-            single_link,
+            is_single_body,
             limited: vec![0; compiled.ntree],
             factors: vec![R::one(); compiled.ntree],
             energies: std::array::from_fn(|_| vec![R::zero(); compiled.ntree]),
@@ -264,7 +264,7 @@ impl<R: Real> StepResolution<R> {
             link_forces(compiled, middle, &self.force_velocity, &mut self.newton_euler);
             let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
             for l in 0..compiled.links.len() {
-                if !self.single_link[l] {
+                if !self.is_single_body[l] {
                     let momentum = apply_inertia(&middle.inertia[l], &self.change[l]);
                     let weight = apply_inertia(&middle.inertia[l], &ground);
                     let counts = in_the_middle(compiled.mechanisms.of_tree[compiled.links[l].tree]);
@@ -349,7 +349,7 @@ impl<R: Real> StepResolution<R> {
         self.kinematics.velocities(compiled, v, &mut self.velocity);
         let mut twice = R::zero();
         for l in 0..compiled.links.len() {
-            if !self.single_link[l] {
+            if !self.is_single_body[l] {
                 let energy = dot6(apply_inertia(&self.kinematics.inertia[l], &self.velocity[l]), self.velocity[l]);
                 twice += R::select(in_the_middle(compiled.links[l].tree), energy, R::zero());
             }

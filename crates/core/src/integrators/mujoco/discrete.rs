@@ -90,22 +90,22 @@ pub(super) fn integrate_velocity<R: Real>(
     let StepInput { compiled, options, state, .. } = input;
     let (Some(system), h) = (&mut problem.soft, R::of(options.timestep)) else { return };
     if let Some(effective) = effective {
-        for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-            let dofs = spinner.dof..spinner.dof + 6;
+        for single in compiled.single_bodies.iter().filter(|single| single.kind == JointKind::Free) {
+            let dofs = single.dof..single.dof + 6;
             let touched = system.problem.touches(dofs.start as u32..dofs.end as u32);
-            let (acceleration, mat) = (&free.smooth.acc, &kinematics.mat[spinner.link + 1]);
+            let (acceleration, mat) = (&free.smooth.acc, &kinematics.mat[single.link + 1]);
             let work = &mut free.scratch.impulse;
             kernel!(R, || {
                 // Forces that the acceleration without constraints contains.
                 for i in 0..6 {
                     let mut sum = R::zero();
                     for j in 0..6 {
-                        let (row, column) = (spinner.dof + i.max(j), i.abs_diff(j));
-                        sum += system.mass[compiled.dofs[row].chain + column] * acceleration[spinner.dof + j];
+                        let (row, column) = (single.dof + i.max(j), i.abs_diff(j));
+                        sum += system.mass[compiled.dofs[row].chain + column] * acceleration[single.dof + j];
                     }
-                    work[spinner.dof + i] = sum;
+                    work[single.dof + i] = sum;
                 }
-                solve_alone(compiled, [&effective.mass, &system.mass], mat, &state.v, h, spinner.dof, work);
+                solve_alone(compiled, [&effective.mass, &system.mass], mat, &state.v, h, single.dof, work);
                 for d in dofs {
                     system.acceleration[d] = R::select(touched, system.acceleration[d], work[d]);
                 }

@@ -69,9 +69,9 @@ pub(super) fn integrate_velocity<R: Real>(
     kernel!(R, || {
         if all {
             alone.copy_from_slice(work);
-            for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-                let mat = &kinematics.mat[spinner.link + 1];
-                solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, alone);
+            for single in compiled.single_bodies.iter().filter(|single| single.kind == JointKind::Free) {
+                let mat = &kinematics.mat[single.link + 1];
+                solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, single.dof, alone);
             }
             for dof in compiled.dofs.iter().filter(|dof| dof.is_simple) {
                 let others = dof.chain + 1..dof.chain + dof.depth;
@@ -81,8 +81,8 @@ pub(super) fn integrate_velocity<R: Real>(
         smooth.mass.factor(compiled);
         smooth.mass.solve(compiled, work);
         if all {
-            for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-                let dofs = spinner.dof..spinner.dof + 6;
+            for single in compiled.single_bodies.iter().filter(|single| single.kind == JointKind::Free) {
+                let dofs = single.dof..single.dof + 6;
                 work[dofs.clone()].copy_from_slice(&alone[dofs]);
             }
         }

@@ -317,7 +317,7 @@ impl<R: Real> Contacts<R> {
     /// impulse of the first contact of its pair whose identity is gone ([`Self::first_lost`]).
     #[inline(always)]
     fn match_lane(&mut self, last: &mut Self, l: usize) {
-        let (mut old, mut new) = (0, false);
+        let (mut old, mut matched) = (0, 0);
         for k in 0..self.count[l] {
             let id = self.ids[k][l];
             while old < last.count[l] && last.ids[old][l] < id {
@@ -325,11 +325,13 @@ impl<R: Real> Contacts<R> {
             }
             if old < last.count[l] && last.ids[old][l] == id {
                 self.take_impulse(last, [k, old], l);
-            } else {
-                new = true;
+                matched += 1;
             }
         }
-        for k in 0..if new { self.count[l] } else { 0 } {
+        if matched == self.count[l].min(last.count[l]) {
+            return;
+        }
+        for k in 0..self.count[l] {
             if last.find(l, k, self.ids[k][l]).is_none()
                 && let Some(old) = self.first_lost(last, k, l)
             {

@@ -375,15 +375,11 @@ impl<R: Real> Scene<'_, R> {
         packed: &mut PackedPairs<R::Scalar>,
         workspace: &mut NarrowWorkspace,
         contacts: &mut Contacts<R>,
-    ) -> R::Mask {
+    ) -> Option<R::Mask> {
         if !self.take_packed(index, pair, near, packed, contacts) {
             self.test_pair(index, pair, near, workspace, contacts);
         }
-        if self.checks_passing {
-            self.may_have_tunnelled(index, pair, near, &mut workspace.narrow, contacts)
-        } else {
-            R::Mask::splat(false)
-        }
+        if self.checks_passing { self.may_have_tunnelled(index, pair, near, &mut workspace.narrow, contacts) } else { None }
     }
 
     /// Lanes in which the two geoms of a dynamic pair can touch within two steps, by their bounding balls.
@@ -396,7 +392,7 @@ impl<R: Real> Scene<'_, R> {
     }
 
     /// Lanes of `near` in which the contacts of a pair are unreliable, because one geom may have passed through the other (tunnelled) since
-    /// the beginning of the step.
+    /// the beginning of the step. `None` if the geoms are too slow for that.
     ///
     /// In these lanes, the geoms have moved farther relative to each other than the tunnelling distance of the pair
     /// ([`LaneModel::tunnelling_distance`]). In addition, they overlap, may have passed through each other, or one is a surface of
@@ -409,12 +405,12 @@ impl<R: Real> Scene<'_, R> {
         near: R::Mask,
         narrow: &mut Narrow,
         contacts: &Contacts<R>,
-    ) -> R::Mask {
+    ) -> Option<R::Mask> {
         let [a, b] = pair.geoms;
         let distance = self.compiled.tunnelling_distance(pair.geoms);
         let far = near.and((self.poses.passing_displacement[a] + self.poses.passing_displacement[b]).gt(distance));
         if far.none() {
-            return far;
+            return None;
         }
         // Two geoms that move together, such as the limbs of a falling robot, have a small relative displacement. They cannot have passed
         // each other.
@@ -424,7 +420,7 @@ impl<R: Real> Scene<'_, R> {
         // overlapped. The test assumes that this part is two tunnelling distances long, and misses grazing hits, for which it is shorter.
         let most = (displacement - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
-        far.and(passed.or(self.hits_surface(index, pair, far, contacts)))
+        Some(far.and(passed.or(self.hits_surface(index, pair, far, contacts))))
     }
 
     /// Lower bound of the distance between the two geoms of a pair in the lanes `lanes`, m. If one geom is a surface, the result is at most

@@ -193,28 +193,31 @@ impl<R: Real> VelocityLoop<'_, R> {
             jumps.fill(Jump::default());
             let mut all = Jump::default();
             for part in &compiled.mechanisms.parts {
-                let mut jump = jumps[part.mechanism];
+                let jump = &mut jumps[part.mechanism];
+                let (mut pushed, mut smooth) = (jump.pushed, jump.smooth);
                 for i in part.dofs.clone() {
-                    let (v, free, next, expected) = (state.v[i], v_free[i], velocity.v[i], v_expected[i]);
-                    jump = jump.max(&Jump {
-                        error: (next - expected).abs(),
-                        fastest: v.abs().max(next.abs()),
-                        pushed: (next - free).abs(),
-                        smooth: (free - v).abs(),
-                        touches: R::zero(),
-                    });
+                    pushed = pushed.max((velocity.v[i] - v_free[i]).abs());
+                    smooth = smooth.max((v_free[i] - state.v[i]).abs());
                 }
-                jumps[part.mechanism] = jump;
+                (jump.pushed, jump.smooth) = (pushed, smooth);
             }
-            let matters = |jump: &Jump<R>| (scheme.h * jump.velocity_error()).gt(R::of(MIN_VELOCITY_ERROR));
             let is_sudden = |jump: &Jump<R>| jump.pushed.gt(jump.smooth * R::of(MIN_IMPACT_RATIO));
             // Without a sudden change in any mechanism there is none in the connected ones, whose largest velocities are compared below.
-            let mut sudden = R::Mask::splat(false);
-            for jump in &*jumps {
-                all = all.max(jump);
-                sudden = sudden.or(is_sudden(jump));
+            let sudden = jumps.iter().fold(R::Mask::splat(false), |lanes, jump| lanes.or(is_sudden(jump)));
+            let checked = checked.and(alive).and(sudden);
+            if checked.none() {
+                return checked;
             }
-            let checked = checked.and(alive).and(sudden).and(matters(&all));
+            for part in &compiled.mechanisms.parts {
+                let jump = &mut jumps[part.mechanism];
+                for i in part.dofs.clone() {
+                    jump.error = jump.error.max((velocity.v[i] - v_expected[i]).abs());
+                    jump.fastest = jump.fastest.max(state.v[i].abs()).max(velocity.v[i].abs());
+                }
+                all = all.max(jump);
+            }
+            let matters = |jump: &Jump<R>| (scheme.h * jump.velocity_error()).gt(R::of(MIN_VELOCITY_ERROR));
+            let checked = checked.and(matters(&all));
             if checked.none() {
                 return checked;
             }

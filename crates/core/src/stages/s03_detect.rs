@@ -134,20 +134,22 @@ fn find_contacts<R: Real>(
         scene.test_packed(packed);
         let mut any = R::Mask::splat(false);
         let mut mark = |geoms: [usize; 2], lanes: R::Mask| {
-            if checks_passing && lanes.any() {
-                any = any.or(lanes);
-                for m in geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)) {
-                    unreliable[m] = unreliable[m].or(lanes);
-                }
+            any = any.or(lanes);
+            for m in geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)) {
+                unreliable[m] = unreliable[m].or(lanes);
             }
         };
         for &(index, lanes) in near {
             let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
             let pair = &compiled.pairs[index];
-            mark(pair.geoms, scene.collide(index, pair, lanes, packed, narrow_phase, contacts));
+            if let Some(lanes) = scene.collide(index, pair, lanes, packed, narrow_phase, contacts) {
+                mark(pair.geoms, lanes);
+            }
         }
         for (index, lanes, pair) in &*dynamic {
-            mark(pair.geoms, scene.collide(*index, pair, *lanes, packed, narrow_phase, contacts));
+            if let Some(lanes) = scene.collide(*index, pair, *lanes, packed, narrow_phase, contacts) {
+                mark(pair.geoms, lanes);
+            }
         }
         any
     })

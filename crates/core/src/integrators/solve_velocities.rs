@@ -19,81 +19,103 @@ use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
 use crate::tuning::{EARLIEST_ONLY_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
+/// What the checks of the solutions of an assembled problem know, per lane, so that no result depends on how often other lanes are solved.
+struct SolutionChecks<R: Real> {
+    /// Number of solves since the problem changed by another reason than a collision.
+    passes: R,
+    /// Lanes that were not yet checked for a velocity change by impacts.
+    unchecked: R::Mask,
+    /// Lanes in which an impact became inelastic.
+    inelastic: R::Mask,
+}
+
+impl<R: Real> Default for SolutionChecks<R> {
+    fn default() -> Self {
+        Self { passes: R::zero(), unchecked: R::Mask::splat(true), inelastic: R::Mask::splat(false) }
+    }
+}
+
 impl<R: Real> VelocityLoop<'_, R> {
-    /// Solves for the velocity after the step. Repeats the solve until the solution satisfies the assumptions of the assembled problem, or
-    /// the number of repetitions reaches a limit. [`VelocityLoop`] lists the files of its methods.
-    ///
-    /// There are four assumptions:
-    ///
-    /// * Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact that collides becomes
-    ///   active.
-    /// * The velocity after the step is the predicted velocity, with which inertial forces were evaluated. With the midpoint rule, if an
-    ///   impact changed the velocity, inertial forces are recomputed once.
-    /// * Newton's law of impact has a plausible solution. It is implausible if friction at an impact adds more energy than the free
-    ///   motion has, as in a corner with much friction (see `restitution.rs`). The impact then becomes inelastic.
-    /// * The active bounds of stiff servos (with Euler's rule, of all servos with actuator dynamics) are those of the solution. If not, the
-    ///   mass matrix changes, so that the problem is assembled and solved again, at most four times.
+    /// Solves for the velocity after the step. Assembles and solves the problem again, at most [`SATURATION_PASSES`] times, until the
+    /// assumed bounds of stiff servos (with Euler's rule, of all servos with actuator dynamics) are active in the solution. A bound changes
+    /// the mass matrix. [`VelocityLoop`] lists the files of the methods.
     ///
     /// The second result has the lanes whose energy may be wrong. There, active bounds of servos still differ from the assumed ones after
     /// the last solve, or an impact became inelastic. A shorter time step helps.
     #[inline(always)]
     pub(crate) fn solve_velocities(&mut self, probe: impl Probe) -> (Outcome<R>, R::Mask) {
-        let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
-        let none = R::Mask::splat(false);
-        let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-        // Each assembly resets the variables of the next two lines. `lanes` are the lanes to solve next, `unchecked` those that were not yet
-        // checked for impacts, and `inelastic` those in which impacts became inelastic. Passes are counted per lane, so that no result
-        // depends on how often other lanes are solved.
-        let (mut lanes, mut unchecked, mut inelastic) = (none, none, none);
-        let mut passes = R::zero();
-        let (mut must_assemble, mut reassemblies) = (true, 0);
-        let disagrees = loop {
-            if must_assemble {
-                self.assemble_problem(probe);
-                span!(probe, CorrectForces, || self.predict(probe));
-                (lanes, unchecked, inelastic) = (self.problem.constrained, R::Mask::splat(true), none);
-                passes = R::zero();
+        let mut assemblies = 0;
+        let (mut outcome, doubtful) = loop {
+            self.assemble_problem(probe);
+            span!(probe, CorrectForces, || self.predict(probe));
+            let (outcome, inelastic) = self.solve_assembled(probe);
+            let changed = self.assume_bounds_of_solution(assemblies < SATURATION_PASSES);
+            if changed.none() || assemblies == SATURATION_PASSES {
+                break (outcome, inelastic.or(changed));
             }
-            let solved = span!(probe, Solve, || self.solve_lanes(lanes, must_assemble));
-            // After a new assembly all lanes are solved again, and their numbers of iterations start from zero. A sum over assemblies would
-            // make the record of a lane depend on the other lanes, which may have caused the new assembly.
-            if must_assemble {
-                outcome = solved;
-            } else {
-                outcome.replace(&solved, lanes);
-            }
-            must_assemble = false;
-            let Self { free, velocity, .. } = self;
-            span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
-            // The first solves activate only the earliest collision of each kinematic tree.
-            let motion = SweptMotion::Solved { finds_all: passes.ge(R::of(EARLIEST_ONLY_PASSES)) };
-            passes = R::select(lanes, passes + R::one(), passes);
-            lanes = span!(probe, Solve, || self.activate_colliding(motion));
-            if lanes.none() && scheme.in_the_middle {
-                lanes = span!(probe, SolveImpacts, || self.correct_impact_forces(unchecked));
-                (passes, unchecked) = (R::select(lanes, R::zero(), passes), none);
-            }
-            if lanes.none() {
-                lanes = self.drop_restitution(outcome.residual, inelastic);
-                inelastic = inelastic.or(lanes);
-                passes = R::select(lanes, R::zero(), passes);
-            }
-            if lanes.none() {
-                let changed = self.assume_bounds_of_solution(reassemblies < SATURATION_PASSES);
-                if changed.none() || reassemblies == SATURATION_PASSES {
-                    break changed;
-                }
-                compute_free_motion(self.context, self.free, probe);
-                // All lanes are assembled and solved again. Lanes without a changed bound get the same bits as before.
-                (must_assemble, reassemblies) = (true, reassemblies + 1);
-            }
+            // All lanes are assembled and solved again. Lanes without a changed bound get the same bits as before.
+            compute_free_motion(self.context, self.free, probe);
+            assemblies += 1;
         };
         // Contacts that are still deferred and whose gap stays open become active with zero impulse: stage 8 needs their rows, and the
         // state keeps them.
         self.problem.activate_not_closing(self.velocity);
         span!(probe, Solve, || self.resolve_ambiguous(&mut outcome));
         count_iterations(&outcome, self.problem, probe);
-        (outcome, inelastic.or(disagrees))
+        (outcome, doubtful)
+    }
+
+    /// Solves the assembled problem, and again the lanes in which the solution contradicts an assumption ([`Self::find_contradictions`]).
+    /// The second result has the lanes in which an impact became inelastic.
+    #[inline(always)]
+    fn solve_assembled(&mut self, probe: impl Probe) -> (Outcome<R>, R::Mask) {
+        let compiled = self.context.input.compiled;
+        let mut checks = SolutionChecks::default();
+        let mut lanes = self.problem.constrained;
+        let mut outcome = span!(probe, Solve, || self.solve_lanes(lanes, true));
+        loop {
+            let Self { free, velocity, .. } = self;
+            span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
+            checks.passes = R::select(lanes, checks.passes + R::one(), checks.passes);
+            lanes = self.find_contradictions(outcome.residual, &mut checks, probe);
+            if lanes.none() {
+                return (outcome, checks.inelastic);
+            }
+            let solved = span!(probe, Solve, || self.solve_lanes(lanes, false));
+            outcome.replace(&solved, lanes);
+        }
+    }
+
+    /// Finds the lanes whose solution contradicts an assumption of the assembled problem, and changes the problem there. There are three
+    /// assumptions, of which one is checked after the other has been met:
+    ///
+    /// 1. Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact that collides becomes
+    ///    active.
+    /// 2. The velocity after the step is the predicted velocity, with which inertial forces were evaluated. With the midpoint rule, if an
+    ///    impact changed the velocity, inertial forces are recomputed once.
+    /// 3. Newton's law of impact has a plausible solution. It is implausible if friction at an impact adds more energy than the free motion
+    ///    has, as in a corner with much friction (see `restitution.rs`). The impact then becomes inelastic.
+    ///
+    /// `residual` is the residual of the solution.
+    #[inline(always)]
+    fn find_contradictions(&mut self, residual: R, checks: &mut SolutionChecks<R>, probe: impl Probe) -> R::Mask {
+        // The first solves activate only the earliest collision of each kinematic tree.
+        let motion = SweptMotion::Solved { finds_all: checks.passes.ge(R::of(EARLIEST_ONLY_PASSES)) };
+        let collide = span!(probe, Solve, || self.activate_colliding(motion));
+        if collide.any() {
+            return collide;
+        }
+        let mut lanes = collide;
+        if self.context.evaluation.scheme.in_the_middle {
+            let unchecked = std::mem::replace(&mut checks.unchecked, R::Mask::splat(false));
+            lanes = span!(probe, SolveImpacts, || self.correct_impact_forces(unchecked));
+        }
+        if lanes.none() {
+            lanes = self.drop_restitution(residual, checks.inelastic);
+            checks.inelastic = checks.inelastic.or(lanes);
+        }
+        checks.passes = R::select(lanes, R::zero(), checks.passes);
+        lanes
     }
 
     /// Updates the assumed active bounds of servos (none, a force limit, or the torque-speed curve) to the bounds that are active in the

@@ -65,9 +65,9 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(f"stepper.{_MODULE_OF[name]}"), name)
         globals()[name] = value
         return value
-    from stepper._hints import no_root_attribute  # noqa: PLC0415
+    from stepper._hints import no_name  # noqa: PLC0415
 
-    raise no_root_attribute(name, __all__)
+    raise no_name(__name__, name, __all__)
 
 
 def __dir__() -> list[str]:

@@ -459,13 +459,6 @@ def test_measures_of_other_elements_are_refused(model, measure, message):
         Study(model=model, outcomes=Outcome(name="x", measure=measure), parameters={"d": Parameter("gravity[2]", low=-10, high=-9)})
 
 
-def test_missing_arguments_are_named_with_the_signature():
-    with pytest.raises(TypeError, match=r"stepper\.Recorder\(\) lacks the argument sim: stepper\.Recorder\(sim, path, \*, chunk="):
-        stepper.Recorder()
-    with pytest.raises(TypeError, match=r"stepper\.load\(\) lacks the argument source: stepper\.load\(source, "):
-        stepper.load()
-
-
 # Parts
 
 

@@ -102,9 +102,6 @@ def test_names_indices_and_columns_have_the_shape_of_numpy(text, expected):
     ("friction", "there is no field 'friction'; did you mean geom_friction"),
     ("kp[servo]", "there is no field 'kp'; did you mean actuator_kp"),
     ("actuator_kp[servo][0]", "actuator_kp is one number of each actuator; leave out the columns"),
-    ("geom_friction:floor,left_foot", "write 'geom_friction\\[floor,left_foot\\]'"),
-    ("friction:floor", "write 'geom_friction\\[floor\\]\\[0\\]'"),
-    ("dof_damping:#3", "write 'dof_damping\\[3\\]'"),
 ])  # fmt: skip
 def test_what_is_no_selector_is_said(text, message):
     for call in (lambda: stepper.Stepper(MODEL, 2).randomize({text: 1.0}), lambda: MODEL.replace({text: 1.0})):

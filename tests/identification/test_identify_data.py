@@ -130,7 +130,7 @@ def test_cells_lines_and_names(tmp_path):
     good = Episode(SCENE.ctrl, SCENE.readings(stepper.Options()), 0.02)
     for parameters, error, message in (
         ([], ValueError, "no parameter"),
-        (["mas:box"], ValueError, r"write 'field\[box\]'; did you mean mass"),
+        (["mas:box"], ValueError, r"is no selector: write field\[names\]"),
         (["mass"], ValueError, "did you mean body_mass"),
         (["body_mass[boxx]"], ValueError, "no body 'boxx'; did you mean box"),
         (["body_mass[box]", "body_inertial[box]"], ValueError, "same number"),

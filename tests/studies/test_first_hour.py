@@ -295,7 +295,7 @@ def test_a_success_that_is_a_number_is_refused():
 
 
 @pytest.mark.parametrize(("start", "message"), [
-    (lambda now, rngs: now.qpos, r"start returned ReadOnly of shape \(1, 1\), must return qpos \(1, 1\) and qvel \(1, 1\), one row per"),
+    (lambda now, rngs: now.qpos, r"start returned ndarray of shape \(1, 1\), must return qpos \(1, 1\) and qvel \(1, 1\), one row per"),
     (lambda now, rngs: (np.zeros(1), np.zeros(1)), r"start returned \(1,\) and \(1,\), must return qpos \(1, 1\)"),
     (lambda now, rngs: None, r"start returned NoneType of shape \(\), must return"),
 ])  # fmt: skip

@@ -750,24 +750,6 @@ def test_a_study_at_other_values_by_selector():
         study.at({"gravity[2]": "low"})
 
 
-def test_earlier_keys_of_a_parameter_are_named(tmp_path):
-    with pytest.raises(TypeError, match=r"stepper\.lab\.Parameter\(\) takes no 'target': use selector, as 'geom_friction"):
-        Parameter(target="geom_friction", column=0, low=0.1, high=1.0)
-    (tmp_path / "study.toml").write_text(f'model = """{ARM}"""\n[parameters.mu]\ntarget = "geom_friction"\nlow = 0.1\nhigh = 1.0\n')
-    with pytest.raises(ValueError, match="parameter 'mu' has no 'target': use selector, as"):
-        Study.from_file(tmp_path / "study.toml")
-
-
-def test_the_earlier_key_of_the_controller_is_named(tmp_path):
-    with pytest.raises(TypeError, match=r"stepper\.lab\.Study\(\) takes no 'drive': use controller"):
-        Study(model=ARM, drive="random")
-    (tmp_path / "study.toml").write_text(f'model = """{ARM}"""\ndrive = "random"\n')
-    with pytest.raises(ValueError, match="the study has no 'drive': use controller"):
-        Study.from_file(tmp_path / "study.toml")
-    with pytest.raises(ValueError, match=r"no field 'drive'; did you mean controller\?"):
-        Study(model=ARM, parameters={"push": Parameter("drive", nominal=1.0, low=0.0, high=2.0)})
-
-
 def test_intervals():
     # R. G. Newcombe, Statistics in Medicine 17 (1998), table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29.
     for (k, n), (low, high) in {

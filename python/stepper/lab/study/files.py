@@ -36,7 +36,7 @@ from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stepper._hints import did_you_mean, present_keyword
+from stepper._hints import did_you_mean
 from stepper._options import Options
 from stepper.actuators import ActuatorModel
 from stepper.lab.study.controllers import Policy, Recorded, find, load_file
@@ -94,8 +94,6 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
     """
     folder, given = path.resolve().parent, dict(data)
     known = {field.name for field in fields(kind) if not field.name.startswith("_")} | {"policy"}
-    if renamed := next((key for key in given if key not in known and present_keyword("stepper.lab.Study", key)), None):
-        raise ValueError(f"the study has no {renamed!r}: use {present_keyword('stepper.lab.Study', renamed)}")
     check_keys(given, known, "the study")
     if "model" not in given:
         raise ValueError("model is missing: give the path of an MJCF, URDF or saved model")
@@ -189,8 +187,6 @@ def _part(kind: type[Any], table: Any, place: str) -> Any:
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table")
     known = {field.name for field in fields(kind)}
-    if renamed := next((key for key in table if key not in known and present_keyword(f"stepper.lab.{kind.__name__}", key)), None):
-        raise ValueError(f"{place} has no {renamed!r}: use {present_keyword(f'stepper.lab.{kind.__name__}', renamed)}")
     check_keys(table, known, place)
     required = [field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING]
     if missing := [name for name in required if name not in table]:

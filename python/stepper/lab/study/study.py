@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper import _stepper
-from stepper._hints import Hinting, did_you_mean, hint_keywords
+from stepper._hints import did_you_mean, hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
@@ -80,7 +80,7 @@ class _Source:
 
 @hint_keywords("stepper.lab.Study")
 @dataclass(frozen=True, kw_only=True)
-class Study(metaclass=Hinting):
+class Study:
     """Simulation experiment: episodes of a model with a controller, measured outcomes and uncertain parameters.
 
     If selectors or measures contain names of elements, the constructor loads the model to check them.

@@ -1,7 +1,6 @@
-"""Hints of recordings, pictures, options, sensor and actuator models, derivatives and `load`: each leads to a call that works."""
+"""Arguments of recordings, pictures, options, sensor and actuator models and `load`: wrong ones are errors with the right form."""
 
 import dataclasses
-import importlib
 import pickle
 import re
 
@@ -11,7 +10,7 @@ import pytest
 import stepper
 from hypothesis import given
 from hypothesis import strategies as st
-from stepper._other_names import NEW_KEYWORDS_OF, NEW_NAMES, PARTS
+from stepper._hints import replacements
 from stepper.recording.format import KINDS, read_header, read_rows
 
 XML = """<mujoco><worldbody><light pos="0 0 3"/><camera name="side" pos="0 -2 1" xyaxes="1 0 0 0 0 1"/><body name="arm">
@@ -107,22 +106,10 @@ WRONG = {
     "Renderer(sim)": (lambda: stepper.viewer.Renderer(SIM), r"must be a stepper.Model: stepper.viewer.Renderer(sim.model).render(sim)"),
     "Renderer(path)": (lambda: stepper.viewer.Renderer("x.xml"), "must be a stepper.Model: stepper.viewer.Renderer(sim.model).render(sim)"),
     "Renderer(mj)": (lambda: stepper.viewer.Renderer(COMPILED), "must be a stepper.Model: stepper.viewer.Renderer(sim.model).render(sim)"),
-    "Renderer(m, h, w)": (
-        lambda: stepper.viewer.Renderer(MODEL, 240, 320),
-        "takes 1 argument without a keyword, not 3: stepper.viewer.Renderer(model, *, width=480, height=480",
-    ),
-    "replay(sim, path)": (lambda: stepper.replay(SIM, "run"), "stepper.replay(path, *, model=None"),
-    "load two": (lambda: stepper.load("walker", "walk"), "stepper.load(source, *, strict=True"),
-    "Options(0.1)": (lambda: stepper.Options(0.1), "takes no arguments without a keyword, not 1: stepper.Options(*, timestep=None"),
     "noise": (lambda: stepper.Transfer(noise=0.1), "noise_std=... is its standard deviation"),
     "transfer": (lambda: stepper.SensorModel({"gyro": 0.1}), "must be a stepper.Transfer, as stepper.Transfer(noise_std=...)"),
     "transfers": (lambda: stepper.SensorModel(0.1), "as {'*': stepper.Transfer(noise_std=...)}"),
     "drive": (lambda: stepper.ActuatorModel({"motor": 0.1}), "must be a stepper.Drive, as stepper.Drive(delay=...)"),
-    "sensor's name": (lambda: stepper.SensorModel(gyro=0.1), "stepper.SensorModel({'*': stepper.Transfer(noise_std=...)})"),
-    "delay": (lambda: stepper.SensorModel(latency=0.1), "stepper.SensorModel({'*': stepper.Transfer(delay=...)})"),
-    "lag": (lambda: stepper.ActuatorModel(lag=0.1), "stepper.ActuatorModel({'*': stepper.Drive(lag=...)})"),
-    "actuator's name": (lambda: stepper.ActuatorModel(motor1=0.1), "stepper.ActuatorModel({'*': stepper.Drive(delay=...)})"),
-    "kp": (lambda: stepper.ActuatorModel(kp=0.1), "{'*': stepper.Drive(servo=stepper.actuators.PID(kp=..., kd=...))}"),
     "drive of another class": (lambda: stepper.ActuatorModel({"motor": stepper.Transfer()}), "is a Transfer, must be a stepper.Drive"),
     "model": (lambda: stepper.load(MODEL), "it is loaded already, as stepper.Stepper(model)"),
     "view(model)": (lambda: stepper.viewer.view(MODEL), "must be a stepper.Stepper: stepper.viewer.view(stepper.Stepper(model))"),
@@ -213,22 +200,12 @@ def test_an_integrator_of_the_other_law_is_an_error(settings):
 
 
 @pytest.mark.parametrize("frozen", [OPTIONS, stepper.Transfer(), stepper.Drive(), stepper.actuators.PID(kp=1.0)])
-def test_a_frozen_object_names_how_to_change_it(frozen):
+def test_a_frozen_object_is_changed_by_a_copy(frozen):
     for field in dataclasses.fields(frozen):
-        remedy = rf"cannot be assigned: dataclasses\.replace\(old, {field.name}=\.\.\.\) makes a changed copy$"
-        with pytest.raises(dataclasses.FrozenInstanceError, match=remedy):
+        with pytest.raises(dataclasses.FrozenInstanceError, match=field.name):
             setattr(frozen, field.name, 1)
         assert dataclasses.replace(frozen, **{field.name: getattr(frozen, field.name)}) == frozen
-    with pytest.raises(AttributeError, match="has no attribute 'foo'"):
-        frozen.foo = 1
     assert pickle.loads(pickle.dumps(frozen)) == frozen
-
-
-@pytest.mark.parametrize("owner", ["Options", "Transfer", "Drive"])
-def test_a_keyword_of_others_is_the_same_hint_as_an_attribute(owner):
-    for name in {*NEW_KEYWORDS_OF[f"stepper.{owner}"]} - {*NEW_NAMES.get(owner, ())}:
-        with pytest.raises(AttributeError, match=rf"^a stepper\..*{owner} has no attribute '{name}'; (did you mean|use) "):
-            getattr(getattr(stepper, owner)(), name)
 
 
 CALLS = {
@@ -245,24 +222,11 @@ CALLS = {
 @pytest.mark.parametrize("call", CALLS)
 def test_an_unknown_keyword_has_a_hint(call):
     """The keyword to use, or all keywords."""
-    for name in (*NEW_KEYWORDS_OF.get(call, ()), "zzz"):
+    for name in (*replacements(f"{call}()"), "zzz"):
         with pytest.raises(TypeError) as error:
             CALLS[call](**{name: 1})
-        present = NEW_KEYWORDS_OF.get(call, {}).get(name, "")
-        hint = f": use {present}" if present else ": use" if call in PARTS else "; there are: "
+        hint = "; there are: " if name == "zzz" else f": use {replacements(f'{call}()')[name]}"
         assert str(error.value).startswith(f"{call}() takes no {name!r}{hint}")
-
-
-@pytest.mark.parametrize(
-    "call", ["stepper.Options", "stepper.Transfer", "stepper.Drive", "stepper.Recorder", "Stepper.linearize", "stepper.load"]
-)
-def test_keywords_that_hints_name_are_those_of_the_call(call):
-    """A hint that is one word is a keyword of this call; others name a call."""
-    import inspect
-
-    for present in NEW_KEYWORDS_OF[call].values():
-        if re.fullmatch(r"\w+", present):
-            assert present in inspect.signature(CALLS[call]).parameters
 
 
 def test_results_of_a_recorder_cannot_be_assigned(tmp_path):
@@ -273,50 +237,3 @@ def test_results_of_a_recorder_cannot_be_assigned(tmp_path):
     sensors = stepper.SensorModel()
     sensors.default = stepper.Transfer(delay=0.01)
     assert sensors == stepper.SensorModel(default=stepper.Transfer(delay=0.01))
-
-
-OBJECTS = {
-    "Options": lambda path: OPTIONS,
-    "Recorder": lambda path: new(path).record(path / "two"),
-    "Replay": lambda path: new(path) and stepper.replay(path / "run"),
-    "Segment": lambda path: new(path) and next(stepper.recording.segments(path / "run")),
-    "Linearization": lambda path: LIN,
-    "Renderer": lambda path: stepper.viewer.Renderer(MODEL, width=8, height=8),
-}
-
-
-@pytest.mark.parametrize("owner", OBJECTS)
-def test_an_absent_attribute_has_a_hint(tmp_path, owner):
-    thing = OBJECTS[owner](tmp_path)
-    for name, present in NEW_NAMES[owner].items():
-        with pytest.raises(AttributeError) as error:
-            getattr(thing, name)
-        assert str(error.value).endswith((f"; did you mean {present}?", f"; use {present}"))
-        word = re.match(r"\w+(?=[(\[]|$)", present)
-        assert word is None or hasattr(thing, word[0]), present
-
-
-MODULES = ("actuators", "derivatives", "recording", "sensors", "sysid", "viewer")
-
-
-@pytest.mark.parametrize("module", MODULES)
-def test_a_submodule_lists_what_it_has(module):
-    there = importlib.import_module(f"stepper.{module}")
-    with pytest.raises(
-        AttributeError, match=rf"^module 'stepper\.{module}' has no attribute 'qqq'; there are: {', '.join(there.__all__)}$"
-    ):
-        _ = there.qqq
-    with pytest.raises(ImportError, match=r"; there are: "):
-        exec(f"from stepper.{module} import qqq")
-    for name, present in NEW_NAMES.get(f"stepper.{module}", {}).items():
-        with pytest.raises(AttributeError, match=re.escape(present)):
-            getattr(there, name)
-
-
-@pytest.mark.parametrize("text", sorted({text for module in MODULES for text in NEW_NAMES.get(f"stepper.{module}", {}).values()}))
-def test_what_hints_of_submodules_name_exists(text):
-    for name in re.findall(r"stepper(?:\.\w+)+", text):
-        module, _, last = name.rpartition(".")
-        assert hasattr(importlib.import_module(module), last), name
-    for name in re.findall(r"\b[A-Z]\w+(?=\()", text):
-        assert any(hasattr(importlib.import_module(f"stepper.{module}"), name) for module in MODULES), name

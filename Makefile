@@ -44,7 +44,8 @@ bench: build
 	$(BIN)/python benches/comparison/throughput.py
 	PYTHONPATH=benches $(BIN)/python -m many_contacts --quick --num-envs 64
 	$(BIN)/stepper demo
-	$(BIN)/stepper chart
+	$(BIN)/stepper chart benches/studies/slide.py --quick
+	$(BIN)/stepper chart benches/studies/chain.py --quick
 	$(BIN)/python benches/sensing.py
 	$(BIN)/python benches/drives.py
 	$(BIN)/python -m pip install --quiet 'envpool>=1.2'

@@ -170,8 +170,7 @@ def test_a_chart_of_a_model_of_ones_own(tmp_path):
     found = stepper.lab.chart(scene(), tmp_path, quick=True, episodes=3, horizon=0.1)
     for name in ("chart.png", "chart_later.png", "chart.csv", "chart.npz", "chart.html", "chart.md"):
         assert (tmp_path / "scene" / name).stat().st_size > 500
-    # Why rapier is left out is one line: it is not installed, or has no actuators.
-    assert [reason.split(":")[0] for reason in found.skipped] == ["rapier"]
+    assert found.skipped == ()
     engines = {dot.engine for dot in found.dots}
     assert engines == {"stepper", "MuJoCo"}
     assert not any(dot.notes for dot in found.dots)

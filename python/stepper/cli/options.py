@@ -66,7 +66,7 @@ def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
     Without these options, the result is `source` itself. With them, it is a study.
 
     Args:
-        source: Path of a model or study, or the name of a built-in scene.
+        source: Path of a model or study.
         ray: Whether the study runs on Ray, a library for parallel tasks.
         values: Nominal values of parameters, texts of the form NAME=VALUE.
     """

@@ -4,7 +4,7 @@
     stepper.lab.report("tray.toml")  # a sweep of every parameter, with the causes of failures
 
 The folder `study` has the definition of a study (`Study`, `Parameter`, `Outcome`) with sweep, rank and report; `accuracy` has chart and
-tune. `comparison` compares the contact laws; `engine_chart` and `demo` compare stepper with MuJoCo. docs/reference/studies.md explains
+tune. `comparison` compares the contact laws; `demo` compares stepper with MuJoCo. docs/reference/studies.md explains
 studies.
 """
 

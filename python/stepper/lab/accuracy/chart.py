@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.lab.accuracy.budget import QUICK, Budget
-from stepper.lab.accuracy.candidates import lines, no_rapier, timesteps
+from stepper.lab.accuracy.candidates import lines, timesteps
 from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.distributions import shifts
 from stepper.lab.accuracy.dots import Dot
@@ -74,7 +74,7 @@ def chart(
     budget: str | float | None = None,
     tick: Tick | None = None,
 ) -> Chart:
-    """Charts error against cost for time steps, integrators, solvers, precisions, contact laws, MuJoCo and rapier.
+    """Charts error against cost for time steps, integrators, solvers, precisions, contact laws and MuJoCo.
 
     The reference is the study's closed form (`Study.exact`), or a run that is converged by halving the time step
     (`stepper.lab.accuracy.reference`). Sensors are ideal. With `Study.ray`, settings run as tasks of Ray; costs are still measured in
@@ -119,8 +119,7 @@ def chart(
         basis = ChartBasis(study, numbers, distance, reference, most, clock)
         steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
         points, skipped, laws = measure(basis, lines(study, quick=quick), steps, report_progress)
-        peers = (("MuJoCo", no_peer(study)), ("rapier", no_rapier(study)))
-        skipped = [f"{name}: {reason}" for name, reason in peers if reason] + skipped
+        skipped = [f"MuJoCo: {reason}" for reason in [no_peer(study)] if reason] + skipped
         invariants = Invariants(study)
         dots = _dots(basis, points, invariants, quick=quick, report_progress=report_progress)
         found = ChartData(basis, points, dots, tuple(skipped), laws, invariants)

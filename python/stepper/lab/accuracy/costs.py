@@ -21,10 +21,7 @@ from stepper.lab.timing import Timed
 BATCH = 32
 """Number of environments of a timed batch: two SIMD groups with f32, four with f64."""
 _PEER_BATCH = 4
-"""Number of environments of a timed batch in MuJoCo and rapier.
-
-Both engines step environments one after the other, so that a larger batch has the same cost per environment.
-"""
+"""Number of environments of a timed batch in MuJoCo, which steps one after the other: a larger batch costs the same per environment."""
 _LONG_RUN = 0.1
 """Processor time above which a run's first repetition counts as a measurement if there is a time budget, s.
 

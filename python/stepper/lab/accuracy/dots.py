@@ -18,7 +18,7 @@ class Dot:
     """Point of a chart: settings with a given time step. Errors are medians over episodes, in the unit of the distance (m or rad).
 
     Attributes:
-        engine: "stepper", "MuJoCo" or "rapier".
+        engine: "stepper" or "MuJoCo".
         setting: Name of the settings.
         timestep: Time step, s.
         error: Largest distance of the run from the reference up to the horizon. It is infinite if the run is not finite, and NaN if the
@@ -26,13 +26,13 @@ class Dot:
         least: Smallest error of all episodes.
         most: Largest error of all episodes.
         solver: Error from the solver: distance of the run from the same run with a tight tolerance (1e-9 m/s) and precision "f64". NaN for
-            MuJoCo and rapier.
+            MuJoCo.
         step: Error from the time step: distance of the run with a tight tolerance from the converged run with the same contact law.
         model: Error from the contact law (softness, friction cone): distance of that converged run from the reference.
         alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if not measured.
         batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN if not measured.
         depth: Deepest overlap of all episodes in the engine's contacts, m.
-        residual: Largest residual of all episodes, m/s; NaN for MuJoCo and rapier.
+        residual: Largest residual of all episodes, m/s; NaN for MuJoCo.
         outcome: Mean of an outcome over finite episodes: the outcome with a condition of success, or otherwise the first outcome. NaN
             without outcomes.
         share: Fraction of successful episodes, where episodes that were not finite are failures; NaN without a condition of success.
@@ -69,7 +69,7 @@ class Dot:
     def cause(self) -> str:
         """Largest cause of the error: "solver", "time step" or "model". An empty string if the error is 0 or one of its parts is unknown.
 
-        For MuJoCo and rapier the error from the solver is not known separately, and is included in the error from the time step.
+        For MuJoCo the error from the solver is not known separately, and is included in the error from the time step.
         """
         names = {name: word for name, word in CAUSES.items() if word != "solver" or self.engine == "stepper"}
         parts = {word: float(getattr(self, name)) for name, word in names.items()}

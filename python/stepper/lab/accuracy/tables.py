@@ -19,7 +19,7 @@ from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.study.document import Document, Section, counted
 from stepper.shared.files import write_arrays, write_csv
-from stepper.shared.machine import package_version, provenance
+from stepper.shared.machine import provenance
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,6 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     picture = draw(study, distance, reference, found.dots, path=folder / "chart.png", note=note)
     later = draw_later(study, found.dots, path=folder / "chart_later.png")
     table = folder / "chart.csv"
-    if rapier := package_version("rapier3d"):
-        came_from["rapier3d"] = rapier
     header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": basis.budget.seconds}
     header |= study.in_force | came_from
     notes = [f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n" for key, value in header.items()]
@@ -142,7 +140,7 @@ def _words(found: ChartData) -> list[str]:
             f"{reference.known.min():.3g} s). After this time, compare invariants and outcomes instead of single motions."
         ),
         f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
-        "batch, with recorded controls. MuJoCo and rapier step one environment after the other in both.",
+        "batch, with recorded controls. MuJoCo steps one environment after the other in both.",
         "An error has three causes, each with its part. solver: distance from the same run solved to 1e-9 m/s in 64 bits. time step: "
         "distance of that run from the converged run with its law of contact. model: distance of that converged run from the reference "
         "(softness, friction cone). The column cause has the one with the largest part; docs/reference/studies.md has remedies. "

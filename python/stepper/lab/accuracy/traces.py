@@ -51,7 +51,7 @@ class Trace:
         finite: Whether each episode was finite to the end of the run, (episodes,).
         outcomes: Outcomes by name, (episodes,); NaN if the run was stopped or is not finite.
         depth: Deepest overlap, (episodes,), m.
-        residual: Largest residual, (episodes,), m/s; NaN in MuJoCo and rapier.
+        residual: Largest residual, (episodes,), m/s; NaN in MuJoCo.
         settings: All settings of the engine.
         timestep: Time step, s.
         spent: Processor time of the run, s.
@@ -98,7 +98,7 @@ def run(
         episodes: Numbers of the episodes.
         setting: Name of the settings.
         until: Simulated time of the run, s; outcomes are NaN if it is shorter than an episode.
-        stage: Stage of the time budget; None sets no time limit. The limit is checked between two steps, but in MuJoCo and rapier only
+        stage: Stage of the time budget; None sets no time limit. The limit is checked between two steps, but in MuJoCo only
             between two control periods.
         tick: Progress callback, called with the fraction done after every control period.
         **changed: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".

@@ -15,7 +15,6 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.lab.demo.referee import Measured, Referee
 from stepper.lab.demo.report import show
-from stepper.lab.engine_chart import SCENES, Effort, charts
 from stepper.lab.engines import Array, EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
 from stepper.lab.progress import Tick, progress, show_files
 from stepper.loading import load
@@ -277,7 +276,7 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
 
 
 def demo(plan: Plan, out: Path) -> dict[str, object]:
-    """Runs the demo: prints the table, and writes `demo.json` and the charts.
+    """Runs the demo: prints the table, and writes `demo.json`.
 
     Args:
         plan: Settings of the race.
@@ -290,8 +289,7 @@ def demo(plan: Plan, out: Path) -> dict[str, object]:
     with locked(out):
         with progress() as tick:
             figures = measure(plan, tick)
-            pictures = charts(list(SCENES), out, Effort.quick(), tick)
         file = write_text(out / "demo.json", json.dumps(figures, indent=2) + "\n")
     show(figures)
-    show_files([file, *pictures])
+    show_files([file])
     return figures

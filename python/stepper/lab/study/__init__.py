@@ -2,7 +2,7 @@
 
 - `study`: the definition of a study; `files` reads it from TOML
 - `parameters`, `outcomes`, `controllers`, `policy_files`: parts of the definition
-- `worlds`, `rapier`: environments of one engine
+- `worlds`: environments of one engine
 - `points`, `batches`, `jobs`: runs of episodes at values of the parameters, in batches, optionally on Ray
 - `episode`: selected episodes, for recordings and the viewer
 - `journal`, `table`, `results`: results of finished episodes (rows) on disk

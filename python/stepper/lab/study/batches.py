@@ -23,7 +23,6 @@ from stepper.lab.study.journal import Journal, Row
 from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.parameters import Values, actuator_model, model_fields, sensor_model
 from stepper.lab.study.points import Point
-from stepper.lab.study.rapier import RapierWorld
 from stepper.lab.study.worlds import ParameterValues, Plan, World, make_world, own_fields, stacked
 from stepper.shared.fields import RANDOMIZED
 
@@ -173,7 +172,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
         actuators=actuator_model(study.parameters, study.actuators, model, values_by_env),
         threads=study.threads,
     )
-    world = RapierWorld(plan, len(values_by_env), given) if engine == "rapier" else make_world(plan, len(values_by_env))
+    world = make_world(plan, len(values_by_env))
     world.ideal = ideal
     names = dict.fromkeys(name for values in values_by_env for name in values)
     unchanged = {name: study.parameters[name].unchanged for name in study.parameters}

@@ -86,7 +86,7 @@ class World:
     all other attributes of `Stepper` too. Arrays of real numbers are float64. `xfrc_applied` is writable.
 
     Attributes:
-        engine: "stepper", "mujoco" or "rapier".
+        engine: "stepper" or "mujoco".
         model: Model of the scene, without values that differ between environments.
         num_envs: Number of environments.
         timestep: Time step, s.

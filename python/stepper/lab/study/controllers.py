@@ -397,8 +397,8 @@ class _Digest:
             self.take(value.bit_generator.state, where)
         elif inspect.isclass(value):
             self._class(value, where)
-        elif inspect.isroutine(value) and isinstance(getattr(value, "digest", None), str):
-            self._part(kind, value.digest.encode())
+        elif inspect.isroutine(value) and isinstance(declared := getattr(value, "digest", None), str):
+            self._part(kind, declared.encode())
         elif inspect.isroutine(value):
             self._routine(value, where)
         else:

@@ -66,3 +66,15 @@ def test_with_default_settings_it_follows_until_it_rests(shape):
     # The tolerance of the solver is 1e-6 m/s; one row alone is solved to rounding.
     assert fine.qvel[0] == pytest.approx(0.0, abs=1e-12)
     assert -fine.options.slop <= fine.qpos[0] <= 1e-12
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("stabilization", ["baumgarte", "split", "none"])
+def test_velocity_after_one_step_into_the_floor(shape, stabilization):
+    """Scene 2: h 0.005 m, v -1.5 m/s: v - g dt = -1.6962 m/s before the contact, 0.25 * 1.6962 m/s after it; it ends on the floor."""
+    sim = block(shape, 0.005, -1.5, stabilization=stabilization)
+    sim.step()
+    # A dozen operations on numbers of order 1.
+    assert sim.qvel[0] == pytest.approx(0.25 * (1.5 + 9.81 * 0.02), abs=1e-14)
+    assert sim.qpos[0] == pytest.approx(0.0, abs=1e-15)
+    assert sim.status == stepper.Status.OK

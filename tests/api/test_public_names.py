@@ -2,7 +2,7 @@
 
 After a change that is meant:
 
-    PYTHONPATH=python:tests .venv/bin/python tests/api/test_public_names.py
+    PYTHONPATH=python:tests/helpers .venv/bin/python tests/api/test_public_names.py
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 from stepper import _stepper
 
 LISTED = Path(__file__).with_name("public_names.txt")
-RENEW = "PYTHONPATH=python:tests .venv/bin/python tests/api/test_public_names.py"
+RENEW = "PYTHONPATH=python:tests/helpers .venv/bin/python tests/api/test_public_names.py"
 MODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
 ROOT = {
     *("load", "Model", "Stepper", "Options", "Status", "State", "ModelError", "ModelWarning", "SensorModel", "Transfer"),

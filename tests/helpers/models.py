@@ -60,8 +60,6 @@ def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None =
     """A `Stepper` of a model, a compiled MuJoCo model or MJCF text, with the fields of `Options` as keywords."""
     if not isinstance(model, stepper.Model):
         model = stepper.load(model)
-    # With Baumgarte's method positions move as velocities do, so that one problem says all of a step.
-    options = {"stabilization": "baumgarte"} | options
     return stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision)
 
 

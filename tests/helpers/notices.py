@@ -1,4 +1,4 @@
-"""The licences of the libraries that are linked into the binary: written to NOTICES by `python tests/notices.py`, compared by a test.
+"""The licences of the libraries that are linked into the binary: written to NOTICES by `python tests/helpers/notices.py`, compared by a test.
 
 Cargo says which libraries those are, and where their sources lie. One that comes from elsewhere than crates.io, or that has no licence of
 `ACCEPTED`, is an error. cargo-deny (`make check`) asks the same of what only builds them and of what only tests them.
@@ -12,7 +12,7 @@ import sys
 import tomllib
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 NOTICES = ROOT / "NOTICES"
 DENY = tomllib.loads((ROOT / "deny.toml").read_text())
 (TARGET,) = DENY["graph"]["targets"]
@@ -20,7 +20,7 @@ ACCEPTED = tuple(DENY["licenses"]["allow"])
 """The first of them that a library offers is the one it is used under: Apache's text is the same for all."""
 HEAD = """\
 stepper is built with the libraries that are listed here, each under the licence that stands above it. stepper's own licences are in
-LICENSE-MIT and LICENSE-APACHE. `python tests/notices.py` writes this file.
+LICENSE-MIT and LICENSE-APACHE. `python tests/helpers/notices.py` writes this file.
 """
 
 

@@ -2,7 +2,7 @@
 
 After a change of the format of recordings, models or states:
 
-    PYTHONPATH=python:tests .venv/bin/python tests/bench_episode.py
+    PYTHONPATH=python:tests/helpers .venv/bin/python tests/helpers/bench_episode.py
 """
 
 import shutil
@@ -12,7 +12,7 @@ import numpy as np
 import stepper
 from recordings import edit_header
 
-EPISODE = Path(__file__).parents[1] / "benches/tests/episode"
+EPISODE = Path(__file__).parents[2] / "benches/tests/episode"
 PENDULUM = """
 <mujoco><worldbody><body><joint name="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/></body></worldbody>
 <actuator><motor joint="hinge"/></actuator></mujoco>"""

@@ -2,7 +2,7 @@
 
 After a change of bits or of the format of saved models, this renews both:
 
-    PYTHONPATH=python:tests .venv/bin/python tests/self_test_scene.py
+    PYTHONPATH=python:tests/helpers .venv/bin/python tests/helpers/self_test_scene.py
 """
 
 import stepper

@@ -1,6 +1,6 @@
 """Gymnasium's own tests of vector environments, wrappers and environments, around stepper's.
 
-    python tests/gymnasiums.py CHECKOUT    # a checkout of https://github.com/Farama-Foundation/Gymnasium: its wheel has no tests
+    python tests/helpers/gymnasiums.py CHECKOUT    # a checkout of https://github.com/Farama-Foundation/Gymnasium: its wheel has no tests
 
 Copies its tests, writes names of stepper's environments in the place of the classic ones', and native vector environments in the place of
 `SyncVectorEnv` where a test makes one by its name; then runs them. `LEFT_OUT` has the tests that are of what those environments alone

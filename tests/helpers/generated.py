@@ -2,7 +2,7 @@
 
 Usage:
 
-    PYTHONPATH=python:tests:benches python tests/generated.py
+    PYTHONPATH=python:tests/helpers:benches python tests/helpers/generated.py
 """
 
 from pathlib import Path
@@ -13,7 +13,7 @@ import field_table
 import study_keys
 from sections import write_section
 
-REFERENCE = Path(__file__).parents[1] / "docs/reference"
+REFERENCE = Path(__file__).parents[2] / "docs/reference"
 SECTIONS = {
     "commands": (REFERENCE / "command_line.md", command_line.table),
     "fields": (REFERENCE / "what_can_vary.md", lambda: f"{field_table.table()}\n{field_table.others()}"),

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 _LIST = re.compile(r"<!-- (names [\w ]+?) -->.*?<!-- end of \1 -->\n\n<!-- api\n(.*?)^-->$", re.MULTILINE | re.DOTALL)
 _ENTRY = re.compile(r"^::: ([\w.]+)$((?:\n {4,}.*)*)", re.MULTILINE)
 

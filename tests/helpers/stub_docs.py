@@ -1,4 +1,4 @@
-"""Docstrings of the stub, which are those of the binary: written there by `python tests/stub_docs.py`, compared by a test.
+"""Docstrings of the stub, which are those of the binary: written there by `python tests/helpers/stub_docs.py`, compared by a test.
 
 The doc comments in crates/python/src are the source of both.
 """
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stepper import _stepper
 
-STUB = Path(__file__).parents[1] / "python/stepper/_stepper.pyi"
+STUB = Path(__file__).parents[2] / "python/stepper/_stepper.pyi"
 
 
 def documented(tree: ast.Module):

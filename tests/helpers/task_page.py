@@ -1,6 +1,6 @@
 """Tables of observations and actions of all registered tasks, docs/reference/tasks.md: written by this script, compared by a test.
 
-    PYTHONPATH=python:tests .venv/bin/python tests/task_page.py
+    PYTHONPATH=python:tests/helpers .venv/bin/python tests/helpers/task_page.py
 
 It needs the packages that have the models: dm_control and mjlab.
 """
@@ -16,7 +16,7 @@ import numpy as np
 import stepper.envs
 from stepper.envs import StepperEnv, Task
 
-PAGE = Path(__file__).parents[1] / "docs/reference/tasks.md"
+PAGE = Path(__file__).parents[2] / "docs/reference/tasks.md"
 HEAD = """# Observations and actions
 
 Columns of the observations and actions of all registered tasks. [Environments](environments.md) describes the tasks.
@@ -26,7 +26,7 @@ Columns of the observations and actions of all registered tasks. [Environments](
 * The unit of a motor's control is the force or torque of the control 1.
 * `[k]` is the k-th number of a quantity, and `envs.observation_structure` has the rows and their sizes in Python.
 
-`python tests/task_page.py` writes this page from the tasks.
+`python tests/helpers/task_page.py` writes this page from the tasks.
 """
 FAMILIES = {
     "Gymnasium's MuJoCo tasks": lambda name: name.endswith("-v5"),

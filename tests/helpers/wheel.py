@@ -1,4 +1,4 @@
-"""The wheel that `make wheel` builds, and an environment that has nothing but it and NumPy. `python tests/wheel.py` prints its figures."""
+"""The wheel that `make wheel` builds, and an environment that has nothing but it and NumPy. `python tests/helpers/wheel.py` prints its figures."""
 
 import json
 import statistics
@@ -10,7 +10,7 @@ import zipfile
 from importlib import metadata
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "python/stepper"
 WHEELS = ROOT / "target/wheels"
 MADE = ("__pycache__", "_stepper.abi3.so")

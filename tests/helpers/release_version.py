@@ -1,4 +1,4 @@
-"""Comparison of the version of a release in every file that has it: `python tests/release_version.py v0.1.0` before a release."""
+"""Comparison of the version of a release in every file that has it: `python tests/helpers/release_version.py v0.1.0` before a release."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 import tomllib
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def versions(root: Path = ROOT) -> dict[str, str]:

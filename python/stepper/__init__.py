@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stepper import actuators, adapters, derivatives, doctor, envs, lab, policies, recording, sensors, sysid, viewer
     from stepper.actuators import ActuatorModel, Drive
     from stepper.loading import ModelWarning, load
-    from stepper.recording import Recorder, replay
+    from stepper.recording import Recorder
     from stepper.sensors import SensorModel, Transfer
 
 __all__ = [
@@ -41,7 +41,6 @@ __all__ = [
     "load",
     "policies",
     "recording",
-    "replay",
     "sensors",
     "sysid",
     "viewer",
@@ -52,7 +51,7 @@ _SUBMODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", 
 _MODULE_OF = {
     **dict.fromkeys(("ActuatorModel", "Drive"), "actuators"),
     **dict.fromkeys(("ModelWarning", "load"), "loading"),
-    **dict.fromkeys(("Recorder", "replay"), "recording"),
+    "Recorder": "recording",
     **dict.fromkeys(("SensorModel", "Transfer"), "sensors"),
 }
 """Submodule of each name that is imported at its first use."""

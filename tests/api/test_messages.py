@@ -63,7 +63,7 @@ def sim():
     (lambda sim: sim.read("geom_friction"), ValueError, r"sim.model.geom_friction .* sim.randomized\['geom_friction'\]"),
     (lambda sim: sim.record(3), TypeError, r"path is 3 \(int\), must be a path"),
     (lambda sim: sim.record("run", chunk="8"), TypeError, r"chunk \(bytes\) is '8', must be a whole number of at least 1"),
-    (lambda _: stepper.replay(3), TypeError, r"path is 3 \(int\), must be a path"),
+    (lambda _: stepper.recording.verify(3), TypeError, r"path is 3 \(int\), must be a path"),
     (lambda _: stepper.policies.load(3), TypeError, r"path is 3 \(int\), must be a path"),
     (lambda _: stepper.policies.load("none.npz"), FileNotFoundError, "there is no policy file 'none.npz'"),
     (lambda _: stepper.policies.evaluate(3, "stepper/Hopper-v5"), TypeError, "policy is 3, must be a stepper.policies.Policy"),

@@ -29,7 +29,7 @@ RENEW = "PYTHONPATH=python:tests/helpers .venv/bin/python tests/api/test_public_
 MODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
 ROOT = {
     *("load", "Model", "Stepper", "Options", "Status", "State", "ModelError", "ModelWarning", "SensorModel", "Transfer"),
-    *("ActuatorModel", "Drive", "Recorder", "replay", "__version__"),
+    *("ActuatorModel", "Drive", "Recorder", "__version__"),
 }
 """Names of the engine, in `stepper` itself."""
 

@@ -200,7 +200,7 @@ def test_selectors_are_recorded(tmp_path):
     with sim.record(tmp_path / "recording"):
         sim.randomize({"body_mass[cart]": [1.0, 3.0]}, envs=[1, 0])
         sim.step([0.1, 0.5], nstep=5)
-    assert stepper.replay(tmp_path / "recording").difference is None
+    assert stepper.recording.verify(tmp_path / "recording").difference is None
     assert sim.randomized["body_mass"][:, 3].tolist() == [3.0, 1.0]
 
 

@@ -81,7 +81,7 @@ def test_a_replay_has_resets_that_end_what_was_applied(tmp_path):
             sim.reset(np.arange(3) == k % 3, keyframe=1 if k % 2 else "up")
             sim.step(nstep=2)
             sim.set_state(qvel=[0.1], keep_warmstart=True, time=float(k))
-    assert stepper.replay(tmp_path / "run")
+    assert stepper.recording.verify(tmp_path / "run")
 
 
 # Controls

@@ -29,7 +29,7 @@ def test_importing_stepper_imports_none_that_is_slow():
     assert found.split() == ["stepper", "stepper._hints", "stepper._options", "stepper._status", "stepper._stepper"]
 
 
-@pytest.mark.parametrize("name", ["ActuatorModel", "ModelWarning", "SensorModel", "load", "replay"])
+@pytest.mark.parametrize("name", ["ActuatorModel", "ModelWarning", "SensorModel", "load"])
 def test_a_name_of_the_engine_can_be_imported_first(name):
     """One name of each module that is imported at its first use."""
     assert said("-c", f"from stepper import {name}; import stepper; assert stepper.{name} is {name}") == ""

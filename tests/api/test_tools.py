@@ -50,7 +50,7 @@ def test_a_recorder_records_however_it_is_made(tmp_path, make, context):
     kinds = [kind for _, kind, _ in read_rows(tmp_path / "run", read_header(tmp_path / "run"))]
     assert kinds == ["start", "step", "reset"]
     assert set(kinds) <= set(KINDS)
-    result = stepper.replay(tmp_path / "run")
+    result = stepper.recording.verify(tmp_path / "run")
     assert (result.steps, result.rows, result.complete) == (1, 3, True)
 
 
@@ -58,9 +58,9 @@ def test_a_recording_without_steps_says_so(tmp_path):
     sim = stepper.Stepper(MODEL)
     recorder = sim.record(tmp_path / "open")
     said = "nothing to compare: no call of step was recorded; the recording was not closed, its last second may be missing"
-    assert str(stepper.replay(tmp_path / "open")) == said
+    assert str(stepper.recording.verify(tmp_path / "open")) == said
     recorder.close()
-    assert str(stepper.replay(tmp_path / "open")) == "nothing to compare: no call of step was recorded"
+    assert str(stepper.recording.verify(tmp_path / "open")) == "nothing to compare: no call of step was recorded"
 
 
 def test_a_file_is_no_folder_of_a_recording(tmp_path):
@@ -210,7 +210,8 @@ def test_a_frozen_object_is_changed_by_a_copy(frozen):
 
 CALLS = {
     "stepper.Options": stepper.Options, "Options.from_model": stepper.Options.from_model, "stepper.load": stepper.load,
-    "stepper.Recorder": stepper.Recorder, "stepper.replay": stepper.replay, "stepper.viewer.Renderer": stepper.viewer.Renderer,
+    "stepper.Recorder": stepper.Recorder, "stepper.recording.verify": stepper.recording.verify,
+    "stepper.viewer.Renderer": stepper.viewer.Renderer,
     "render": stepper.viewer.Renderer.render, "stepper.Transfer": stepper.Transfer, "stepper.Drive": stepper.Drive,
     "Stepper.linearize": stepper.derivatives.linearize, "stepper.SensorModel": stepper.SensorModel,
     "stepper.ActuatorModel": stepper.ActuatorModel,

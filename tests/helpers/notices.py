@@ -1,4 +1,4 @@
-"""The licences of the libraries that are linked into the binary: written to NOTICES by `python tests/helpers/notices.py`, compared by a test.
+"""The licences of the libraries that are linked into the binary: `python tests/helpers/notices.py` writes NOTICES.
 
 Cargo says which libraries those are, and where their sources lie. One that comes from elsewhere than crates.io, or that has no licence of
 `ACCEPTED`, is an error. cargo-deny (`make check`) asks the same of what only builds them and of what only tests them.

@@ -23,7 +23,7 @@ IN_TOML = {
 """How values are written in a file that are no numbers, words or lists of them."""
 POLICY = (
     "| `policy` | | Only in study files, instead of `controller`: a function of the sensor readings, or a file with a network. "
-    'In Python: `controller=stepper.lab.Policy(...)`. | "file.py:function", a file |'
+    'In Python: `controller=stepper.lab.PolicyController(...)`. | "file.py:function", a file |'
 )
 
 

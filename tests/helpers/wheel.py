@@ -1,4 +1,4 @@
-"""The wheel that `make wheel` builds, and an environment that has nothing but it and NumPy. `python tests/helpers/wheel.py` prints its figures."""
+"""The wheel that `make wheel` builds, and an environment that has nothing but it and NumPy. Run it to print figures."""
 
 import json
 import statistics

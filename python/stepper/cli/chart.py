@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT, RAY_RUNS, VALUES, source_with
 from stepper.lab.accuracy import chart as run
-from stepper.lab.progress import progress, show_files
+from stepper.lab.progress import show_files, show_progress
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -36,10 +36,10 @@ def chart(
     """
     if not Path(scene).exists():
         raise ValueError(f'there is no file "{scene}": give the path of a model or a study')
-    with progress() as tick:
+    with show_progress() as progress:
         source = source_with(scene, ray=ray, values=values)
         unit = "rad" if angle else "m"
-        found = run(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, tick=tick)
+        found = run(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, progress=progress)
     print(found.document.markdown())
     show_files(found.files)
 

@@ -12,30 +12,30 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from stepper.lab.accuracy.account import Account, account
     from stepper.lab.accuracy.chart import Chart, chart
+    from stepper.lab.accuracy.profile import CostProfile, profile
     from stepper.lab.accuracy.tune import Tuning, tune
-    from stepper.lab.comparison import Comparison, compare
-    from stepper.lab.study import Outcome, Parameter, Policy, Recorded, Study, World
+    from stepper.lab.comparison import LawComparison, compare
+    from stepper.lab.study import ControlLog, Outcome, Parameter, PolicyController, Study, World
     from stepper.lab.study.ranking import Ranking, rank
     from stepper.lab.study.report import Report, report, sweep
 
 __all__ = [
-    "Account",
     "Chart",
-    "Comparison",
+    "ControlLog",
+    "CostProfile",
+    "LawComparison",
     "Outcome",
     "Parameter",
-    "Policy",
+    "PolicyController",
     "Ranking",
-    "Recorded",
     "Report",
     "Study",
     "Tuning",
     "World",
-    "account",
     "chart",
     "compare",
+    "profile",
     "rank",
     "report",
     "sweep",
@@ -43,8 +43,8 @@ __all__ = [
 ]
 
 _FOLDERS = {
-    **dict.fromkeys(("Account", "Chart", "Tuning", "account", "chart", "tune"), "accuracy"),
-    **dict.fromkeys(("Comparison", "compare"), "comparison"),
+    **dict.fromkeys(("CostProfile", "Chart", "Tuning", "profile", "chart", "tune"), "accuracy"),
+    **dict.fromkeys(("LawComparison", "compare"), "comparison"),
 }
 """Subfolder with the definition of each public name, except for names in the subfolder `study`.
 

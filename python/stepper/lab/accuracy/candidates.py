@@ -102,7 +102,7 @@ def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
     """
     own = steps_of(study, study.options.timestep or float(study.loaded[0].timestep))
     counts = {max(1, round(own * 2.0**k)) for k in range(-coarser, finer + 1)}
-    return sorted(study.hold / count for count in counts)
+    return sorted(study.control_period / count for count in counts)
 
 
 def pareto(costs: Sequence[float], errors: Sequence[float]) -> list[int]:

@@ -57,7 +57,9 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
     colours = _colours(labels)
     markers = dict(zip(sorted({dot.timestep for dot in dots}), MARKERS, strict=False))
     panels = [figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])]
-    for panel, cost, title in zip(panels, ("alone", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True):
+    for panel, cost, title in zip(
+        panels, ("us_single_env", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True
+    ):
         _panel(panel, dots, cost, colours, markers)
         low = float(np.median(reference.uncertainty))
         low = low if math.isfinite(low) else _FLOOR
@@ -136,7 +138,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
     Args:
         panel: The panel.
         dots: Points of the chart.
-        cost: Cost to draw: "alone" for a single environment, "batch" for an environment in a batch.
+        cost: Cost to draw: "us_single_env" for a single environment, "batch" for an environment in a batch.
         colours: Colour of each label.
         markers: Marker of each time step.
     """

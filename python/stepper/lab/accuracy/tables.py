@@ -58,7 +58,7 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     later = draw_later(study, found.dots, path=folder / "chart_later.png")
     table = folder / "chart.csv"
     header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": basis.budget.seconds}
-    header |= study.in_force | came_from
+    header |= study.resolved_settings() | came_from
     notes = [f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n" for key, value in header.items()]
     columns = list(dict.fromkeys(name for dot in found.dots for name in dot.row))
     write_csv(table, [columns, *([dot.row.get(name, "") for name in columns] for dot in found.dots)], "".join(notes))
@@ -96,15 +96,15 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
         later: Picture of invariants and outcomes; None if there is none.
     """
     dots, basis = found.dots, found.basis
-    best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
+    best = set(map(id, [*front(dots, "us_single_env"), *front(dots, "batch")]))
     study, unit = basis.study, basis.distance.unit
     parts = [f"from {word}" for word in CAUSES.values()]
     head = ("", "settings", "time step, ms", f"error, {unit}", *parts, "cause", "alone, us", "batch, us", "penetration, mm")
-    outcome = study.decisive or next(iter(study.all_outcomes), None)
+    outcome = study.success_outcome or next(iter(study.all_outcomes), None)
     more = ("residual, m/s", *(() if outcome is None else (f"mean {outcome.name}", "successes")), "notes")
 
     def row(dot: Dot) -> list[Any]:
-        numbers = (dot.error, dot.solver, dot.step, dot.model, dot.cause, dot.alone, dot.batch, 1e3 * dot.depth, dot.residual)
+        numbers = (dot.error, dot.solver, dot.step, dot.model, dot.cause, dot.us_single_env, dot.batch, 1e3 * dot.depth, dot.residual)
         outcomes = () if outcome is None else (dot.outcome, dot.share)
         return ["*" if id(dot) in best else "", dot.label, 1e3 * dot.timestep, *numbers, *outcomes, "; ".join(dot.notes)]
 

@@ -37,7 +37,7 @@ Controller = Callable[[World], Any]
 a method `begin(now)`, the method is called at the start of each batch."""
 
 
-class Recorded:
+class ControlLog:
     """Controller that plays recorded controls, one row per control period. After the end it keeps the last row.
 
     Args:
@@ -152,11 +152,11 @@ class Random:
         return np.array([stream.uniform(self._low, self._high) for stream in self._streams])
 
 
-class Policy:
+class PolicyController:
     """Controller that calls a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
 
     Args:
-        act: Policy, in one of these forms:
+        act: PolicyController, in one of these forms:
 
             * a function of arrays that returns an array or a torch tensor
             * a `torch.nn.Module`, which is called with tensors
@@ -267,8 +267,8 @@ class StateCheck:
     """
 
     def __init__(self, controller: Any):
-        # `Policy.begin` calls the method `begin` of its function if there is one. Networks are copied for each batch.
-        self._controller = controller.act if isinstance(controller, Policy) else controller
+        # `PolicyController.begin` calls the method `begin` of its function if there is one. Networks are copied for each batch.
+        self._controller = controller.act if isinstance(controller, PolicyController) else controller
         self._restarts = hasattr(self._controller, "begin") or isinstance(self._controller, PolicyFile | Network)
         self._before = {} if self._restarts else self._held()
 
@@ -531,7 +531,7 @@ def name_of(thing: Any) -> str:
     """Name of a controller or of an outcome's measure, for tables: "file.py:name", or the name of a policy file."""
     if isinstance(thing, str) or thing is None:
         return str(thing or "nothing")
-    if isinstance(thing, Policy):
+    if isinstance(thing, PolicyController):
         return f"policy {name_of(thing.act)}"
     if isinstance(thing, PolicyFile):
         return thing.path.name

@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING, Any
 from stepper._hints import did_you_mean
 from stepper._options import Options
 from stepper.actuators import ActuatorModel
-from stepper.lab.study.controllers import Policy, Recorded, find, load_file
+from stepper.lab.study.controllers import ControlLog, PolicyController, find, load_file
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.policy_files import ENDINGS, PROGRAM
@@ -141,18 +141,18 @@ def _model(source: str, folder: Path) -> Any:
     return str(folder / source)
 
 
-def _policy(source: str, folder: Path) -> Policy:
+def _policy(source: str, folder: Path) -> PolicyController:
     """Controller from the entry `policy` of a study file."""
     if source.endswith((*ENDINGS, PROGRAM)):
-        return Policy(folder / source)
+        return PolicyController(folder / source)
     found = find(source, folder)
-    return Policy(found() if isinstance(found, type) else found)
+    return PolicyController(found() if isinstance(found, type) else found)
 
 
 def _controller(source: str, folder: Path) -> Callable[[Any], Any]:
     """Controller from the entry `controller` of a study file."""
     if source.endswith((".npz", ".csv")):
-        return Recorded(folder / source)
+        return ControlLog(folder / source)
     found: Callable[[Any], Any] = find(source, folder)
     # A controller with internal state is an object of the class that the file names.
     return found() if isinstance(found, type) else found

@@ -1,4 +1,4 @@
-"""Account of a run (`stepper.lab.account`): parts of the scene that it used, and the time and memory of each part.
+"""CostProfile of a run (`stepper.lab.profile`): parts of the scene that it used, and the time and memory of each part.
 
 Parts are removed one after the other, sensors first and actuators last. After each removal, steps are timed from the same states, which
 come from a run of the full scene. The share of a part is the reduction of the step time by the removal of this part, as a fraction of the
@@ -29,7 +29,7 @@ from stepper.lab.timing import Timed
 from stepper.loading import describe
 from stepper.shared.arguments import check_whole
 from stepper.shared.machine import cpu_name, one_core
-from stepper.shared.progress import Tick, silent
+from stepper.shared.progress import ProgressCallback, silent
 
 Array = NDArray[np.float64]
 Description = dict[str, Any]
@@ -82,15 +82,15 @@ class Use:
 
 
 @dataclass(frozen=True)
-class Account:
-    """Result of `account`: used parts of a scene, and their costs.
+class CostProfile:
+    """Result of `profile`: used parts of a scene, and their costs.
 
     Attributes:
         study: The study.
         uses: Kinds of elements of the scene, with the number of elements and the number that the run used.
         parts: Costs of the whole scene (first entry) and of each part. Empty if the model has no source (MJCF, URDF), because parts are
             removed from the source.
-        document: The account as a document with tables.
+        document: The profile as a document with tables.
     """
 
     study: Study
@@ -102,27 +102,27 @@ class Account:
         return self.document.markdown()
 
 
-def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Account:
+def profile(source: Any, *, episodes: int = 4, progress: ProgressCallback | None = None) -> CostProfile:
     """Runs episodes of a study or model, lists the parts of the scene that they used, and measures the cost of each part.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls for one second.
         episodes: Number of episodes, with nominal values of the parameters.
-        tick: Progress callback with a text and the fraction done.
+        progress: Progress callback with a text and the fraction done.
 
     Raises:
         ValueError: `episodes` is below 1.
     """
     check_whole("episodes", episodes, least=1)
-    study, progress = Study.from_model(source), tick or silent
-    progress("run", 0.0)
+    study, report = Study.from_model(source), progress or silent
+    report("run", 0.0)
     seen = touching(study, range(episodes))
-    progress("run", 1.0)
+    report("run", 1.0)
     uses = tuple(_uses(study, seen))
-    parts = tuple(_costs(study, range(episodes), progress))
+    parts = tuple(_costs(study, range(episodes), report))
     document = Document(f"Parts and costs of {study.name}")
     document.sections += [_uses_section(uses, seen, episodes), _costs_section(study, parts)]
-    return Account(study, uses, parts, document)
+    return CostProfile(study, uses, parts, document)
 
 
 def _uses(study: Study, seen: Touching) -> Iterator[Use]:
@@ -147,7 +147,7 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
         len(slid),
         f"a contact uses at most {min(1.0, largest):.0%} of its friction cone",
     )
-    yield Use("contacts of an environment at once", options.max_contacts, seen.most)
+    yield Use("contacts of an environment at once", options.max_contacts, seen.max_contacts)
     limited = [k for k in range(model.njnt) if model.joint(k).limited]
     yield Use("joint limits that are reached", len(limited), int(np.count_nonzero(seen.limits)), "closer than a hundredth of the range")
     yield Use("actuators that reach a limit of their effort", model.nu, int(np.count_nonzero(seen.saturated)))
@@ -303,13 +303,13 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
     return [(every[0][k], every[1][k], every[2][k], every[3][k]) for k in cut], sim.options
 
 
-def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
+def _costs(study: Study, episodes: range, progress: ProgressCallback) -> Iterator[Part]:
     """Yields the costs of the whole scene, of each removable part, and of the remaining scene without these parts.
 
     Args:
         study: The study.
         episodes: Numbers of the episodes from which steps are timed.
-        tick: Progress callback.
+        progress: Progress callback.
     """
     compiled = study.loaded[1]
     if compiled is None:
@@ -332,7 +332,7 @@ def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
         for number in range(_ROUNDS):
             for case in cases:
                 case.measure(_SHORTEST_ROUND)
-            tick("costs", (number + 1) / _ROUNDS)
+            progress("costs", (number + 1) / _ROUNDS)
     steps = len(states) * BATCH
     # The shortest round counts, because other load on the machine only adds time.
     spent = [1e6 * min(case.times) / steps for case in cases]

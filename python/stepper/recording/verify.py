@@ -1,4 +1,4 @@
-"""Replay of a recording: repeats all calls and compares the results bit for bit."""
+"""Verification of a recording: repeats all calls and compares the results bit for bit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stepper.recording.format import COMPARED, HEADER, MODEL, ROWS, Arrays, Head
 from stepper.sensors import SensorModel
 from stepper.shared.arguments import path_of
 from stepper.shared.fields import APPLIED
-from stepper.shared.progress import Tick, silent
+from stepper.shared.progress import ProgressCallback, silent
 
 _LEAST_NUMBER = 4
 """Least size of a number of qpos and qvel in a state, bytes."""
@@ -53,7 +53,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Replay(Hints):
+class Verification(Hints):
     """Result of a replay. Its truth value is True if all results are identical bit for bit.
 
     Attributes:
@@ -86,15 +86,17 @@ class Replay(Hints):
         return f"differs at {self.difference}{end}"
 
 
-@hint_keywords("stepper.replay")
-def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads: int | None = None, tick: Tick | None = None) -> Replay:
+@hint_keywords("stepper.recording.verify")
+def verify(
+    path: str | os.PathLike[str], *, model: Model | None = None, threads: int | None = None, progress: ProgressCallback | None = None
+) -> Verification:
     """Repeats a recording and compares states, sensor readings, residuals and flags bit for bit, up to the first difference.
 
     Args:
         path: Folder that `Stepper.record` wrote.
         model: Model that the recorded one must equal; None skips this check.
         threads: Number of threads; None uses the recorded number. Results do not depend on it.
-        tick: Function that is called with "replay" and the fraction of the recorded events that were repeated.
+        progress: Function that is called with "verify" and the fraction of the recorded events that were repeated.
 
     Raises:
         TypeError, ValueError: `model` or `threads` is invalid.
@@ -117,10 +119,10 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
             difference = repeat(sim, kind, arrays, rows, steps)
         rows, steps = rows + 1, steps + (kind == "step")
         if difference:
-            return Replay(rows, steps, difference, head["closed"], versions)
+            return Verification(rows, steps, difference, head["closed"], versions)
         # A recording that was not closed may have more rows than run.json counts.
-        (tick or silent)("replay", min(rows / max(head["rows"], 1), 1.0))
-    return Replay(rows, steps, None, head["closed"], versions)
+        (progress or silent)("verify", min(rows / max(head["rows"], 1), 1.0))
+    return Verification(rows, steps, None, head["closed"], versions)
 
 
 def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:

@@ -12,7 +12,7 @@ from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__
 
 if TYPE_CHECKING:
-    from stepper import actuators, adapters, derivatives, doctor, envs, lab, policies, recording, sensors, sysid, viewer
+    from stepper import actuators, adapters, derivatives, doctor, elements, envs, lab, policies, recording, sensors, sysid, viewer
     from stepper.actuators import ActuatorModel, Drive
     from stepper.loading import ModelWarning, load
     from stepper.recording import Recorder
@@ -36,6 +36,7 @@ __all__ = [
     "adapters",
     "derivatives",
     "doctor",
+    "elements",
     "envs",
     "lab",
     "load",
@@ -46,7 +47,10 @@ __all__ = [
     "viewer",
 ]
 
-_SUBMODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
+_SUBMODULES = (
+    *("actuators", "adapters", "derivatives", "doctor", "elements", "envs", "lab"),
+    *("policies", "recording", "sensors", "sysid", "viewer"),
+)
 """Submodules, imported at their first use: some are slow to import or need optional packages."""
 _MODULE_OF = {
     **dict.fromkeys(("ActuatorModel", "Drive"), "actuators"),

@@ -26,7 +26,20 @@ from stepper import _stepper
 
 LISTED = Path(__file__).with_name("public_names.txt")
 RENEW = "PYTHONPATH=python:tests/helpers .venv/bin/python tests/api/test_public_names.py"
-MODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
+MODULES = (
+    "actuators",
+    "adapters",
+    "derivatives",
+    "doctor",
+    "elements",
+    "envs",
+    "lab",
+    "policies",
+    "recording",
+    "sensors",
+    "sysid",
+    "viewer",
+)
 ROOT = {
     *("load", "Model", "Stepper", "Options", "Status", "State", "ModelError", "ModelWarning", "SensorModel", "Transfer"),
     *("ActuatorModel", "Drive", "Recorder", "__version__"),
@@ -41,7 +54,7 @@ def listing() -> list[str]:
         names = getattr(importlib.import_module(f"stepper.{module}"), "__all__", ())
         found += [f"stepper.{module}"]
         found += [line for name in names for line in lines_of(f"stepper.{module}.{name}", getattr(getattr(stepper, module), name))]
-    elements = set(_stepper.__all__) - ROOT - {"selected"}
+    elements = set(_stepper.__all__) - ROOT - {"selected", *stepper.elements.__all__}
     found += [line for name in elements for line in lines_of(f"stepper._stepper.{name}", getattr(_stepper, name))]
     return sorted(set(found))
 

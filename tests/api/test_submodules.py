@@ -8,7 +8,20 @@ from pathlib import Path
 import pytest
 import stepper
 
-FOLDERS = ["actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer"]
+FOLDERS = [
+    "actuators",
+    "adapters",
+    "derivatives",
+    "doctor",
+    "elements",
+    "envs",
+    "lab",
+    "policies",
+    "recording",
+    "sensors",
+    "sysid",
+    "viewer",
+]
 ADAPTERS = sorted(file.stem for file in Path(stepper.__file__).parent.glob("adapters/*.py") if file.stem != "__init__")
 
 

@@ -68,4 +68,4 @@ def _trajectory(sim: Stepper) -> Iterator[bytes]:
     for _ in range(_CALLS):
         sim.step(ctrl, nstep=_STEPS)
         for array in (sim.qpos, sim.qvel, sim.residual):
-            yield array.tobytes()
+            yield np.asarray(array).tobytes()

@@ -13,25 +13,40 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stepper.lab.accuracy.chart import Chart, chart
+    from stepper.lab.accuracy.dots import Dot
     from stepper.lab.accuracy.profile import CostProfile, profile
-    from stepper.lab.accuracy.tune import Tuning, tune
+    from stepper.lab.accuracy.tune import Candidate, Tuning, tune
     from stepper.lab.comparison import LawComparison, compare
+    from stepper.lab.comparison.trial import Course
     from stepper.lab.study import ControlLog, Outcome, Parameter, PolicyController, Study, World
-    from stepper.lab.study.ranking import Ranking, rank
+    from stepper.lab.study.failure_causes import Verdict
+    from stepper.lab.study.ranking import Rank, Ranking, rank
     from stepper.lab.study.report import Report, report, sweep
+    from stepper.lab.study.sweep import Cliff, Level, Statistics, Sweep
+    from stepper.lab.study.table import Table
 
 __all__ = [
+    "Candidate",
     "Chart",
+    "Cliff",
     "ControlLog",
     "CostProfile",
+    "Course",
+    "Dot",
     "LawComparison",
+    "Level",
     "Outcome",
     "Parameter",
     "PolicyController",
+    "Rank",
     "Ranking",
     "Report",
+    "Statistics",
     "Study",
+    "Sweep",
+    "Table",
     "Tuning",
+    "Verdict",
     "World",
     "chart",
     "compare",
@@ -45,8 +60,15 @@ __all__ = [
 _FOLDERS = {
     **dict.fromkeys(("CostProfile", "Chart", "Tuning", "profile", "chart", "tune"), "accuracy"),
     **dict.fromkeys(("LawComparison", "compare"), "comparison"),
+    **dict.fromkeys(("Cliff", "Level", "Statistics", "Sweep"), "study.sweep"),
+    "Rank": "study.ranking",
+    "Table": "study.table",
+    "Verdict": "study.failure_causes",
+    "Candidate": "accuracy.tune",
+    "Course": "comparison.trial",
+    "Dot": "accuracy.dots",
 }
-"""Subfolder with the definition of each public name, except for names in the subfolder `study`.
+"""Subfolder or module with the definition of each public name, except for names in the subfolder `study`.
 
 A subfolder is imported when one of its names is first used.
 """

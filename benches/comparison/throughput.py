@@ -164,7 +164,7 @@ def measure(case: Case, plan: Plan) -> dict[str, Any]:
     times = {name: track.times["control"] for name, track in one.items()}
     wall = {name: track.times["control"] for name, track in many.items()}
     samples = {name: track.samples["control"] for name, track in one.items()}
-    certificates = {batch.name: batch.certificates["control"] for batch in running if isinstance(batch, StepperBatch)}
+    certificates = {batch.name: batch.solver_statistics["control"] for batch in running if isinstance(batch, StepperBatch)}
     return {
         "model": case.name,
         "nv": case.model.nv,

@@ -85,7 +85,7 @@ def _measure(case: Case, plan: Plan) -> tuple[float, float]:
     names = list(times)
     ratios = [min(ratio(times[name], times[peer]) for peer in names[2:]) for name in names[:2]]
     us = [median(times[name]) for name in names]
-    residual = [batch.certificates["control"].worst_residual for batch in ours]
+    residual = [batch.solver_statistics["control"].worst_residual for batch in ours]
     steps = float(ours[0].sim.newton_steps.mean())
     print(
         f"| {case.name} | {options.integrator} | {us[0]:.2f} | {us[1]:.2f} | {us[2]:.1f} / {us[3]:.1f} | **{ratios[0]:.1f}** |"

@@ -880,8 +880,8 @@ def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path,
     with Results(study, tmp_path) as results:
         rows = run_points(study, [Point({"gain": 0.7}), Point({"gain": 1.9})], results.journal)
     row = study.episode({"gain": 1.9}, 2, record=tmp_path / "recorded")
-    assert {name: row[name] for name in ("outcomes", "success", "certificate", "parameters", "episode")} == {
-        name: rows[5][name] for name in ("outcomes", "success", "certificate", "parameters", "episode")
+    assert {name: row[name] for name in ("outcomes", "success", "quality", "parameters", "episode")} == {
+        name: rows[5][name] for name in ("outcomes", "success", "quality", "parameters", "episode")
     }
     assert rows[4]["outcomes"] != rows[5]["outcomes"]
     again = stepper.recording.verify(tmp_path / "recorded")

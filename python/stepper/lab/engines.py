@@ -56,7 +56,7 @@ class EngineBatch(Protocol):
 
 
 @dataclass
-class Certificate:
+class SolverStatistics:
     """Statistics of how well the steps in a phase of a run were solved.
 
     Attributes:
@@ -111,7 +111,7 @@ class StepperBatch:
         self.sim = Stepper(model, num_envs, options=options, precision=precision, threads=threads)
         self.name = f"stepper {precision} {setting}".strip()
         self.num_envs = num_envs
-        self.certificates: dict[str, Certificate] = {}
+        self.solver_statistics: dict[str, SolverStatistics] = {}
 
     @property
     def qpos(self) -> Array:
@@ -132,8 +132,8 @@ class StepperBatch:
         self.sim.step(ctrl, nstep)
 
     def record(self, phase: str) -> None:
-        """Adds status flags and residuals of the last step to the statistics (`Certificate`) of a phase of the run, such as "rest"."""
-        self.certificates.setdefault(phase, Certificate()).add(self.sim)
+        """Adds status flags and residuals of the last step to the statistics (`SolverStatistics`) of a phase of the run, such as "rest"."""
+        self.solver_statistics.setdefault(phase, SolverStatistics()).add(self.sim)
 
 
 class MujocoFields:

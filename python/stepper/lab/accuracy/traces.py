@@ -164,7 +164,7 @@ class TraceRecorder:
         """
         assert self._start is not None
         assert self._watch is not None
-        worst, model, count = world.certificate(), world.model, len(self.rows)
+        worst, model, count = world.solver_quality(), world.model, len(self.rows)
         shapes = ((model.nbody + model.ngeom + model.nsite, 3), (model.nbody, 4), (model.nq,), (model.nv,))
         over = [np.array([row[1][k] for row in self.rows], float).reshape(count, world.num_envs, *shape) for k, shape in enumerate(shapes)]
         lost = ~self.finite if count == self._study.num_control_steps else np.ones(world.num_envs, np.bool_)

@@ -236,7 +236,7 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
     }
     if isinstance(batch, StepperBatch):
         own = one.own["control"] + one.own["rest"]
-        figures["certificates"] = {phase: dataclasses.asdict(certificate) for phase, certificate in batch.certificates.items()}
+        figures["solver_statistics"] = {phase: dataclasses.asdict(statistics) for phase, statistics in batch.solver_statistics.items()}
         figures["own_contacts"] = {"mean": float(np.mean([c for c, _ in own])), "worst_penetration": max(d for _, d in own)}
         same = one.after_control is not None and many.after_control is not None and np.array_equal(one.after_control, many.after_control)
         figures["same_bits_on_one_and_all_cores"] = bool(same)

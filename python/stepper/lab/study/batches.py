@@ -380,7 +380,7 @@ def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], wor
         world: Environments after the episodes.
         outcomes: Outcomes by name, (num_envs,) each.
     """
-    outcome, certificate, settings = study.success_outcome, world.certificate(), world.settings()
+    outcome, quality, settings = study.success_outcome, world.solver_quality(), world.settings()
     success = None if outcome is None else outcome.succeeds(outcomes[outcome.name])
     settings_digest = hashlib.sha256(json.dumps(study.resolved_settings(), sort_keys=True, default=str).encode()).hexdigest()[:16]
     return [
@@ -391,7 +391,7 @@ def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], wor
             "seed": study.seed,
             "outcomes": {name: float(value[env]) for name, value in outcomes.items()},
             "success": None if success is None else bool(success[env]),
-            "certificate": {name: number(value[env]) for name, value in certificate.items()},
+            "quality": {name: number(value[env]) for name, value in quality.items()},
             "settings": settings,
             "resolved_settings": settings_digest,
         }

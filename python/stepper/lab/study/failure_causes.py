@@ -125,7 +125,7 @@ def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
         return "physics", DIVERGED
     if outcome.cause is not None:
         return outcome.cause, DECLARED
-    if int(row["certificate"]["status"]) & UNSOLVED:
+    if int(row["quality"]["status"]) & UNSOLVED:
         return "physics", STATUS
     value = row["outcomes"][outcome.name]
     if not np.isfinite(value) or abs(value - outcome.threshold) <= outcome.margin:

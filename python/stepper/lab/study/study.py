@@ -49,7 +49,7 @@ It returns qpos (T, num_envs, nq), m and rad, and qvel (T, num_envs, nv), m/s an
 
 _HOLD = 0.02
 """Default control period, s."""
-_ROWS = 4
+_ROWS = 5
 """Version of the rows (results of episodes), which is part of the rows' keys in the journal.
 
 It increases when the same study gives other rows. Changes by version:
@@ -433,7 +433,7 @@ class Study:
                 control period. With a sensor model, it has an environment for every episode of the point.
 
         Returns:
-            Row of the episode: "parameters" (values by name), "outcomes" by name, "success", "certificate" (worst status, residual and
+            Row of the episode: "parameters" (values by name), "outcomes" by name, "success", "quality" (worst status, residual and
             violations of its steps), "settings" of the engine.
 
         Raises:

@@ -289,7 +289,7 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
         mean=found[main].mean,
         spread=found[main].spread,
         change=found[main].change,
-        unsolved=sum(bool(int(row["certificate"]["status"]) & UNSOLVED) for row in rows),
+        unsolved=sum(bool(int(row["quality"]["status"]) & UNSOLVED) for row in rows),
         diverged=sum(map(diverged, rows)),
         others={name: own for name, own in found.items() if name != main},
     )
@@ -328,7 +328,7 @@ def _different(study: Study, rows: Sequence[Row]) -> int:
     """
     if study.qpos_noise or study.qvel_noise or (study.controller == "random" and study.loaded[0].nu):
         return len(rows)
-    return len({json.dumps([row["outcomes"], row["certificate"]], sort_keys=True) for row in rows})
+    return len({json.dumps([row["outcomes"], row["quality"]], sort_keys=True) for row in rows})
 
 
 def _deviation(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:

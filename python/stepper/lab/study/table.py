@@ -75,7 +75,7 @@ def _flat(row: Row, cause: str | None) -> dict[str, Any]:
         **{f"outcome.{name}": value for name, value in row["outcomes"].items()},
         "success": -1 if success is None else int(success),
         **({} if cause is None else {"cause": cause}),
-        **row["certificate"],
+        **row["quality"],
         **{f"settings.{name}": value for name, value in row["settings"].items()},
         "resolved_settings": row["resolved_settings"],
     }

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stepper import Model, Options
 from stepper._options import Precision
-from stepper.lab.engines import SolverStatistics, EngineBatch, MujocoBatch, StepperBatch
+from stepper.lab.engines import EngineBatch, MujocoBatch, SolverStatistics, StepperBatch
 
 from many_contacts.scene import Array, Script
 

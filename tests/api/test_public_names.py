@@ -60,16 +60,18 @@ def listing() -> list[str]:
 
 
 def lines_of(name: str, thing: Any) -> Iterator[str]:
-    """Lines of a name: with its signature, and of a class those of its public attributes."""
+    """Lines of a name: with its signature, and of a class those of its methods, and one of its other public attributes."""
     if inspect.isclass(thing):
         yield f"{name}{signature_of(thing)}"
         if issubclass(thing, Flag):
             yield from (f"{name}.{flag.name} = {flag.value}" for flag in thing)
             return
         fields = getattr(thing, "__annotations__", {})
-        for attribute in sorted({*vars(thing), *fields}):
-            if not attribute.startswith("_"):
-                yield from member(f"{name}.{attribute}", inspect.getattr_static(thing, attribute, None))
+        members = {attribute for attribute in {*vars(thing), *fields} if attribute[0] != "_"}
+        methods = {key: method for key in members if (method := method_of(inspect.getattr_static(thing, key, None)))}
+        yield from (f"{name}.{attribute}{signature_of(method)}" for attribute, method in methods.items())
+        if attributes := sorted(members - methods.keys()):
+            yield f"{name}: {' '.join(attributes)}"
     elif inspect.ismodule(thing):
         yield f"{name} (module)"
         for attribute in getattr(thing, "__all__", ()):
@@ -80,11 +82,10 @@ def lines_of(name: str, thing: Any) -> Iterator[str]:
         yield name
 
 
-def member(name: str, thing: Any) -> Iterator[str]:
-    """Line of an attribute of a class."""
-    if isinstance(thing, staticmethod | classmethod):
-        thing = thing.__func__
-    yield f"{name}{signature_of(thing)}" if inspect.isroutine(thing) and callable(thing) else name
+def method_of(thing: Any) -> Any:
+    """Function of an attribute of a class that is a method, or None."""
+    function = thing.__func__ if isinstance(thing, staticmethod | classmethod) else thing
+    return function if inspect.isroutine(function) and callable(function) else None
 
 
 def signature_of(thing: Any) -> str:

@@ -55,7 +55,7 @@ _ROWS = 5
 It increases when the same study gives other rows. Changes by version:
 
 2: Episodes that diverge have no outcome. 3: Inverse weights of MuJoCo's law follow masses, inertias, centres of mass and armatures.
-4: Rows name the values of parameters "parameters".
+4: Rows name the values of parameters "parameters". 5: Rows name the quality of steps "quality".
 """
 
 

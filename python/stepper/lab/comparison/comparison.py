@@ -15,6 +15,7 @@ from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
 from stepper.lab.comparison.trial import Array, ControlSource, Course, Slip, run
+from stepper.lab.study.document import markdown_table
 from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import Origin, compile_source, is_saved, load
 from stepper.shared.arguments import check_kind, check_number, check_whole
@@ -72,11 +73,9 @@ class LawComparison:
         """Returns the comparison as a Markdown table, with a column for each engine and a row for each measured quantity."""
         figures = self.figures()
         names = list(figures)
-        lines = ["| | " + " | ".join(names) + " |", "|" + "---|" * (len(names) + 1)]
-        for key in figures[names[0]]:
-            cells = (figures[name][key] for name in names)
-            lines.append(f"| {key} | " + " | ".join("-" if np.isnan(x) else "never" if np.isinf(x) else f"{x:.3g}" for x in cells) + " |")
-        return "\n".join(lines)
+        cells = {key: (figures[name][key] for name in names) for key in figures[names[0]]}
+        rows = ([key, *("-" if np.isnan(x) else "never" if np.isinf(x) else f"{x:.3g}" for x in own)] for key, own in cells.items())
+        return markdown_table(["", *names], rows)
 
     def draw(self, path: str | Path) -> Path:
         """Writes a picture of overlap, force, energy and difference from hard contact against time.

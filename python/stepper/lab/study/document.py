@@ -43,8 +43,8 @@ class Section:
 def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
     """Markdown table with headings `head` and the cells of each row. Vertical bars in cells are escaped."""
     names = list(head)
-    lines = (" | ".join(str(cell).replace("|", "\\|") for cell in row) for row in (names, ["---"] * len(names), *rows))
-    return "\n".join(f"| {line} |" for line in lines)
+    table: list[Iterable[object]] = [names, ["---"] * len(names), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in table)
 
 
 @dataclass

@@ -316,7 +316,7 @@ def test_commands_show_their_progress(tmp_path, capfd, command, words):
 
 def test_progress_into_a_pipe_comes_before_the_end():
     """As `stepper report ... | cat` has it."""
-    code = "from stepper.lab.progress import progress\nwith show_progress() as progress:\n    progress('sweep', 0.5)\n    input()"
+    code = "from stepper.lab.progress import show_progress\nwith show_progress() as progress:\n    progress('sweep', 0.5)\n    input()"
     child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stderr is not None
     assert child.stderr.readline() == "sweep: 50 %\n"

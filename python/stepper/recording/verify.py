@@ -96,7 +96,7 @@ def verify(
         path: Folder that `Stepper.record` wrote.
         model: Model that the recorded one must equal; None skips this check.
         threads: Number of threads; None uses the recorded number. Results do not depend on it.
-        progress: Function that is called with "verify" and the fraction of the recorded events that were repeated.
+        progress: Function that is called with "replay" and the fraction of the recorded events that were repeated.
 
     Raises:
         TypeError, ValueError: `model` or `threads` is invalid.
@@ -121,7 +121,7 @@ def verify(
         if difference:
             return Verification(rows, steps, difference, head["closed"], versions)
         # A recording that was not closed may have more rows than run.json counts.
-        (progress or silent)("verify", min(rows / max(head["rows"], 1), 1.0))
+        (progress or silent)("replay", min(rows / max(head["rows"], 1), 1.0))
     return Verification(rows, steps, None, head["closed"], versions)
 
 

@@ -35,7 +35,7 @@ wheel: export PATH := $(CURDIR)/$(BIN):$(PATH)
 wheel: build $(VENV)/wheel.stamp
 	rm -rf target/wheels
 	$(BIN)/maturin build --release --interpreter $(BIN)/python --out target/wheels $(MANYLINUX)
-	$(BIN)/python tests/wheel.py
+	$(BIN)/python tests/helpers/wheel.py
 
 # Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors, drives and environments cost. Downloads six packages for
 # the scenes with many contacts, of which only files are read, EnvPool, and mjbatch into an environment of its own: it asks for MuJoCo 3.
@@ -44,7 +44,8 @@ bench: build
 	$(BIN)/python benches/comparison/throughput.py
 	PYTHONPATH=benches $(BIN)/python -m many_contacts --quick --num-envs 64
 	$(BIN)/stepper demo
-	$(BIN)/stepper chart
+	$(BIN)/stepper chart benches/studies/slide.py --quick
+	$(BIN)/stepper chart benches/studies/chain.py --quick
 	$(BIN)/python benches/sensing.py
 	$(BIN)/python benches/drives.py
 	$(BIN)/python -m pip install --quiet 'envpool>=1.2'
@@ -143,7 +144,7 @@ identify: build $(VENV)/identify.stamp
 # Saved models, states, pickles, recordings, MJCF and calls that nobody means well, for some minutes: findings in out/fuzz.
 MINUTES ?= 10
 fuzz: build
-	PYTHONPATH=tests $(BIN)/python -m fuzz --minutes $(MINUTES)
+	PYTHONPATH=tests:tests/helpers $(BIN)/python -m fuzz --minutes $(MINUTES)
 
 # Property tests with random examples, ROUNDS times with others each. Not in CI: a failure may be rare. It prints the decorator that repeats it, and
 # .hypothesis keeps it for the next run.
@@ -153,7 +154,7 @@ properties: build
 
 # Gymnasium's own tests of vector environments, wrappers and environments, around stepper's: GYMNASIUM is a checkout of its repository.
 gymnasium: build
-	$(BIN)/python tests/gymnasiums.py $(GYMNASIUM)
+	$(BIN)/python tests/helpers/gymnasiums.py $(GYMNASIUM)
 
 # What is seen: pictures by MuJoCo's renderer, and the view in a browser that runs without a screen, of which it keeps pictures in out/viewer. Debian:
 # apt install chromium libegl1 libgl1-mesa-dri.
@@ -183,8 +184,8 @@ advisories: $(VENV)/check.stamp
 
 format: $(VENV)/check.stamp build
 	cargo fmt --all
-	$(BIN)/python tests/stub_docs.py
-	$(BIN)/python tests/notices.py
+	$(BIN)/python tests/helpers/stub_docs.py
+	$(BIN)/python tests/helpers/notices.py
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 

@@ -167,7 +167,7 @@ def ray_rollout(name: str, num_envs: int) -> Step:
     def step() -> None:
         nonlocal calls
         if calls % STEPS == 0:
-            envs.rollout(lambda observation, draws: action, STEPS)
+            envs.run_policy(lambda observation, draws: action, STEPS)
         calls += 1
 
     return step
@@ -183,7 +183,7 @@ CONTESTANTS: dict[str, tuple[str | None, Callable[[str, int], Step]]] = {
     "`rllib`, with RLlib's `DictInfoToList`": ("ray", rllib),
     "`pufferlib.StepperPufferEnv`": ("pufferlib", pufferlib),
     "`ray.RayVectorEnv.step`, one actor": ("ray", ray),
-    "`ray.RayVectorEnv.rollout`, one actor": ("ray", ray_rollout),
+    "`ray.RayVectorEnv.run_policy`, one actor": ("ray", ray_rollout),
 }
 """Adapters to measure, by their name in the table.
 

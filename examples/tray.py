@@ -62,7 +62,7 @@ def push(mu: float, dt: float, force: float = PUSH, seconds: float = 1.0) -> Pus
     residual = 0.0
     for _ in range(steps):
         sim.step()
-        residual = max(residual, sim.residual)
+        residual = max(residual, float(sim.residual))
     speed = float(np.linalg.norm(sim.qvel[:2]))
     return Pushed(speed, speed / (steps * dt), residual)
 

@@ -170,7 +170,9 @@ def test_every_page_is_in_the_navigation():
 @pytest.mark.parametrize("name", SECTIONS)
 def test_generated_sections_are_those_of_the_code(name):
     page, text = SECTIONS[name]
-    assert section_of(page, name) == text().strip("\n"), "PYTHONPATH=python:tests:benches python tests/generated.py writes it"
+    assert section_of(page, name) == text().strip("\n"), (
+        "PYTHONPATH=python:tests/helpers:benches python tests/helpers/generated.py writes it"
+    )
 
 
 def test_a_section_is_written_between_its_marks(tmp_path):

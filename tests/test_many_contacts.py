@@ -101,7 +101,7 @@ def test_an_episode_is_what_was_timed(tmp_path):
         save_episodes(scene, path, dataclasses.replace(PLAN, precisions=("f32",)), tmp_path / "episodes")
     (folder,) = (tmp_path / "episodes").iterdir()
     assert folder.name == "wall_2_f32"
-    done = stepper.replay(folder)
+    done = stepper.recording.verify(folder)
     assert done
     assert done.steps == 6
     assert done.complete

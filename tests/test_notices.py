@@ -15,7 +15,7 @@ def test_the_wheel_carries_the_notices():
 
 @pytest.mark.skipif(shutil.which("cargo") is None, reason="cargo says what is linked")
 def test_every_library_that_is_linked_is_named_with_a_licence_that_is_accepted():
-    """Else: python tests/notices.py writes the file anew, and says what it cannot accept."""
+    """Else: python tests/helpers/notices.py writes the file anew, and says what it cannot accept."""
     assert len(linked()) > 20
     assert NOTICES.read_text(encoding="utf-8") == notices()
 

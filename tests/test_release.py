@@ -32,7 +32,7 @@ def test_a_tag_of_another_version_and_a_changelog_without_date_are_faults(tmp_pa
 
 def test_the_workflow_runs_files_that_there_are():
     scripts = set(re.findall(r"tests/[\w/]+\.py", WORKFLOW))
-    assert "tests/release_version.py" in scripts
+    assert "tests/helpers/release_version.py" in scripts
     assert [script for script in scripts if not (ROOT / script).is_file()] == []
     members = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["members"]
     names = {tomllib.loads((ROOT / member / "Cargo.toml").read_text())["package"]["name"] for member in members}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -9,10 +10,11 @@ import numpy as np
 import rapier3d as rp
 from numpy.typing import ArrayLike
 from rapier3d.loaders import mjcf as loader
-from stepper.lab.study.rapier import RapierJoint, RapierScene
 
 from atlas.world import Array, CannotRunError, DivergedError, Touch, World
 
+_ZERO = 1e-12
+"""Norm below which a quaternion is not normalised."""
 SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 
 
@@ -85,19 +87,118 @@ class RapierWorld(World):
             raise DivergedError("the state of rapier is not finite")
 
 
-class _Loaded(RapierScene):
-    """World of rapier that rapier's MJCF loader has made, with MuJoCo's index of the geom of each collider."""
+@dataclass(frozen=True)
+class _Joint:
+    """Joint between two bodies. In both bodies its frame is at the anchor, with the axis along x.
+
+    Attributes:
+        body, parent: Indices of the bodies in MuJoCo; 0 is the world.
+        kind: Type of the joint, as in `mujoco.mjtJoint`.
+        qpos, qvel: First index in qpos and qvel.
+        zero: Position at the reference pose, m or rad.
+    """
+
+    body: int
+    parent: int
+    kind: int
+    qpos: int
+    qvel: int
+    zero: float
+
+
+class _Scene:
+    """Rapier world that rapier's MJCF loader has made, which reads and writes states in MuJoCo's layout.
+
+    Args:
+        model: `mujoco.MjModel` of the scene.
+        world: World of rapier with the scene.
+        handles: Handles of rapier's bodies by index in MuJoCo.
+        geoms: Index of each collider's geom in MuJoCo.
+    """
 
     def __init__(
         self, model: mujoco.MjModel, world: rp.PhysicsWorld, handles: list[rp.RigidBodyHandle | None], geoms: dict[Any, int]
     ) -> None:
-        super().__init__(rp, mujoco, model, world)
+        self._model, self._data, self.world, self._geoms = model, mujoco.MjData(model), world, geoms
         self.bodies = {b: handle for b, handle in enumerate(handles) if b and handle is not None and model.body_weldid[b]}
+        self.joints = []
         for j, b in enumerate(int(b) for b in model.jnt_bodyid):
             parent, kind, q = int(model.body_weldid[model.body_parentid[b]]), int(model.jnt_type[j]), int(model.jnt_qposadr[j])
             zero = float(model.qpos0[q]) if kind in (SLIDE, HINGE) else 0.0
-            self.joints.append(RapierJoint(b, parent, kind, q, int(model.jnt_dofadr[j]), -np.inf, np.inf, zero))
-        self._geoms = geoms
+            self.joints.append(_Joint(b, parent, kind, q, int(model.jnt_dofadr[j]), zero))
+
+    def put(self, qpos: Array, qvel: Array) -> None:
+        """Sets the state of the rapier scene: qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s."""
+        m, d = self._model, self._data
+        d.qpos[:], d.qvel[:] = qpos, qvel
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_comVel(m, d)
+        velocity = np.zeros(6)
+        for b, handle in self.bodies.items():
+            if b == 0:
+                continue
+            own = self.world.rigid_bodies[handle]
+            own.translation = _tuple(d.xpos[b])
+            own.rotation = rp.Rotation3.from_quaternion(*_tuple(d.xquat[b]))
+            mujoco.mj_objectVelocity(m, d, mujoco.mjtObj.mjOBJ_XBODY, b, velocity, 0)
+            # Rapier's linear velocity is that of the centre of mass.
+            arm = _rotate(d.xquat[b], _vector(own.local_center_of_mass))
+            own.linvel, own.angvel = _tuple(velocity[3:] + np.cross(velocity[:3], arm)), _tuple(velocity[:3])
+
+    @property
+    def _at_reference(self) -> Any:
+        """`mujoco.MjData` at the reference pose."""
+        if not hasattr(self, "_reference"):
+            self._reference = mujoco.MjData(self._model)
+            mujoco.mj_kinematics(self._model, self._reference)
+            mujoco.mj_comPos(self._model, self._reference)
+        return self._reference
+
+    def state(self) -> tuple[Array, Array]:
+        """Positions (nq,), m and rad, and velocities (nv,), m/s and rad/s, in MuJoCo's layout."""
+        m = self._model
+        qpos, qvel = np.array(m.qpos0, float), np.zeros(m.nv)
+        for joint in self.joints:
+            place, turn, linear, spin = self._motion(joint.body)
+            q, v = joint.qpos, joint.qvel
+            if joint.kind == mujoco.mjtJoint.mjJNT_FREE:
+                r = self.world.rigid_bodies[self.bodies[joint.body]].rotation
+                # The orientation is not normalised, so that a drift of its norm is visible.
+                qpos[q : q + 7], qvel[v : v + 6] = [*place, r.w, r.i, r.j, r.k], [*linear, *_rotate(_conjugate(turn), spin)]
+                continue
+            base, base_turn, base_linear, base_spin = self._motion(joint.parent)
+            reference = self._at_reference
+            j = int(m.body_jntadr[joint.body])
+            axis = _rotate(_conjugate(reference.xquat[joint.body]), reference.xaxis[j])
+            along = _rotate(turn, axis)
+            was = _product(_conjugate(reference.xquat[joint.parent]), reference.xquat[joint.body])
+            since = _product(_conjugate(was), _product(_conjugate(base_turn), turn))
+            if joint.kind == mujoco.mjtJoint.mjJNT_BALL:
+                qpos[q : q + 4], qvel[v : v + 3] = since, _rotate(_conjugate(turn), spin - base_spin)
+            elif joint.kind == mujoco.mjtJoint.mjJNT_HINGE:
+                qpos[q] = joint.zero + _nearest(2.0 * np.arctan2(since[1:] @ axis, since[0]), self._data.qpos[q] - joint.zero)
+                qvel[v] = (spin - base_spin) @ along
+            else:
+                then = _rotate(_conjugate(reference.xquat[joint.parent]), reference.xpos[joint.body] - reference.xpos[joint.parent])
+                arm = place - base
+                qpos[q] = joint.zero + (arm - _rotate(base_turn, then)) @ along
+                qvel[v] = (linear - base_linear - np.cross(base_spin, arm)) @ along
+        self._data.qpos[:] = qpos
+        return qpos, qvel
+
+    def _motion(self, b: int) -> tuple[Array, Array, Array, Array]:
+        """Motion of a body's frame in world axes, by the body's index in MuJoCo.
+
+        Returns:
+            Position (m), orientation (w, x, y, z), linear velocity (m/s) and angular velocity (rad/s).
+        """
+        if b == 0:
+            return np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), np.zeros(3)
+        own = self.world.rigid_bodies[self.bodies[b]]
+        turn, spin = _quaternion(own.rotation), _vector(own.angvel)
+        arm = _rotate(turn, _vector(own.local_center_of_mass))
+        return _vector(own.translation), turn, _vector(own.linvel) - np.cross(spin, arm), spin
 
     def push(self, body: int, force: Array, torque: Array) -> None:
         """Apply a lasting force (N) and torque (N m) at a body's centre of mass, in world axes, (3,) each."""
@@ -118,7 +219,7 @@ class _Loaded(RapierScene):
         return out
 
 
-def _world(text: str, model: mujoco.MjModel, dt: float, restitution: float | None, iterations: int | None) -> _Loaded:
+def _world(text: str, model: mujoco.MjModel, dt: float, restitution: float | None, iterations: int | None) -> _Scene:
     """Rapier world from MJCF text.
 
     If rapier's MJCF loader fails, or has other bodies, shapes or masses than MuJoCo, the function raises `CannotRunError`.
@@ -154,4 +255,44 @@ def _world(text: str, model: mujoco.MjModel, dt: float, restitution: float | Non
             moving.recompute_mass_properties_from_colliders(world.colliders)
             if abs(moving.mass - float(model.body_mass[b])) > 1e-5 * float(model.body_mass[b]):
                 raise CannotRunError("the masses of rapier's MJCF loader differ from those of MuJoCo")
-    return _Loaded(model, world, bodies, geoms)
+    return _Scene(model, world, bodies, geoms)
+
+
+def _nearest(angle: float, before: float) -> float:
+    """Angle plus the number of full turns that brings it closest to `before`, rad. Rapier's joints do not count turns."""
+    return float(angle + 2.0 * np.pi * np.round((before - angle) / (2.0 * np.pi)))
+
+
+def _tuple(v: Any) -> tuple[float, ...]:
+    """Numbers of a vector as a tuple, the format of rapier."""
+    return tuple(float(x) for x in v)
+
+
+def _vector(v: Any) -> Array:
+    """NumPy vector (3,) from a vector object of rapier."""
+    return np.array([v.x, v.y, v.z], float)
+
+
+def _quaternion(r: Any) -> Array:
+    """Unit quaternion (w, x, y, z), (4,), from a quaternion object of rapier."""
+    q = np.array([r.w, r.i, r.j, r.k], float)
+    norm = float(np.linalg.norm(q))
+    return q / norm if norm > _ZERO else q
+
+
+def _conjugate(q: Array) -> Array:
+    """Conjugate of a quaternion (w, x, y, z)."""
+    return np.array([q[0], -q[1], -q[2], -q[3]])
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Product of two quaternions (w, x, y, z)."""
+    w, x = a[0], a[1:]
+    return np.array([w * b[0] - x @ b[1:], *(w * b[1:] + b[0] * x + np.cross(x, b[1:]))])
+
+
+def _rotate(q: Array, v: Array) -> Array:
+    """Vector (3,) rotated by a unit quaternion (4,), in the unit of the vector."""
+    twice = 2.0 * np.cross(q[1:], v)
+    turned: Array = v + q[0] * twice + np.cross(q[1:], twice)
+    return turned

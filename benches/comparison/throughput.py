@@ -154,17 +154,17 @@ def measure(case: Case, plan: Plan) -> dict[str, Any]:
     """Measure the step times and accuracy of all engines on a model. Returns all results as a dictionary for JSON."""
     with one_core():
         running = batches(case, plan, threads=1)
-        one = race(running, case.control, plan, clock=time.process_time, tick=_quiet, what=case.name, referee=Referee(case.path))
+        one = race(running, case.control, plan, clock=time.process_time, progress=_quiet, what=case.name, referee=Referee(case.path))
         single = alone(case, plan)
     many: dict[str, Track] = {}
     if len(allowed_cores()) > 1:
         others = batches(case, plan, threads=0)
-        many = race(others, case.control, plan, clock=time.perf_counter, tick=_quiet, what=case.name, referee=None)
+        many = race(others, case.control, plan, clock=time.perf_counter, progress=_quiet, what=case.name, referee=None)
 
     times = {name: track.times["control"] for name, track in one.items()}
     wall = {name: track.times["control"] for name, track in many.items()}
     samples = {name: track.samples["control"] for name, track in one.items()}
-    certificates = {batch.name: batch.certificates["control"] for batch in running if isinstance(batch, StepperBatch)}
+    certificates = {batch.name: batch.solver_statistics["control"] for batch in running if isinstance(batch, StepperBatch)}
     return {
         "model": case.name,
         "nv": case.model.nv,

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from stepper.lab.study.document import markdown_table
+
 from corpus import judge
 from corpus.episode import NUDGE, PATIENCE, RANDOM_STEPS, REST_SECONDS
 from corpus.packages import PACKAGES
@@ -109,14 +111,9 @@ def write_markdown(path: Path, rows: Sequence[Row], notes: Mapping[str, object])
     path.write_text("\n".join(part for part in parts if part), encoding="utf-8")
 
 
-def _line(cells: Iterable[object]) -> str:
-    """Row of a Markdown table, from the contents of its cells."""
-    return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |\n"
-
-
 def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
-    """Markdown table with headings `head`, and with the cells of each line."""
-    return _line(head) + _line(["---"] * len(head)) + "".join(_line(line) for line in lines)
+    """Lines of a Markdown table with headings `head`, and with the cells of each line."""
+    return markdown_table(head, lines) + "\n"
 
 
 def _steps_well(row: Row) -> bool:

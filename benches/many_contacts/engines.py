@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stepper import Model, Options
 from stepper._options import Precision
-from stepper.lab.engines import Certificate, EngineBatch, MujocoBatch, StepperBatch
+from stepper.lab.engines import EngineBatch, MujocoBatch, SolverStatistics, StepperBatch
 
 from many_contacts.scene import Array, Script
 
@@ -24,7 +24,7 @@ class Effort:
         newton_steps: Number of the solver's Newton steps, summed over environment steps.
     """
 
-    certificate: Certificate = field(default_factory=Certificate)
+    certificate: SolverStatistics = field(default_factory=SolverStatistics)
     sweeps: int = 0
     newton_steps: int = 0
 

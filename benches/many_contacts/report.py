@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from stepper.lab.study.document import markdown_table
+
 from many_contacts.episodes import Floors
 from many_contacts.measure import CHUNK, DROPPED, MEASURED_ENVS, PEERS
 from many_contacts.scene import MEAN, Scene
@@ -82,16 +84,6 @@ NOTES = f"""## Notes on the scenes
 
 Rows with few sweeps and many Newton steps gave up sweeps early, and Newton's method takes most of the time. `pgs` shows the speed of sweeps
 alone, and the second table the share of steps that they leave unsolved."""
-
-
-def _line(cells: Iterable[object]) -> str:
-    """Row of a Markdown table, from the contents of its cells."""
-    return "| " + " | ".join(map(str, cells)) + " |"
-
-
-def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
-    """Markdown table with headings `head`, and with the cells of each line."""
-    return "\n".join([_line(head), _line(["---"] * len(head)), *map(_line, lines)])
 
 
 def _both(values: Iterable[object]) -> str:
@@ -184,7 +176,7 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
     cells = ["**geometric mean**", "", *("" for _ in defaults), "", "", ""]
     cells += [_reached(means(rows, name) or 0.0, factor * target) for name, target in zip(defaults, _targets(defaults), strict=True)]
     cells += [f"**{means(rows, name):.1f}**" for name in others] + ["", "", ""]
-    return _table(head, [*lines, cells])
+    return markdown_table(head, [*lines, cells])
 
 
 def _targets(defaults: Sequence[str]) -> list[float]:
@@ -225,7 +217,7 @@ def accuracy(rows: Sequence[Row]) -> str:
         cells += ["; ".join([row["note"]] * bool(row["note"]) + gave_up)]
         lines.append(cells)
     head = ["scene", "unsolved %", "contacts", "deepest penetration mm", "slip mm", "remarks"]
-    return f"In each cell: {every}.\n\n" + _table(head, lines)
+    return f"In each cell: {every}.\n\n" + markdown_table(head, lines)
 
 
 def _timed(scene: Scene) -> str:
@@ -266,7 +258,7 @@ class Report:
         num_envs = max(sorted(numbers), key=lambda n: numbers[n])
         some = [row for row in self.rows if row["num_envs"] == num_envs]
         head = [f"{num_envs} environments", "target", "reached", "at the floor", "farthest above its floor", "unsolved %"]
-        table = _table(head, lines(some, self.came_from, self.floors, self.robots))
+        table = markdown_table(head, lines(some, self.came_from, self.floors, self.robots))
         text = f"Each cell has f64 / f32. Missed targets are bold. At most {100 * UNSOLVED:g} % of the steps may be unsolved."
         factor = scale(self.came_from)
         if factor != 1.0:
@@ -283,5 +275,5 @@ class Report:
         shared = f"The machine was shared with other work (load {came_from['load_average']})"
         repeats = f"rounds of a scene: {rounds[0]} to {rounds[-1]}"
         measured = f"## Measured\n\n{machine}\n{shared}; {repeats}. A dash means not measured.\n\n{self.show()}"
-        table = _table(["scene", "what", "timed", "target f64 / f32"], about)
+        table = markdown_table(["scene", "what", "timed", "target f64 / f32"], about)
         return "\n\n".join([HEAD, f"## Scenes\n\n{table}", f"## Targets\n\n{self.targets()}", REASONS, measured, NOTES]) + "\n"

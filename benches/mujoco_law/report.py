@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from sections import write_section
+from stepper.lab.study.document import markdown_table
 
 from mujoco_law.parity import Parity
 
@@ -76,7 +77,6 @@ def write_table(path: Path, rows: list[Row]) -> None:
     """Replace the table of the page docs/benchmarks/mujoco_law.md (the file `path`) by the results in `rows`."""
     measured = [row for row in rows if row.parity]
     header = ["model", *measured[0].cells(), "omitted"] if measured else []
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    lines += ["| " + " | ".join([row.name, *row.cells().values(), row.left_out]) + " |" for row in measured]
+    lines = [markdown_table(header, ([row.name, *row.cells().values(), row.left_out] for row in measured))]
     lines += [f"\nNot measured: {row.name}: {row.left_out}" for row in rows if not row.parity]
     write_section(path, "parity", "\n".join(lines))

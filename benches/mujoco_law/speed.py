@@ -80,12 +80,12 @@ def _measure(case: Case, plan: Plan) -> tuple[float, float]:
             MujocoBatch.from_file(case.path, plan.num_peers, threads=1),
             MujocoBatch.from_file(case.path, plan.num_peers, threads=1, settings=Newton("Newton")),
         ]
-        tracks = race([*ours, *theirs], case.control, plan, clock=time.process_time, tick=lambda *_: None, what=case.name, referee=None)
+        tracks = race([*ours, *theirs], case.control, plan, clock=time.process_time, progress=lambda *_: None, what=case.name, referee=None)
     times = {name: track.times["control"] for name, track in tracks.items()}
     names = list(times)
     ratios = [min(ratio(times[name], times[peer]) for peer in names[2:]) for name in names[:2]]
     us = [median(times[name]) for name in names]
-    residual = [batch.certificates["control"].worst_residual for batch in ours]
+    residual = [batch.solver_statistics["control"].worst_residual for batch in ours]
     steps = float(ours[0].sim.newton_steps.mean())
     print(
         f"| {case.name} | {options.integrator} | {us[0]:.2f} | {us[1]:.2f} | {us[2]:.1f} / {us[3]:.1f} | **{ratios[0]:.1f}** |"

@@ -359,7 +359,7 @@ enum StabilizationName {
 mod tests {
     use super::*;
 
-    /// Episode that tests/bench_episode.py recorded, which a test in Python compares with a new recording.
+    /// Episode that tests/helpers/bench_episode.py recorded, which a test in Python compares with a new recording.
     const EPISODE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/episode");
     const HEADER: &str = r#"{"format": 0, "closed": true, "note": "", "num_envs": 2, "precision": "f32", "actuators": null, "sensors": null,
         "options": {"timestep": null, "contact": "hard", "integrator": "rk4", "solver": "pgs", "iterations": 7, "tolerance": 1e-5, "stabilization": "none",

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sections import write_section
+from stepper.lab.study.document import markdown_table
 
 PEERS = "MuJoCo"
 """First word of the names of MuJoCo's settings."""
@@ -76,4 +77,4 @@ def _label(name: str) -> str:
 
 def _markdown(lines: list[list[str]]) -> str:
     """Markdown table from lists of cells: the first list has the headings."""
-    return "\n".join("| " + " | ".join(line) + " |" for line in [lines[0], ["---"] * len(lines[0]), *lines[1:]])
+    return markdown_table(lines[0], lines[1:])

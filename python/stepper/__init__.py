@@ -12,10 +12,10 @@ from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__
 
 if TYPE_CHECKING:
-    from stepper import actuators, adapters, derivatives, doctor, envs, lab, policies, recording, sensors, sysid, viewer
+    from stepper import actuators, adapters, derivatives, doctor, elements, envs, lab, policies, recording, sensors, sysid, viewer
     from stepper.actuators import ActuatorModel, Drive
     from stepper.loading import ModelWarning, load
-    from stepper.recording import Recorder, replay
+    from stepper.recording import Recorder
     from stepper.sensors import SensorModel, Transfer
 
 __all__ = [
@@ -36,23 +36,26 @@ __all__ = [
     "adapters",
     "derivatives",
     "doctor",
+    "elements",
     "envs",
     "lab",
     "load",
     "policies",
     "recording",
-    "replay",
     "sensors",
     "sysid",
     "viewer",
 ]
 
-_SUBMODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
+_SUBMODULES = (
+    *("actuators", "adapters", "derivatives", "doctor", "elements", "envs", "lab"),
+    *("policies", "recording", "sensors", "sysid", "viewer"),
+)
 """Submodules, imported at their first use: some are slow to import or need optional packages."""
 _MODULE_OF = {
     **dict.fromkeys(("ActuatorModel", "Drive"), "actuators"),
     **dict.fromkeys(("ModelWarning", "load"), "loading"),
-    **dict.fromkeys(("Recorder", "replay"), "recording"),
+    "Recorder": "recording",
     **dict.fromkeys(("SensorModel", "Transfer"), "sensors"),
 }
 """Submodule of each name that is imported at its first use."""
@@ -65,9 +68,9 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(f"stepper.{_MODULE_OF[name]}"), name)
         globals()[name] = value
         return value
-    from stepper._hints import no_root_attribute  # noqa: PLC0415
+    from stepper._hints import no_name  # noqa: PLC0415
 
-    raise no_root_attribute(name, __all__)
+    raise no_name(__name__, name, __all__)
 
 
 def __dir__() -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from stepper._hints import Hinting, Hints, hint_keywords
+from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, check_options
 
 Precision: TypeAlias = Literal["f64", "f32"]
@@ -17,7 +17,7 @@ _PRECISIONS: dict[str, Precision] = {"float64": "f64", "float32": "f32"}
 
 @hint_keywords("stepper.Options")
 @dataclass(frozen=True, kw_only=True)
-class Options(Hints, metaclass=Hinting):
+class Options(Hints):
     """Numerical methods and tolerances of a step. Immutable: `dataclasses.replace` makes a changed copy.
 
     Values out of range raise `ValueError`, and values of another type `TypeError`.

@@ -6,7 +6,7 @@ returns belongs to whoever asked.
 """
 
 import builtins
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Final, Literal, TypeAlias, final
 
@@ -929,9 +929,9 @@ class Stepper:
     about the body's current centre of mass."""
     time: Final[Any]
     """Simulated time, (num_envs,), s. `set_state(time=...)` sets it."""
-    status: Final[Any]
+    status: Final[NDArray[np.uint32] | int]
     """Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`."""
-    residual: Final[Any]
+    residual: Final[NDArray[np.float64] | float]
     """Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero
     at the exact solution. With INFEASIBLE, the residual is at least the largest shortfall of a constraint velocity below its target,
     m/s or rad/s. With NON_FINITE it is infinite."""
@@ -1196,7 +1196,7 @@ class Stepper:
                 value needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
                 environment. No parameter changes.
         """
-    def record(self, path: str | PathLike[str], **settings: Any) -> Recorder:
+    def record(self, path: str | PathLike[str], *, chunk: int = 64 << 20, note: str = "") -> Recorder:  # noqa: D417
         """Starts a recording of all further calls in a new folder, until the `Recorder` is closed.
 
         `stepper.replay` repeats the recorded calls.
@@ -1409,7 +1409,16 @@ class Stepper:
             ValueError: The number of sources differs from the number of environments.
             IndexError: An index is out of range.
         """
-    def view(self, **settings: Any) -> View:
+    def view(  # noqa: D417
+        self,
+        *,
+        envs: ArrayLike | None = None,
+        source: Any = None,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        spacing: float | None = None,
+        reset: Callable[[], Any] | None = None,
+    ) -> View:
         """Opens a live view of the environments in the browser, and prints its address.
 
         Args:

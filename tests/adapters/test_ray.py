@@ -13,7 +13,7 @@ import ray
 import stepper
 from ray import cloudpickle
 from ray.exceptions import RayTaskError, WorkerCrashedError
-from stepper.adapters.ray import RayVectorEnv, rollout, sweep
+from stepper.adapters.ray import RayVectorEnv, map_cases, run_policy
 from stepper.envs import StepperVectorEnv
 from stepper.envs.tasks.hopper import Hopper
 
@@ -111,10 +111,10 @@ def test_rollouts_have_the_same_bits_for_any_number_of_actors_and_after_a_loss()
     def parts(num_actors, loses):
         envs = RayVectorEnv("stepper/Hopper-v5", NUM_ENVS, num_actors=num_actors, block_size=BLOCK, max_episode_steps=LIMIT)
         envs.reset(seed=3)
-        first = envs.rollout(linear(), 15)
+        first = envs.run_policy(linear(), 15)
         if loses:
             lose(envs, 0)
-        second = envs.rollout(linear(), 15)
+        second = envs.run_policy(linear(), 15)
         envs.close()
         return first, second
 
@@ -133,7 +133,7 @@ def test_rollouts_have_the_same_bits_for_any_number_of_actors_and_after_a_loss()
 
 
 def test_a_rollout_is_what_the_vector_environment_says_of_its_actions():
-    found = rollout("stepper/Hopper-v5", linear(), NUM_ENVS, 12, seed=2, num_actors=2, block_size=BLOCK, max_episode_steps=LIMIT)
+    found = run_policy("stepper/Hopper-v5", linear(), NUM_ENVS, 12, seed=2, num_actors=2, block_size=BLOCK, max_episode_steps=LIMIT)
     envs = StepperVectorEnv("Hopper", NUM_ENVS, max_episode_steps=LIMIT, autoreset_mode="SameStep")
     observation, _ = envs.reset(seed=2)
     for t in range(12):
@@ -148,7 +148,7 @@ def test_a_task_of_ones_own_goes_to_the_actors():
         def reward(self, now):
             return -np.abs(now.action).sum(axis=1), {}
 
-    found = rollout(Calm(), linear(), 6, 5, seed=0, num_actors=2, block_size=3)
+    found = run_policy(Calm(), linear(), 6, 5, seed=0, num_actors=2, block_size=3)
     np.testing.assert_array_equal(found["reward"], -np.abs(found["action"]).sum(axis=-1))
 
 
@@ -161,7 +161,7 @@ def test_a_policy_that_fails_is_named_and_a_seed_begins_anew():
         envs.step(np.zeros((6, 3)))
     envs.reset(seed=0)
     with pytest.raises(ZeroDivisionError, match="no action"):
-        envs.rollout(failing, 3)
+        envs.run_policy(failing, 3)
     for call in (lambda: envs.step(np.zeros((6, 3))), envs.reset):
         with pytest.raises(RuntimeError, match="start again with reset"):
             call()
@@ -221,7 +221,7 @@ def test_a_sweep_returns_results_in_the_order_of_the_cases():
         return float(sim.qpos[0])
 
     frictions = [0.5, 0.1, 0.4, 0.2]
-    found = sweep(slip, frictions, incline)
+    found = map_cases(slip, frictions, incline)
     assert found == [slip(incline, friction) for friction in frictions]
     assert [value > 0.01 for value in found] == [False, True, False, True]
 
@@ -233,16 +233,16 @@ def test_a_case_whose_worker_is_lost_is_run_again(tmp_path):
             os.kill(os.getpid(), signal.SIGKILL)
         return case**2
 
-    assert sweep(once, range(4), tmp_path / "was here") == [0, 1, 4, 9]
+    assert map_cases(once, range(4), tmp_path / "was here") == [0, 1, 4, 9]
 
     def never(case):
         os.kill(os.getpid(), signal.SIGKILL)
 
     with pytest.raises(WorkerCrashedError):
-        sweep(never, [0], attempts=0)
+        map_cases(never, [0], attempts=0)
 
     def wrong(case):
         raise KeyError(case)
 
     with pytest.raises(RayTaskError):
-        sweep(wrong, [0])
+        map_cases(wrong, [0])

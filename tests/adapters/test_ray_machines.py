@@ -9,7 +9,7 @@ import pytest
 import ray
 from ray import cloudpickle
 from ray.cluster_utils import Cluster
-from stepper.adapters.ray import RayVectorEnv, rollout
+from stepper.adapters.ray import RayVectorEnv, run_policy
 from stepper.envs import StepperVectorEnv
 
 NUM_ENVS, BLOCK = 12, 3
@@ -60,8 +60,8 @@ def test_environments_of_a_machine_that_is_lost_are_made_again_to_the_same_bits(
 
 def test_rollouts_have_the_bits_of_one_machine(cluster):
     settings = {"num_envs": NUM_ENVS, "num_steps": 10, "seed": 1, "block_size": BLOCK}
-    spread = rollout("stepper/Hopper-v5", act, num_actors=4, **settings)
-    one = rollout("stepper/Hopper-v5", act, num_actors=1, **settings)
+    spread = run_policy("stepper/Hopper-v5", act, num_actors=4, **settings)
+    one = run_policy("stepper/Hopper-v5", act, num_actors=1, **settings)
     for name, values in one.items():
         np.testing.assert_array_equal(spread[name], values)
 

@@ -161,17 +161,17 @@ def test_record_and_replay(tmp_path, num_envs):
             sim.step(row if num_envs else row[0])
             if k == 10:
                 sim.reset(None if num_envs is None else np.arange(num_envs) == 2)
-    result = stepper.replay(tmp_path / "run", threads=2)
+    result = stepper.recording.verify(tmp_path / "run", threads=2)
     assert result, str(result)
     # Another drive is another run.
     head = json.loads((tmp_path / "run/run.json").read_text())
     assert ActuatorModel.from_dict(head["actuators"]) == EVERYTHING
     edit_header(tmp_path / "run", lambda head: head["actuators"]["default"].update(lag=0.02))
-    assert stepper.replay(tmp_path / "run").difference.field == "qpos"
+    assert stepper.recording.verify(tmp_path / "run").difference.field == "qpos"
     # And without them the state does not fit.
     edit_header(tmp_path / "run", lambda head: head.update(actuators=None))
     with pytest.raises(ValueError, match="state"):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 def test_a_control_that_is_not_finite_is_not_taken_up(tmp_path):

@@ -7,7 +7,7 @@ from bench_episode import EPISODE, record
 from recordings import joined
 from stepper.recording.format import FORMAT, read_header
 
-RENEW = "renew it: PYTHONPATH=python:tests .venv/bin/python tests/bench_episode.py; and adapt benches/src/replay.rs"
+RENEW = "renew it: PYTHONPATH=python:tests/helpers .venv/bin/python tests/helpers/bench_episode.py; and adapt benches/src/replay.rs"
 
 
 def shape_of(value):

@@ -1,7 +1,4 @@
-"""What attributes give is a copy: a write that would be lost is an error that names the call to use."""
-
-import copy
-import pickle
+"""Arrays of attributes are read-only copies: a write to one is an error, and an assignment names the call to use."""
 
 import numpy as np
 import pytest
@@ -17,21 +14,18 @@ def sim():
     return simulate(stepper_model(ROBOT), 3)
 
 
-@pytest.mark.parametrize(("write", "remedy"), [
-    (lambda sim: sim.qpos.__setitem__((slice(None), 1), 5), r"sim\.set_state\(qpos="),
-    (lambda sim: sim.qpos[0].__setitem__(1, 5), r"sim\.set_state\(qpos="),
-    (lambda sim: exec("sim.qvel += 1", {"sim": sim}), r"sim\.set_state\(qvel="),
-    (lambda sim: exec("sim.time *= 0", {"sim": sim}), r"sim\.set_state\(time="),
-    (lambda sim: sim.ctrl.__setitem__(slice(None), 1), r"sim\.step\(ctrl\)"),
-    (lambda sim: sim.status.fill(0), "each step computes it from the state"),
-    (lambda sim: sim.xpos.__setitem__((0, 1), 0), r"sim\.set_state\(qpos="),
-    (lambda sim: sim.model.body_mass.__setitem__(0, 3), r"model\.replace\(body_mass="),
-    (lambda sim: exec("model.geom_friction *= 2", {"model": sim.model}), r"model\.replace\(geom_friction="),
-    (lambda sim: sim.randomized["body_mass"].__setitem__(0, 3), r"sim\.randomize\(body_mass="),
+@pytest.mark.parametrize("write", [
+    lambda sim: sim.qpos.__setitem__((slice(None), 1), 5),
+    lambda sim: sim.qpos[0].__setitem__(1, 5),
+    lambda sim: exec("sim.qvel += 1", {"sim": sim}),
+    lambda sim: sim.ctrl.__setitem__(slice(None), 1),
+    lambda sim: sim.status.fill(0),
+    lambda sim: sim.model.body_mass.__setitem__(0, 3),
+    lambda sim: sim.randomized["body_mass"].__setitem__(0, 3),
 ])  # fmt: skip
-def test_a_write_that_would_be_lost_names_the_call_to_use(sim, write, remedy):
+def test_a_write_to_a_copy_is_an_error(sim, write):
     sim.randomize(body_mass=np.tile(sim.model.body_mass, (3, 1)))
-    with pytest.raises(ValueError, match=f"read-only copy.*{remedy}"):
+    with pytest.raises(ValueError, match="read-only"):
         write(sim)
 
 
@@ -67,21 +61,6 @@ def test_every_attribute_of_a_model_names_what_sets_it(sim):
     for name, remedy in (("nq", "the model's file: change the file"), ("sensors", r"model\.with_sensors\("), ("replace", "it is a method")):
         with pytest.raises(AttributeError, match=f"{name} of a stepper.Model cannot be assigned: .*{remedy}"):
             setattr(sim.model, name, 3)
-
-
-def test_what_is_computed_from_a_copy_is_a_plain_array(sim):
-    mine = [
-        sim.qpos + 1, 1 + sim.qpos, np.sin(sim.qpos), sim.qpos.copy(), np.array(sim.qpos), sim.qpos.sum(axis=1), sim.qpos @ np.ones(28),
-        np.concatenate([sim.qpos, sim.qvel], axis=1), np.where(sim.qpos > 0, sim.qpos, 0.0), np.ones((3, 28)) * sim.qpos,
-        np.clip(sim.qpos, -1, 1),
-    ]  # fmt: skip
-    for array in mine:
-        assert type(array) is np.ndarray
-        array[0] = 7
-    assert isinstance(sim.qpos.sum(), float)
-    assert repr(sim.qpos) == repr(sim.qpos.copy())
-    for again in (pickle.loads(pickle.dumps(sim.qpos)), copy.deepcopy(sim.qpos), sim.qpos.astype(np.float32)):
-        again[0] = 7
 
 
 @pytest.mark.parametrize("name", STATE)

@@ -72,7 +72,7 @@ def test_a_recording_whose_process_is_killed_keeps_the_rows_that_were_written(mo
         process.send_signal(signal.SIGKILL)
         lines += [int(line) for line in process.stdout if line.endswith("\n")]
     assert process.returncode == -signal.SIGKILL
-    result = stepper.replay(tmp_path / "run")
+    result = stepper.recording.verify(tmp_path / "run")
     assert result
     assert not result.complete
     assert result.rows in (lines[-1], lines[-1] + 1)
@@ -94,11 +94,11 @@ def test_rows_are_written_within_a_second_and_in_blocks(model, tmp_path, monkeyp
             sim.step()
             # At any time, the folder has all rows but those of the last second.
             shutil.copytree(tmp_path / "run", tmp_path / f"copy{k}", ignore=shutil.ignore_patterns(LOCK))
-            result = stepper.replay(tmp_path / f"copy{k}")
+            result = stepper.recording.verify(tmp_path / f"copy{k}")
             assert recording.rows - result.rows <= 1.0 / 0.3
             assert not result.complete
     assert len(find_blocks(tmp_path / "run", read_header(tmp_path / "run"))) == 1 + 20 // 4
-    assert stepper.replay(tmp_path / "run").complete
+    assert stepper.recording.verify(tmp_path / "run").complete
 
 
 @given(data=st.data())
@@ -109,7 +109,7 @@ def test_a_recording_that_is_cut_anywhere_is_replayed_up_to_there(tmp_path_facto
     blocks, counted = find_blocks(folder, read_header(folder)), read_header(folder)["size"]
     length = data.draw(st.integers(counted, len(rows)))
     (folder / ROWS).write_bytes(rows[:length] + data.draw(st.sampled_from([b"", b"\0", bytes(500), b"\xff" * 500])))
-    result = stepper.replay(folder)
+    result = stepper.recording.verify(folder)
     assert result.rows == sum(block.end <= length for block in blocks)
     assert (bool(result), result.complete) == (True, False)
 
@@ -121,7 +121,7 @@ def test_a_recording_that_lost_what_its_header_counts_is_refused(unclosed):
     for content in (whole[: counted - 1], b"", bytes(len(whole)), whole[:counted].replace(b"\0\0", b"\0\1") + whole[counted:]):
         (unclosed / ROWS).write_bytes(content)
         with pytest.raises(RecordingError, match=ROWS):
-            stepper.replay(unclosed)
+            stepper.recording.verify(unclosed)
 
 
 def test_a_report_says_where_a_recording_was_cut(unclosed, capsys):
@@ -145,13 +145,13 @@ def test_a_full_disk_ends_a_recording_that_is_read_up_to_there(model, tmp_path):
         # The stepper goes on without recording, and closing the recording is no second error.
         assert sim.recorder is None
         sim.step()
-    result = stepper.replay(tmp_path / "run")
+    result = stepper.recording.verify(tmp_path / "run")
     assert (bool(result), result.rows, result.complete) == (True, rows, False)
     assert rows > 5
     assert (tmp_path / "run" / ROWS).stat().st_size <= 30_000
     with sim.record(tmp_path / "other"):
         sim.step()
-    assert stepper.replay(tmp_path / "other").complete
+    assert stepper.recording.verify(tmp_path / "other").complete
 
 
 def test_a_full_disk_at_the_end_is_named(model, tmp_path):
@@ -163,7 +163,7 @@ def test_a_full_disk_at_the_end_is_named(model, tmp_path):
     with disk_of(20_000), pytest.raises(OSError, match=r"File too large; .*the recording ends here, after \d+ rows: .*rows\.bin"):
         recording.close()
     assert sim.recorder is None
-    assert stepper.replay(tmp_path / "run").complete is False
+    assert stepper.recording.verify(tmp_path / "run").complete is False
 
 
 def test_a_disk_that_is_full_from_the_start_is_named(model, tmp_path):
@@ -186,7 +186,7 @@ def test_a_row_cannot_make_a_replay_endless(model, tmp_path, nstep):
     with pytest.raises(
         RecordingError, match=r"rows\.bin, row 1: nstep is \d+, but the recorded time advances by 0\.006 s, at a time step of"
     ):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 def test_rows_without_a_time_cannot_make_a_replay_endless(model, tmp_path):
@@ -195,7 +195,7 @@ def test_rows_without_a_time_cannot_make_a_replay_endless(model, tmp_path):
         sim.step(nstep=3)
     edit_file(tmp_path / "run", lambda arrays: arrays.update(nstep=np.array([10**12]), time=np.full((1, 2), np.nan)))
     with pytest.raises(RecordingError, match="nstep is"):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 def test_rejected_steps_are_replayed_though_they_take_no_time(model, tmp_path):
@@ -208,7 +208,7 @@ def test_rejected_steps_are_replayed_though_they_take_no_time(model, tmp_path):
         sim.step(nstep=1000)
         sim.reset()
         sim.step(nstep=1000)
-    assert stepper.replay(tmp_path / "run")
+    assert stepper.recording.verify(tmp_path / "run")
 
 
 @pytest.mark.parametrize("num_envs", [3, 10**5, 10**9, 10**15, 2**64])
@@ -219,7 +219,7 @@ def test_a_header_cannot_make_a_replay_take_all_memory(model, tmp_path, num_envs
         sim.step()
     edit_header(tmp_path / "run", lambda head: head.update(num_envs=num_envs))
     with pytest.raises(RecordingError, match=r"num_envs is \d+, but the state in the first row has \d+ bytes" if num_envs > 3 else "run"):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 @pytest.mark.parametrize(
@@ -231,10 +231,10 @@ def test_counts_in_a_header_are_those_of_the_rows(model, tmp_path, change):
         sim.step()
     edit_header(tmp_path / "run", lambda head: head.update(change))
     if "threads" in change:  # No more than the machine has.
-        assert stepper.replay(tmp_path / "run")
+        assert stepper.recording.verify(tmp_path / "run")
         return
     with pytest.raises(RecordingError, match="run"):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 def test_the_definition_that_other_languages_read_is_that_of_the_format():

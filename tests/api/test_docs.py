@@ -9,7 +9,7 @@ from stub_docs import STUB, documented, rewritten, spoken
 
 
 def test_the_stub_has_the_docstrings_of_the_binary():
-    assert rewritten(STUB.read_text()) == STUB.read_text(), "run: python tests/stub_docs.py"
+    assert rewritten(STUB.read_text()) == STUB.read_text(), "run: python tests/helpers/stub_docs.py"
 
 
 @pytest.mark.parametrize("owner", [stepper.Stepper, stepper.Model, stepper.State])

@@ -92,10 +92,9 @@ def test_what_is_not_there_is_answered_with_what_is(ask, error, text):
 
 def test_rows_cannot_be_written():
     model = stepper_model("gymnasium/humanoid")
-    with pytest.raises(ValueError, match=r"model\.replace\(jnt_range=\.\.\.\)"):
-        model.joint(3).range[0] = 1
-    with pytest.raises(ValueError, match="it is defined in the model's file"):
-        model.joint(3).axis[0] = 1
+    for array in (model.joint(3).range, model.joint(3).axis):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
     with pytest.raises(AttributeError):
         model.joint(3).range = 0
 

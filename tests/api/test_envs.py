@@ -262,4 +262,4 @@ def test_a_recording_with_indices_replays(tmp_path):
         sim.randomize([3, 1], gravity=[[0, 0, -1.0], [0, 0, -2.0]])
         sim.copy_state([0, 0], [2, 3])
         sim.step(nstep=3)
-    assert stepper.replay(tmp_path / "run").difference is None
+    assert stepper.recording.verify(tmp_path / "run").difference is None

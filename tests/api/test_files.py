@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import joint, link, robot
 from stepper.cli.app import COMMANDS, application, main
-from stepper.lab import Outcome, Parameter, Policy, Recorded, Study
+from stepper.lab import ControlLog, Outcome, Parameter, PolicyController, Study
 from stepper.lab.study.journal import rows_of
 from stepper.policies.ppo_settings import Settings, default_folder
 from stepper.shared.files import (
@@ -113,7 +113,7 @@ def viewed(path, _):
 
 
 def replayed(path, _):
-    return stepper.replay(path.parent)
+    return stepper.recording.verify(path.parent)
 
 
 def reported(path, _):
@@ -136,18 +136,18 @@ READERS = [
     ("s.toml", lambda path, _: stepper.SensorModel.from_file(path)),
     ("s.json", lambda path, _: stepper.SensorModel.from_file(path)),
     ("a.toml", lambda path, _: stepper.ActuatorModel.from_file(path)),
-    ("c.csv", lambda path, _: Recorded(path)),
-    ("c.npz", lambda path, _: Recorded(path)),
+    ("c.csv", lambda path, _: ControlLog(path)),
+    ("c.npz", lambda path, _: ControlLog(path)),
     ("study.toml", lambda path, _: Study.from_file(path)),
     ("log.csv", episodes_of),
     ("log.npz", episodes_of),
     ("p.npz", lambda path, _: stepper.policies.load(path)),
-    ("p.npz", lambda path, _: Policy(path)),
+    ("p.npz", lambda path, _: PolicyController(path)),
     ("i.json", Identification.load),
     *[(f"run/{name}", read) for name in ("run.json", "model.stepper", "rows.bin") for read in (replayed, segments, viewed)],
     *[(f"run/{name}", reported) for name in ("run.json", "rows.bin")],
     ("out/study/journal.sqlite", swept),
-    ("out/study/in_force.json", swept),
+    ("out/study/resolved_settings.json", swept),
 ]
 """Every public function that reads a file, with the file that it reads, called with its path and the model of the files."""
 
@@ -242,10 +242,10 @@ def test_commands_name_damaged_files_without_a_traceback(work, capsys, monkeypat
 def test_controls_that_are_objects_are_refused_by_name(tmp_path):
     np.savez(tmp_path / "c.npz", ctrl=np.array([1, None], dtype=object))
     with pytest.raises(ValueError, match=r"c\.npz: the array 'ctrl' has Python objects, must have numbers: save numpy\.asarray"):
-        Recorded(tmp_path / "c.npz")
+        ControlLog(tmp_path / "c.npz")
     np.savez(tmp_path / "c.npz", ctrl=np.array([["a"]]))
     with pytest.raises(TypeError, match=r'c\.npz: "ctrl" is .*, must be an array of numbers'):
-        Recorded(tmp_path / "c.npz")
+        ControlLog(tmp_path / "c.npz")
 
 
 def forged(name, header, data, method=zipfile.ZIP_STORED):
@@ -349,10 +349,10 @@ def test_every_command_with_an_output_folder_is_in_the_list():
     assert len(commands) == len(COMMANDS)
 
 
-@pytest.mark.parametrize("words", [*folders_of_commands().values(), ["chart", "chain"]], ids=" ".join)
+@pytest.mark.parametrize("words", folders_of_commands().values(), ids=" ".join)
 def test_a_command_refuses_a_folder_that_another_run_writes(work, capsys, monkeypatch, words):
     monkeypatch.chdir(work)
-    folder = Path("new") if words[0] in ("compare", "identify", "demo") or words[1] == "chain" else Path("new/study")
+    folder = Path("new") if words[0] in ("compare", "identify", "demo") else Path("new/study")
     monkeypatch.setattr(sys, "argv", ["stepper", *words, "--out", "new"])
     with locked(folder), pytest.raises(SystemExit) as end:
         main()
@@ -457,13 +457,6 @@ def test_measures_name_elements_whose_names_have_spaces(measure, quantity, name,
 def test_measures_of_other_elements_are_refused(model, measure, message):
     with pytest.raises(ValueError, match=message):
         Study(model=model, outcomes=Outcome(name="x", measure=measure), parameters={"d": Parameter("gravity[2]", low=-10, high=-9)})
-
-
-def test_missing_arguments_are_named_with_the_signature():
-    with pytest.raises(TypeError, match=r"stepper\.Recorder\(\) lacks the argument sim: stepper\.Recorder\(sim, path, \*, chunk="):
-        stepper.Recorder()
-    with pytest.raises(TypeError, match=r"stepper\.load\(\) lacks the argument source: stepper\.load\(source, "):
-        stepper.load()
 
 
 # Parts

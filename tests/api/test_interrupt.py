@@ -155,7 +155,7 @@ def test_a_recording_has_the_steps_that_were_made(tmp_path):
             sim.step(nstep=FOREVER)
         sim.step(nstep=3)
     assert round(sim.time[0] / timestep) == caught.value.steps + 8
-    assert stepper.replay(tmp_path / "run")
+    assert stepper.recording.verify(tmp_path / "run")
 
 
 def test_what_a_handler_raises_says_how_many_steps_too():

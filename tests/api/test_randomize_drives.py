@@ -217,7 +217,7 @@ def test_recordings_have_drives(tmp_path, num_envs, precision):
                 sim.randomize(actuators=drawn(n, k))
             if k == 18:
                 sim.randomize()
-    result = stepper.replay(tmp_path / "run", threads=2)
+    result = stepper.recording.verify(tmp_path / "run", threads=2)
     assert result, str(result)
 
 

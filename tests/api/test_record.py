@@ -41,7 +41,7 @@ def run(path, *, num_envs=N, precision="f64", threads=1, **settings):
 def test_a_replay_reproduces_every_bit(tmp_path, precision, num_envs):
     run(tmp_path / "run", precision=precision, num_envs=num_envs)
     for threads in (None, 2):
-        result = stepper.replay(tmp_path / "run", threads=threads)
+        result = stepper.recording.verify(tmp_path / "run", threads=threads)
         assert result
         assert (result.steps, result.complete, result.difference) == (STEPS, True, None)
         assert "bit for bit" in str(result)
@@ -63,19 +63,19 @@ def test_arrays_that_are_written_again_after_a_call_were_kept(tmp_path, what):
                 sim.set_state(qpos, qvel, envs=mask)
             elif what == "randomize":
                 sim.randomize(mask, gravity=gravity)
-    assert stepper.replay(tmp_path / "run")
+    assert stepper.recording.verify(tmp_path / "run")
 
 
 def test_small_chunks_are_the_same_recording(tmp_path):
     run(tmp_path / "run", chunk=1)
     assert len(find_blocks(tmp_path / "run", read_header(tmp_path / "run"))) > STEPS
-    assert stepper.replay(tmp_path / "run").steps == STEPS
+    assert stepper.recording.verify(tmp_path / "run").steps == STEPS
 
 
 def test_a_difference_is_named_by_step_field_and_environment(tmp_path):
     run(tmp_path / "run")
     edit_file(tmp_path / "run", lambda arrays: arrays["qvel"].__setitem__((12, 3, 4), np.nextafter(arrays["qvel"][12, 3, 4], 9.0)))
-    difference = stepper.replay(tmp_path / "run").difference
+    difference = stepper.recording.verify(tmp_path / "run").difference
     assert (difference.step, difference.field, difference.env) == (12, "qvel", 3)
     assert difference.recorded[4] != difference.replayed[4]
     assert "call 12" in str(difference)
@@ -91,7 +91,7 @@ def test_overlaps_are_compared(tmp_path, field):
         arrays[field][12, 3] += 1e-9
 
     edit_file(tmp_path / "run", change)
-    assert stepper.replay(tmp_path / "run").difference.field == field
+    assert stepper.recording.verify(tmp_path / "run").difference.field == field
 
 
 @pytest.mark.parametrize(("precision", "given", "tolerance"), [("f64", None, 1e-6), ("f32", None, 1e-4), ("f64", 1e-3, 1e-3)])
@@ -114,10 +114,10 @@ def test_another_model_is_refused(tmp_path):
     sim = run(tmp_path / "run")
     other = sim.model.replace(timestep=0.003)
     with pytest.raises(ValueError, match="recorded with model"):
-        stepper.replay(tmp_path / "run", model=other)
+        stepper.recording.verify(tmp_path / "run", model=other)
     other.save(tmp_path / "run/model.stepper")
     with pytest.raises(ValueError, match="recorded with model"):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 def cut_the_rows(folder):
@@ -168,10 +168,10 @@ def edit_the_options(folder):
 ])  # fmt: skip
 def test_a_recording_that_was_cut_swapped_or_edited_is_refused_with_the_place(tmp_path, damage, place):
     run(tmp_path / "run", chunk=10_000)
-    assert stepper.replay(tmp_path / "run")
+    assert stepper.recording.verify(tmp_path / "run")
     damage(tmp_path / "run")
     with pytest.raises((stepper.recording.RecordingError, FileNotFoundError), match=place):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 @pytest.mark.parametrize(
@@ -185,10 +185,10 @@ def test_a_header_that_lacks_something_or_has_nonsense_is_one_documented_error(t
         sim.step()
     edit_header(tmp_path / "run", lambda head: head.pop(key) if value == "missing" else head.update({key: value}))
     if (key, value) in [("num_envs", None)]:
-        assert stepper.replay(tmp_path / "run")
+        assert stepper.recording.verify(tmp_path / "run")
         return
     with pytest.raises(stepper.recording.RecordingError, match="run"):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 @pytest.mark.parametrize("change", [
@@ -216,7 +216,7 @@ def test_rows_that_lack_something_or_have_nonsense_are_one_documented_error(tmp_
         sim.step()
     edit_file(tmp_path / "run", change)
     with pytest.raises(stepper.recording.RecordingError, match=r"rows\.bin"):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 @pytest.mark.parametrize("name", ["/tmp/model.stepper", "../model.stepper", "a/model.stepper", "", "other.stepper", None])
@@ -225,18 +225,18 @@ def test_the_model_of_a_recording_lies_in_its_folder(tmp_path, name):
     sim.model.save(tmp_path / "model.stepper")
     edit_header(tmp_path / "run", lambda head: head["model"].update(file=name))
     with pytest.raises(stepper.recording.RecordingError, match=r"run.json: model.file is .* must be 'model.stepper'"):
-        stepper.replay(tmp_path / "run")
+        stepper.recording.verify(tmp_path / "run")
 
 
 def test_what_replay_is_given_wrongly_is_not_laid_to_the_recording(tmp_path):
     run(tmp_path / "run")
     with pytest.raises(ValueError, match="threads is -1") as error:
-        stepper.replay(tmp_path / "run", threads=-1)
+        stepper.recording.verify(tmp_path / "run", threads=-1)
     assert not isinstance(error.value, stepper.recording.RecordingError)
     with pytest.raises(TypeError, match=r"must be a stepper\.Model"):
-        stepper.replay(tmp_path / "run", model="ant")
+        stepper.recording.verify(tmp_path / "run", model="ant")
     with pytest.raises(FileNotFoundError):
-        stepper.replay(tmp_path / "nothing")
+        stepper.recording.verify(tmp_path / "nothing")
 
 
 def test_one_recording_at_a_time_into_an_empty_folder(tmp_path):
@@ -287,7 +287,7 @@ def test_noisy_readings_are_replayed_too(tmp_path, precision, num_envs):
             if k % 10 == 5:
                 sim.reset(np.arange(num_envs) % 2 == 0, seed=11 + np.arange(num_envs) if k == 25 else None)
     for threads in (1, 3):
-        assert stepper.replay(tmp_path / "run", threads=threads)
+        assert stepper.recording.verify(tmp_path / "run", threads=threads)
     # The same environments in a larger batch read the same.
     larger = stepper.Stepper(sim.model, num_envs + 9, precision=precision, sensors=SENSORS, seed=5)
     larger.step(nstep=9)
@@ -425,7 +425,7 @@ def test_fields_of_elements_that_a_model_does_not_have_are_replayed(tmp_path, fi
     with sim.record(tmp_path / "run"):
         sim.randomize(**{field: np.broadcast_to(values, (2, *values.shape))})
         sim.step()
-    assert stepper.replay(tmp_path / "run")
+    assert stepper.recording.verify(tmp_path / "run")
 
 
 def test_sensors_with_a_limit_per_environment_are_replayed(tmp_path):
@@ -438,5 +438,5 @@ def test_sensors_with_a_limit_per_environment_are_replayed(tmp_path):
     with sim.record(tmp_path / "run"):
         sim.step()
     assert sim.sensordata.ravel().tolist() == [0.5, 1.0]
-    assert stepper.replay(tmp_path / "run")
+    assert stepper.recording.verify(tmp_path / "run")
     assert sensors == stepper.SensorModel.from_dict(sensors.to_dict())

@@ -430,5 +430,5 @@ def test_a_reading_before_the_first_step_changes_no_later_reading(tmp_path, chan
                 sim.set_state(qpos=[[0.5]], keep_warmstart=True)
             sim.step(nstep=2)
         found.append(sim.sensordata.copy())
-        assert stepper.replay(tmp_path / f"{read}")
+        assert stepper.recording.verify(tmp_path / f"{read}")
     assert np.array_equal(*found)

@@ -7,9 +7,21 @@ from pathlib import Path
 
 import pytest
 import stepper
-from stepper._other_names import NEW_NAMES
 
-FOLDERS = ["actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer"]
+FOLDERS = [
+    "actuators",
+    "adapters",
+    "derivatives",
+    "doctor",
+    "elements",
+    "envs",
+    "lab",
+    "policies",
+    "recording",
+    "sensors",
+    "sysid",
+    "viewer",
+]
 ADAPTERS = sorted(file.stem for file in Path(stepper.__file__).parent.glob("adapters/*.py") if file.stem != "__init__")
 
 
@@ -25,12 +37,12 @@ def test_every_folder_is_an_attribute():
 
 
 def test_importing_stepper_imports_none_that_is_slow():
-    """The binary and what belongs to its classes. `python tests/wheel.py` measures the time."""
+    """The binary and what belongs to its classes. `python tests/helpers/wheel.py` measures the time."""
     found = said("-c", "import stepper, sys; print(*sorted(name for name in sys.modules if name.startswith('stepper')))")
-    assert found.split() == ["stepper", "stepper._hints", "stepper._options", "stepper._other_names", "stepper._status", "stepper._stepper"]
+    assert found.split() == ["stepper", "stepper._hints", "stepper._options", "stepper._status", "stepper._stepper"]
 
 
-@pytest.mark.parametrize("name", ["ActuatorModel", "ModelWarning", "SensorModel", "load", "replay"])
+@pytest.mark.parametrize("name", ["ActuatorModel", "ModelWarning", "SensorModel", "load"])
 def test_a_name_of_the_engine_can_be_imported_first(name):
     """One name of each module that is imported at its first use."""
     assert said("-c", f"from stepper import {name}; import stepper; assert stepper.{name} is {name}") == ""
@@ -41,17 +53,6 @@ def test_every_adapter_is_an_attribute():
     assert stepper.adapters.envpool.StepperPool
     with pytest.raises(AttributeError, match=r"'stepper\.adapters' has no attribute 'acme'; there are: envpool, .*unisim$"):
         _ = stepper.adapters.acme
-
-
-CLASSES = {"StepperPool": "envpool", "StepperVecEnv": "sb3", "TorchVectorEnv": "torch", "register_env": "rllib", "make_native": "native"}
-"""Classes and functions of adapters, and their modules, whose libraries may be absent."""
-
-
-@pytest.mark.parametrize("name", [*CLASSES, *NEW_NAMES["stepper.adapters"]])
-def test_a_class_of_an_adapter_has_its_module(name):
-    hint = f"stepper.adapters.{CLASSES[name]}.{name}" if name in CLASSES else NEW_NAMES["stepper.adapters"][name]
-    with pytest.raises(AttributeError, match=f"^module 'stepper.adapters' has no attribute '{name}'; (did you mean|use) {hint}"):
-        getattr(stepper.adapters, name)
 
 
 @pytest.mark.parametrize("module", ["stepper", "stepper.cli"])

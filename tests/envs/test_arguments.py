@@ -96,7 +96,7 @@ CALLS = {
     ("name", "hint"),
     [
         ("n_envs", "takes no 'n_envs': use num_envs"),
-        ("num_threads", "takes no 'num_threads': use threads"),
+        ("nthread", "takes no 'nthread': use threads"),
         ("env_kwargs", "takes no 'env_kwargs': give its arguments themselves"),
         ("dtyp", "takes no 'dtyp'; did you mean dtype?"),
         ("colour", "takes no 'colour'; there are: "),

@@ -9,7 +9,6 @@ import stepper.envs
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stepper._other_names import RENAMED
 from stepper.envs import Observation, Rng, StepperEnv, StepperVectorEnv, Task, contact_forces
 from stepper.shared.streams import Streams
 
@@ -175,12 +174,6 @@ def test_noise_and_levels_go_on_from_a_state():
     again.set_state(state)
     for row in expected:
         np.testing.assert_array_equal(again.step(np.ones((4, 1)))[0], row)
-
-
-def test_other_earlier_names_are_hints():
-    for old, new in RENAMED["stepper.envs"].items():
-        with pytest.raises(AttributeError, match=f"module 'stepper.envs' has no attribute '{old}'; did you mean {new}"):
-            getattr(stepper.envs, old)
 
 
 def test_a_carried_name_that_there_is_not_is_an_error():

@@ -11,5 +11,5 @@ from task_page import PAGE, page
 )
 def test_the_page_is_up_to_date():
     assert PAGE.read_text() == page(), (
-        "the observations or actions of a task changed: PYTHONPATH=python:tests .venv/bin/python tests/task_page.py"
+        "the observations or actions of a task changed: PYTHONPATH=python:tests/helpers .venv/bin/python tests/helpers/task_page.py"
     )

@@ -84,8 +84,7 @@ def test_contacts_of_mujoco_have_the_columns_of_a_stepper():
 
 
 @pytest.mark.parametrize(("name", "hint"), [
-    ("body", "did you mean read('xpos', name)?"),
-    ("joint_velocity", "did you mean read('qvel', name)?"),
+    ("xpso", "did you mean xpos"),
     ("step", "has no attribute 'reset'"),
 ])  # fmt: skip
 def test_a_world_is_for_reading(name, hint):

@@ -375,5 +375,5 @@ CALLS: dict[str, Callable[[Random, stepper.Stepper, Path], Made]] = {
     "Model.geoms_seen_from": lambda rng, sim, _: ([int(rng.integers(-2, 3))], {}),
     "Model.with_sensors": lambda rng, sim, _: ([{"fan": stepper.sensors.Combination({"servo": 1.0})}], {}),
     "stepper.load": lambda rng, sim, folder: ([folder / "m.stepper"], {"strict": True}),
-    "stepper.replay": lambda rng, sim, folder: ([folder / "run0"], {"threads": 1}),
+    "stepper.recording.verify": lambda rng, sim, folder: ([folder / "run0"], {"threads": 1}),
 }

@@ -169,7 +169,7 @@ def try_recording(rng: Random, folder: Path) -> None:
             edit_file(folder / "run", functools.partial(_change_arrays, rng))
         case _:
             edit_header(folder / "run", functools.partial(_change_header, rng))
-    str(stepper.replay(folder / "run"))
+    str(stepper.recording.verify(folder / "run"))
 
 
 def _change_arrays(rng: Random, arrays: dict[str, np.ndarray]) -> None:

@@ -49,7 +49,7 @@ def exact(made: dict[str, Array], truth: Array, count: int) -> tuple[Array, Arra
     return mean, np.sqrt(weight @ (error - mean) ** 2)
 
 
-def followed(seed: int, count: int) -> tuple[stepper.sysid.Tracked, dict[str, Array], Array]:
+def followed(seed: int, count: int) -> tuple[stepper.sysid.TrackedParameter, dict[str, Array], Array]:
     """Answer of the tracker after so many samples, the readings, and the truth."""
     rng = np.random.default_rng(seed)
     truth = SCENE.draw(rng)

@@ -130,7 +130,7 @@ def test_cells_lines_and_names(tmp_path):
     good = Episode(SCENE.ctrl, SCENE.readings(stepper.Options()), 0.02)
     for parameters, error, message in (
         ([], ValueError, "no parameter"),
-        (["mas:box"], ValueError, r"write 'field\[box\]'; did you mean mass"),
+        (["mas:box"], ValueError, r"is no selector: write field\[names\]"),
         (["mass"], ValueError, "did you mean body_mass"),
         (["body_mass[boxx]"], ValueError, "no body 'boxx'; did you mean box"),
         (["body_mass[box]", "body_inertial[box]"], ValueError, "same number"),
@@ -172,7 +172,7 @@ def test_episodes_with_wrong_values_are_named(given, message):
     ({"starts": "8"}, "starts is '8', must be a whole number of at least 1"),
     ({"step": 0.0}, "step is 0.0, must be a finite number above 0"),
     ({"seed": -1}, "seed is -1, must be a whole number of at least 0"),
-    ({"tick": 1}, "tick is 1, must be a function"),
+    ({"progress": 1}, "progress is 1, must be a function"),
     ({"options": "euler"}, r"options is 'euler' \(str\), must be a stepper.Options"),
 ])  # fmt: skip
 def test_wrong_arguments_of_identify_are_named(given, message):

@@ -98,7 +98,7 @@ def test_recordings_pickles_and_rollouts_have_it(tmp_path):
         sim.reset(np.array([True, False]))
         sim.eq_active[1, 1] = False
         sim.step(nstep=20)
-    replayed = stepper.replay(tmp_path / "run")
+    replayed = stepper.recording.verify(tmp_path / "run")
     assert replayed, str(replayed)
     again = pickle.loads(pickle.dumps(sim))
     assert np.array_equal(again.eq_active, sim.eq_active)

@@ -151,7 +151,7 @@ def test_what_hangs_from_a_posed_body_goes_with_it():
 @pytest.mark.parametrize("read", READ)
 def test_what_is_read_cannot_be_written(read):
     sim = stepper.Stepper(stepper_model("gymnasium/ant"), 2)
-    with pytest.raises(ValueError, match=f"{read} is a read-only copy"):
+    with pytest.raises(ValueError, match="read-only"):
         getattr(sim, read)[...] = 0
     with pytest.raises(AttributeError, match=read):
         setattr(sim, read, 0)

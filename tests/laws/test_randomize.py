@@ -218,7 +218,7 @@ def test_recordings_have_parameters(tmp_path, num_envs, precision):
                 sim.randomize(gravity=None, body_mass=own(later["body_mass"]))
             if k == 9:
                 sim.randomize()
-    assert stepper.replay(tmp_path / "run", threads=2)
+    assert stepper.recording.verify(tmp_path / "run", threads=2)
 
 
 def test_memory_is_that_of_what_differs():

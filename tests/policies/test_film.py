@@ -39,7 +39,7 @@ def test_a_film_tells_how_far_it_is(tmp_path):
         gymnasium.register("test/Pictures-v0", entry_point=Pictures, max_episode_steps=8)
     told = []
     for actions, count in ((3, 3), (300, 5)):
-        made = film(np.zeros_like, "test/Pictures-v0", tmp_path / "film.mp4", actions=actions, tick=lambda *given: told.append(given))
+        made = film(np.zeros_like, "test/Pictures-v0", tmp_path / "film.mp4", actions=actions, progress=lambda *given: told.append(given))
         assert made == count
     # The time limit of the environment is 8 actions, and the episode ends after 5.
     assert told == [("film film.mp4", done) for done in (1 / 3, 2 / 3, 1.0, 1 / 8, 2 / 8, 3 / 8, 4 / 8, 1.0)]
@@ -57,7 +57,7 @@ def test_the_command_evaluate_films_after_it_has_checked_that_it_can(tmp_path, m
     monkeypatch.setattr(command, "check_film", lambda env, file, **settings: calls.append(("check", env, file, settings)))
     monkeypatch.setattr(command, "run", lambda *_, **__: calls.append(("run",)) or "return 7")
     monkeypatch.setattr(
-        command, "film", lambda *given, actions, seed, tick, **settings: calls.append(("film", *given, actions, seed, settings))
+        command, "film", lambda *given, actions, seed, progress, **settings: calls.append(("film", *given, actions, seed, settings))
     )
     file = tmp_path / "run.mp4"
     words = ["evaluate", "policy.npz", "stepper/HalfCheetah-v5", "--film", str(file), "--seed", "3", "--contact", "hard"]

@@ -14,7 +14,7 @@ from stepper.lab.accuracy.measure import ChartBasis, chart_reference, measure
 from stepper.lab.accuracy.reference import _assessed, converge
 from stepper.lab.accuracy.traces import Distance, quantity, run
 from stepper.lab.accuracy.tune import Candidate, Tuning, _cheaper, _compared, _lines
-from stepper.lab.study import Recorded
+from stepper.lab.study import ControlLog
 from typer.testing import CliRunner
 
 PENDULUM = """<mujoco><option timestep=".005"/><worldbody><body pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
@@ -170,13 +170,12 @@ def test_a_chart_of_a_model_of_ones_own(tmp_path):
     found = stepper.lab.chart(scene(), tmp_path, quick=True, episodes=3, horizon=0.1)
     for name in ("chart.png", "chart_later.png", "chart.csv", "chart.npz", "chart.html", "chart.md"):
         assert (tmp_path / "scene" / name).stat().st_size > 500
-    # Why rapier is left out is one line: it is not installed, or has no actuators.
-    assert [reason.split(":")[0] for reason in found.skipped] == ["rapier"]
+    assert found.skipped == ()
     engines = {dot.engine for dot in found.dots}
     assert engines == {"stepper", "MuJoCo"}
     assert not any(dot.notes for dot in found.dots)
     for dot in found.dots:
-        assert dot.alone > 0
+        assert dot.us_single_env > 0
         assert dot.batch > 0
         parts = np.nansum([dot.solver, dot.step, dot.model])
         # Distances obey the triangle inequality; of medians of three episodes that is so within a factor of their number.
@@ -284,7 +283,7 @@ def test_episodes_that_repeat_those_that_chose_prove_nothing(tmp_path):
 def recorded(folder, episodes):
     """Controls for some episodes, after which they repeat."""
     np.savez(folder / "controls.npz", ctrl=np.random.default_rng(0).uniform(-0.02, 0.02, (10, episodes, 1)))
-    return Recorded(folder / "controls.npz")
+    return ControlLog(folder / "controls.npz")
 
 
 def test_a_budget_that_nothing_keeps_is_said(tmp_path):

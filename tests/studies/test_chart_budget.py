@@ -210,5 +210,5 @@ def test_rows_without_time_for_invariants_and_costs_say_so(tmp_path, monkeypatch
     monkeypatch.setattr(sys.modules["stepper.lab.accuracy.chart"], "Invariants", late)
     found = stepper.lab.chart(ball(), tmp_path, quick=True, episodes=1, horizon=0.1, budget="1800 s")
     assert {dot.notes for dot in found.dots} == {("invariants: the budget was spent before", "costs: the budget was spent before")}
-    assert all(math.isfinite(dot.error) and math.isnan(dot.alone) for dot in found.dots)
+    assert all(math.isfinite(dot.error) and math.isnan(dot.us_single_env) for dot in found.dots)
     assert "invariants: the budget was spent before" in (tmp_path / "ball/chart.csv").read_text()

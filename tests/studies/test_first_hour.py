@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from stepper.cli import app, main
-from stepper.lab import Outcome, Parameter, Policy, Study, sweep
+from stepper.lab import Outcome, Parameter, PolicyController, Study, sweep
 from stepper.lab.comparison import compare
 from stepper.lab.study.batches import running, world_of
 from stepper.lab.study.controllers import digest_of, load_file
@@ -267,7 +267,7 @@ def test_a_function_of_an_outcome_a_policy_or_a_comparison_with_other_arguments_
     with pytest.raises(TypeError, match="outcome 'a': measure is 3, must be a function of now"):
         Outcome(name="a", measure=3)
     with pytest.raises(TypeError, match=r"act is <lambda>\(a, b\), must take 1 argument, observations"):
-        Policy(lambda a, b: a)
+        PolicyController(lambda a, b: a)
     with pytest.raises(TypeError, match=r"policy is <lambda>\(\), must take 1 argument, observations"):
         evaluate(lambda: 0, "stepper/InvertedPendulum-v5")
     for given, message in (({"controller": lambda now: 0}, "controller is <lambda>"), ({"reward": lambda now: 0}, "reward is <lambda>")):
@@ -295,7 +295,7 @@ def test_a_success_that_is_a_number_is_refused():
 
 
 @pytest.mark.parametrize(("start", "message"), [
-    (lambda now, rngs: now.qpos, r"start returned ReadOnly of shape \(1, 1\), must return qpos \(1, 1\) and qvel \(1, 1\), one row per"),
+    (lambda now, rngs: now.qpos, r"start returned ndarray of shape \(1, 1\), must return qpos \(1, 1\) and qvel \(1, 1\), one row per"),
     (lambda now, rngs: (np.zeros(1), np.zeros(1)), r"start returned \(1,\) and \(1,\), must return qpos \(1, 1\)"),
     (lambda now, rngs: None, r"start returned NoneType of shape \(\), must return"),
 ])  # fmt: skip

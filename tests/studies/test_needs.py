@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import stepper
-from stepper.lab.accuracy import account
+from stepper.lab import profile
 from stepper.lab.accuracy.needs import Bench, spares
 from stepper.lab.accuracy.traces import Distance, run
 from stepper.lab.study.touching import pairs_of_bodies, pairs_that_may_touch, touching
@@ -161,7 +161,7 @@ def test_friction_of_an_explicit_pair_is_its_own():
 
 def test_what_happened_beside_what_could():
     sensor = '<sensor><framepos objtype="body" objname="top"/></sensor>'
-    found = account(heap(sensor), episodes=2)
+    found = profile(heap(sensor), episodes=2)
     told = {use.name: (use.could, use.did) for use in found.uses}
     # Three boxes and the world; the heap touches the floor by one of its boxes.
     assert told["pairs of bodies within reach of a step"] == (6, 3)
@@ -195,7 +195,7 @@ def test_explicit_pairs_may_touch_and_excluded_ones_do_not():
     scene = f'<mujoco><worldbody>{balls}</worldbody><contact><pair geom1="b" geom2="a"/><exclude body1="c" body2="d"/></contact></mujoco>'
     study = stepper.lab.Study.from_model(scene)
     assert pairs_that_may_touch(*study.loaded) == {(1, 2)}
-    (use,) = [use for use in account(scene, episodes=1).uses if use.name == "pairs of bodies within reach of a step"]
+    (use,) = [use for use in profile(scene, episodes=1).uses if use.name == "pairs of bodies within reach of a step"]
     assert (use.could, use.did) == (1, 1)
 
 
@@ -222,11 +222,11 @@ def test_bodies_without_joints_belong_to_their_parent():
 
 def test_a_saved_model_has_events_and_no_costs(tmp_path):
     stepper.load(HEAP.format(more="")).save(tmp_path / "heap.stepper")
-    found = account(tmp_path / "heap.stepper", episodes=1)
+    found = profile(tmp_path / "heap.stepper", episodes=1)
     assert found.parts == ()
     assert "no source" in str(found)
     with pytest.raises(ValueError, match="episodes is 0"):
-        account(tmp_path / "heap.stepper", episodes=0)
+        profile(tmp_path / "heap.stepper", episodes=0)
 
 
 def test_the_parts_are_all_that_a_model_has():

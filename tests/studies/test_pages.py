@@ -15,7 +15,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.cli.app import application
-from stepper.lab.progress import progress
+from stepper.lab.progress import show_progress
 from stepper.lab.study.document import Document, Section, cell
 from stepper.lab.study.draw import WIDEST, cliffs_of, figure_of
 from stepper.lab.study.report import _differences, _no_cliff
@@ -271,10 +271,10 @@ def test_differences_of_settings_are_told():
 
 def test_progress_into_a_file_is_written_at_once(capfd):
     """A line for every tenth, before the next one is made."""
-    with progress() as tick:
+    with show_progress() as progress:
         seen = []
         for k in range(101):
-            tick("sweep", k / 100)
+            progress("sweep", k / 100)
             seen.append(capfd.readouterr().err)
     assert [k for k, text in enumerate(seen) if text] == list(range(0, 101, 10))
     assert seen[30] == "sweep: 30 %\n"
@@ -284,9 +284,9 @@ def test_progress_has_an_estimate_of_the_remaining_time(capfd, monkeypatch):
     """As long for each part as for those before it; none before the first part and below a second."""
     clock = iter([0.0, 10.0, 40.0, 400.0, 4000.0])
     monkeypatch.setattr(time, "monotonic", lambda: next(clock))
-    with progress() as tick:
+    with show_progress() as progress:
         for done in (0.2, 0.4, 0.5, 0.6, 1.0):
-            tick("sweep", done)
+            progress("sweep", done)
     said = ["sweep: 20 %", "sweep: 40 %, 30 s left", "sweep: 50 %, 67 s left", "sweep: 60 %, 7 min left", "sweep: 100 %"]
     assert capfd.readouterr().err.splitlines() == said
 
@@ -316,7 +316,7 @@ def test_commands_show_their_progress(tmp_path, capfd, command, words):
 
 def test_progress_into_a_pipe_comes_before_the_end():
     """As `stepper report ... | cat` has it."""
-    code = "from stepper.lab.progress import progress\nwith progress() as tick:\n    tick('sweep', 0.5)\n    input()"
+    code = "from stepper.lab.progress import show_progress\nwith show_progress() as progress:\n    progress('sweep', 0.5)\n    input()"
     child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stderr is not None
     assert child.stderr.readline() == "sweep: 50 %\n"

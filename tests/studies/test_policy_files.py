@@ -40,16 +40,16 @@ def test_a_policy_of_stepper_drives_a_study(tmp_path):
     network().save(tmp_path / "servo.npz")
     study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
     found = stepper.lab.sweep(study, tmp_path / "out").sweep
-    same = replace(study, controller=stepper.lab.Policy(network()))
+    same = replace(study, controller=stepper.lab.PolicyController(network()))
     other = stepper.lab.sweep(same, tmp_path / "other").sweep
     assert [row["outcomes"] for row in found.table.rows] == [row["outcomes"] for row in other.table.rows]
     assert name_of(study.controller) == "policy servo.npz"
     # What the file holds is what rows follow from, not where it is.
     (tmp_path / "copy").mkdir()
     network().save(tmp_path / "copy/servo.npz")
-    again = stepper.lab.Policy(tmp_path / "copy/servo.npz")
+    again = stepper.lab.PolicyController(tmp_path / "copy/servo.npz")
     network(-3.0).save(tmp_path / "copy/servo.npz")
-    changed = stepper.lab.Policy(tmp_path / "copy/servo.npz")
+    changed = stepper.lab.PolicyController(tmp_path / "copy/servo.npz")
     assert digest_of(again) == digest_of(study.controller) != digest_of(changed)
 
 
@@ -66,7 +66,7 @@ def test_files_that_hold_no_policy_are_named(tmp_path, name, content, error, mes
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(error, match=message):
-        stepper.lab.Policy(tmp_path / name)
+        stepper.lab.PolicyController(tmp_path / name)
 
 
 def test_a_study_of_a_program_is_refused_with_the_remedy(tmp_path):
@@ -83,7 +83,7 @@ def test_what_is_not_installed_is_named_with_the_remedy(tmp_path, monkeypatch, n
     (tmp_path / name).write_bytes(b"")
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingPackageError, match=f"{package} is needed to run a policy .*{remedy}"):
-        stepper.lab.Policy(tmp_path / name)
+        stepper.lab.PolicyController(tmp_path / name)
 
 
 class Integrator:
@@ -98,7 +98,7 @@ class Integrator:
 
 
 def test_a_memory_is_of_one_batch(tmp_path):
-    policy = stepper.lab.Policy(Integrator())
+    policy = stepper.lab.PolicyController(Integrator())
     assert angles(policy, tmp_path, 1) == angles(policy, tmp_path, 4)
 
 
@@ -122,7 +122,7 @@ class Count:
 def test_controls_of_another_shape_are_named(tmp_path):
     study = stepper.lab.Study(
         model=ARM,
-        controller=stepper.lab.Policy(lambda seen: seen),
+        controller=stepper.lab.PolicyController(lambda seen: seen),
         episodes=3,
         seconds=0.02,
         outcomes=stepper.lab.Outcome(name="a", measure="joint hinge"),

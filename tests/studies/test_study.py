@@ -19,8 +19,8 @@ import pytest
 import stepper
 from stepper.cli import main
 from stepper.cli.options import progress_kept_in
-from stepper.lab import Outcome, Parameter, Policy, Study
-from stepper.lab.study import Recorded
+from stepper.lab import Outcome, Parameter, PolicyController, Study
+from stepper.lab.study import ControlLog
 from stepper.lab.study.batches import begin, run_points, world_of
 from stepper.lab.study.controllers import digest_of
 from stepper.lab.study.episode import Episodes
@@ -30,7 +30,7 @@ from stepper.lab.study.journal import rows_of
 from stepper.lab.study.parameters import model_fields, selected
 from stepper.lab.study.points import Point
 from stepper.lab.study.results import JOURNAL, Results
-from stepper.lab.study.sweep import sweep
+from stepper.lab.study.sweep import run_sweep
 
 TRAY = """<mujoco model="tray"><option timestep=".005"/><worldbody><geom name="tray" type="box" size="2 2 .01" pos="0 0 -.01"/>
   <body name="object" pos="0 0 .02"><freejoint name="free"/><geom name="object" type="box" size=".05 .05 .02" mass=".3"/></body></worldbody>
@@ -45,7 +45,7 @@ G, MASS, PUSH = 9.81, 0.3, 2.0
 def swept(study, out):
     """Levels alone, without pages."""
     with Results(study, out) as results:
-        return sweep(study, results.journal, cliffs=False)
+        return run_sweep(study, results.journal, cliffs=False)
 
 
 def push(now):
@@ -77,7 +77,7 @@ def tray(**changed):
 
 def test_cliffs_are_where_coulomb_has_them(tmp_path):
     with Results(tray(), tmp_path) as results:
-        found = sweep(tray(), results.journal)
+        found = run_sweep(tray(), results.journal)
     ends = {cliff.parameter: cliff for cliff in found.cliffs}
     # x = a t^2 / 2 reaches 1e-5 m in 0.4 s with a = 1.25e-4 m/s^2: 1.3e-5 of mu and 4e-5 N, within a thousandth of each range.
     for name, exact in (("push", MASS * G), ("friction", PUSH / (MASS * G)), ("mass", PUSH / (MASS * G))):
@@ -126,13 +126,13 @@ def test_cliffs_of_values_in_any_order_and_of_any_width(tmp_path):
     with Results(study, tmp_path) as results:
         for wrong in (0.0, -1e-3, 1.0, math.nan):
             with pytest.raises(ValueError, match=r"resolution is .*, must be between 0 and 1"):
-                sweep(study, results.journal, resolution=wrong)
-        (cliff,) = sweep(study, results.journal, parameters=["friction"]).cliffs
+                run_sweep(study, results.journal, resolution=wrong)
+        (cliff,) = run_sweep(study, results.journal, parameters=["friction"]).cliffs
         assert (cliff.below, cliff.above) == (0.0, 1.0)
         assert 0 < cliff.high - cliff.low <= 1e-3
         assert cliff.low - 1e-4 <= PUSH / (MASS * G) <= cliff.high + 1e-4
         # Narrower than a bracket can be: it ends at neighbouring numbers.
-        (cliff,) = sweep(study, results.journal, parameters=["friction"], resolution=1e-300).cliffs
+        (cliff,) = run_sweep(study, results.journal, parameters=["friction"], resolution=1e-300).cliffs
         assert cliff.high == np.nextafter(cliff.low, 2.0)
 
 
@@ -265,7 +265,7 @@ def test_mujoco_beside(tmp_path):
         episodes=1,
     )
     with Results(study, tmp_path) as results:
-        found = sweep(study, results.journal, cliffs=False)
+        found = run_sweep(study, results.journal, cliffs=False)
     ours, theirs, single = ([level.mean for level in found.levels_of("mass", name)] for name in ("stepper", "MuJoCo", "f32"))
     # MuJoCo's Euler rule is of first order: a degree's hundredth after one second.
     np.testing.assert_allclose(ours, theirs, rtol=2e-3)
@@ -369,7 +369,7 @@ def test_what_the_model_leaves_out_is_noted_beside_the_rows(tmp_path):
       <sensor><user name="own" dim="1"/></sensor></mujoco>"""
     study = Study.from_model(asks, seconds=0.1, episodes=2, outcomes=Outcome(name="x", measure="body b x"))
     stepper.lab.sweep(study, tmp_path)
-    (told,) = json.loads((tmp_path / "model" / "in_force.json").read_text()).values()
+    (told,) = json.loads((tmp_path / "model" / "resolved_settings.json").read_text()).values()
     assert told["notes"] == study.notes
     assert any(note.startswith("sensor user without reading own: ") for note in told["notes"])
     assert any("RK4" in note for note in told["notes"])
@@ -385,8 +385,8 @@ def test_nothing_is_run_twice_and_what_changes_is_run_anew(tmp_path):
     assert first.levels == again.levels
     swept(tray(seed=1), tmp_path)
     assert len(rows_of(journal)) > count
-    told = json.loads((tmp_path / "tray" / "in_force.json").read_text())
-    assert set(first.table["in_force"]) < set(told)
+    told = json.loads((tmp_path / "tray" / "resolved_settings.json").read_text())
+    assert set(first.table["resolved_settings"]) < set(told)
     assert len(told) == 2
 
 
@@ -492,13 +492,13 @@ class Tanh(Net):
 
 
 @pytest.mark.parametrize("drives", [
-    [Policy(Agent(gain).act) for gain in (1.0, 2.0)],
+    [PolicyController(Agent(gain).act) for gain in (1.0, 2.0)],
     [lambda _, k=k: k for k in range(3)],
     [lambda _, *, k=k: k for k in range(3)],
     [functools.partial(push, 1, 23), functools.partial(push, 12, 3), functools.partial(push, "1", 23), functools.partial(push, (1, 23))],
     [Gain([1, 23]), Gain([12, 3]), Gain([[1], 23]), Gain((1, 23)), Gain({1: 23}), Gain("[1, 23]")],
     [Gain(Gain(gain)) for gain in (1.0, 2.0)],
-    [Policy(Agent(1.0, Net(np.full(2, weight))).act) for weight in (1.0, 2.0)],
+    [PolicyController(Agent(1.0, Net(np.full(2, weight))).act) for weight in (1.0, 2.0)],
     [Agent(1.0, Net(np.ones(2), part(None))).act for part in (Net, Tanh)],
     [Gain(np.random.default_rng(seed)) for seed in (0, 1)],
     [Gain(x) for x in (np.zeros(2), np.zeros(2, np.float32), np.zeros((2, 1)), np.array([0, None]))],
@@ -524,7 +524,7 @@ def test_recorded_controls_and_policies(tmp_path):
     np.savez(tmp_path / "controls.npz", ctrl=ctrl)
     outcome = Outcome(name="angle", measure="joint hinge")
     played = []
-    policies = (Recorded(tmp_path / "controls.npz"), Policy(lambda seen: 0.5 - seen), "random", None)
+    policies = (ControlLog(tmp_path / "controls.npz"), PolicyController(lambda seen: 0.5 - seen), "random", None)
     for k, drive in enumerate(policies):
         with Results(Study(model=ARM, controller=drive, outcomes=outcome, episodes=2, seconds=0.3), tmp_path / str(k)) as results:
             played.append([row["outcomes"]["angle"] for row in run_points(results_study(drive, outcome), [Point({})], results.journal)])
@@ -568,7 +568,7 @@ def test_controls_of_a_csv_file_are_those_of_the_names_in_its_first_line(tmp_pat
 def test_what_is_wrong_in_a_csv_file_is_named(tmp_path, text, said):
     (tmp_path / "controls.csv").write_text(text)
     with pytest.raises(ValueError, match=rf"controls\.csv.*{said}"):
-        Study(model=TWO, controller=Recorded(tmp_path / "controls.csv")).episode()
+        Study(model=TWO, controller=ControlLog(tmp_path / "controls.csv")).episode()
 
 
 def results_study(drive, outcome):
@@ -750,24 +750,6 @@ def test_a_study_at_other_values_by_selector():
         study.at({"gravity[2]": "low"})
 
 
-def test_earlier_keys_of_a_parameter_are_named(tmp_path):
-    with pytest.raises(TypeError, match=r"stepper\.lab\.Parameter\(\) takes no 'target': use selector, as 'geom_friction"):
-        Parameter(target="geom_friction", column=0, low=0.1, high=1.0)
-    (tmp_path / "study.toml").write_text(f'model = """{ARM}"""\n[parameters.mu]\ntarget = "geom_friction"\nlow = 0.1\nhigh = 1.0\n')
-    with pytest.raises(ValueError, match="parameter 'mu' has no 'target': use selector, as"):
-        Study.from_file(tmp_path / "study.toml")
-
-
-def test_the_earlier_key_of_the_controller_is_named(tmp_path):
-    with pytest.raises(TypeError, match=r"stepper\.lab\.Study\(\) takes no 'drive': use controller"):
-        Study(model=ARM, drive="random")
-    (tmp_path / "study.toml").write_text(f'model = """{ARM}"""\ndrive = "random"\n')
-    with pytest.raises(ValueError, match="the study has no 'drive': use controller"):
-        Study.from_file(tmp_path / "study.toml")
-    with pytest.raises(ValueError, match=r"no field 'drive'; did you mean controller\?"):
-        Study(model=ARM, parameters={"push": Parameter("drive", nominal=1.0, low=0.0, high=2.0)})
-
-
 def test_intervals():
     # R. G. Newcombe, Statistics in Medicine 17 (1998), table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29.
     for (k, n), (low, high) in {
@@ -898,13 +880,13 @@ def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path,
     with Results(study, tmp_path) as results:
         rows = run_points(study, [Point({"gain": 0.7}), Point({"gain": 1.9})], results.journal)
     row = study.episode({"gain": 1.9}, 2, record=tmp_path / "recorded")
-    assert {name: row[name] for name in ("outcomes", "success", "certificate", "parameters", "episode")} == {
-        name: rows[5][name] for name in ("outcomes", "success", "certificate", "parameters", "episode")
+    assert {name: row[name] for name in ("outcomes", "success", "quality", "parameters", "episode")} == {
+        name: rows[5][name] for name in ("outcomes", "success", "quality", "parameters", "episode")
     }
     assert rows[4]["outcomes"] != rows[5]["outcomes"]
-    again = stepper.replay(tmp_path / "recorded")
+    again = stepper.recording.verify(tmp_path / "recorded")
     assert again
-    assert again.steps == study.controls
+    assert again.steps == study.num_control_steps
     other = study.episode({"gain": 1.9}, 2, seed=1)
     assert other["outcomes"] != row["outcomes"]
     # Looked at step by step, twice over.
@@ -974,7 +956,7 @@ def test_a_memory_that_no_begin_ends_is_found():
     for drive in (Caching(), Forgetting(), blind):
         random_force(controller=drive, sensors=None).episode()
     with pytest.raises(ValueError, match="has changed _count in a batch"):
-        random_force(controller=Policy(Remembering()), sensors=None).episode()
+        random_force(controller=PolicyController(Remembering()), sensors=None).episode()
 
 
 class Remembering(Counting):

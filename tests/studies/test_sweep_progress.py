@@ -27,7 +27,7 @@ def cliffs_of(tmp_path, high, resolution=1e-3):
         parameters={name: Parameter("body_mass[box]", low=1.0, high=high) for name in ("one", "other")},
     )  # fmt: skip
     ticks = []
-    found = stepper.lab.sweep(study, tmp_path, resolution=resolution, tick=lambda what, done: ticks.append((what, done)))
+    found = stepper.lab.sweep(study, tmp_path, resolution=resolution, progress=lambda what, done: ticks.append((what, done)))
     return found.sweep.cliffs, [done for what, done in ticks if what.startswith("cliffs")]
 
 

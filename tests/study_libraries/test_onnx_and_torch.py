@@ -69,9 +69,11 @@ def write_program(path):
 )
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 def test_a_file_gives_the_rows_of_the_network(tmp_path, write):
-    policy = stepper.lab.Policy(write(tmp_path))
+    policy = stepper.lab.PolicyController(write(tmp_path))
     # Single precision: 2^-24 of a control, which twenty of them turn into as much of an angle.
-    np.testing.assert_allclose(angles(policy, tmp_path / "file"), angles(stepper.lab.Policy(plain), tmp_path / "plain"), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        angles(policy, tmp_path / "file"), angles(stepper.lab.PolicyController(plain), tmp_path / "plain"), rtol=0, atol=1e-6
+    )
     again = pickle.loads(pickle.dumps(policy))
     assert digest_of(again) == digest_of(policy)
     seen = np.array([[0.1, 0.2], [-0.3, 0.4]])
@@ -111,8 +113,10 @@ def test_files_that_are_no_policy_are_named(tmp_path, write, message):
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 def test_a_program_that_its_owner_loads_is_a_policy(tmp_path):
-    policy = stepper.lab.Policy(torch.export.load(str(write_program(tmp_path / "program.pt2"))).module())
-    np.testing.assert_allclose(angles(policy, tmp_path / "own"), angles(stepper.lab.Policy(plain), tmp_path / "plain"), rtol=0, atol=1e-6)
+    policy = stepper.lab.PolicyController(torch.export.load(str(write_program(tmp_path / "program.pt2"))).module())
+    np.testing.assert_allclose(
+        angles(policy, tmp_path / "own"), angles(stepper.lab.PolicyController(plain), tmp_path / "plain"), rtol=0, atol=1e-6
+    )
 
 
 class Remembers(torch.nn.Module):
@@ -142,7 +146,7 @@ def scripted(module, path):
 @pytest.mark.parametrize("form", ["module", "file"])
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_memory_is_of_one_batch(tmp_path, kind, form):
-    policy = stepper.lab.Policy(kind() if form == "module" else scripted(kind(), tmp_path / "memory.pt"))
+    policy = stepper.lab.PolicyController(kind() if form == "module" else scripted(kind(), tmp_path / "memory.pt"))
     before = digest_of(policy)
     assert angles(policy, tmp_path / "one", batch=1) == angles(policy, tmp_path / "four", batch=4)
     assert digest_of(policy) == before
@@ -151,7 +155,8 @@ def test_a_memory_is_of_one_batch(tmp_path, kind, form):
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_script_is_reset(tmp_path):
     first = [
-        stepper.lab.Policy(scripted(kind(), tmp_path / f"{kind.__name__}.pt")).act(np.full((1, 2), 0.5)) for kind in (Remembers, Resets)
+        stepper.lab.PolicyController(scripted(kind(), tmp_path / f"{kind.__name__}.pt")).act(np.full((1, 2), 0.5))
+        for kind in (Remembers, Resets)
     ]
     assert [float(controls) for controls in first] == pytest.approx([0.0, 0.2])
 

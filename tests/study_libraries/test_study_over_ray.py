@@ -89,7 +89,7 @@ def test_a_chart_is_that_of_one_process(study, tmp_path):
     given = {"horizon": 0.1, "episodes": 2, "quick": True}
     here, there = (stepper.lab.chart(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
     # All but what is timed. What is no number is nowhere the same.
-    told = [[{**vars(dot), "alone": 0.0, "batch": 0.0} for dot in found.dots] for found in (here, there)]
+    told = [[{**vars(dot), "us_single_env": 0.0, "batch": 0.0} for dot in found.dots] for found in (here, there)]
     np.testing.assert_equal(told[1], told[0])
     assert there.skipped == here.skipped
 

@@ -116,7 +116,7 @@ def test_a_scene_without_a_light_gets_one(kind, light):
       <geom type="{kind}" size=".1 .1 .1" rgba=".8 .3 .2 1"/></body></worldbody></mujoco>'''
     model = stepper.load(source)
     sim = stepper.Stepper(model)
-    bright, dark = (Renderer(model, **SIZE, lamp=lamp).render(sim).astype(int) for lamp in (True, False))
+    bright, dark = (Renderer(model, **SIZE, add_light=lamp).render(sim).astype(int) for lamp in (True, False))
     assert bright.mean() > 80  # of 255; MuJoCo's headlight alone leaves 45
     assert (bright == dark).all() == bool(light)
     floor = bright[np.ptp(bright, axis=2) < 5]  # It is grey.

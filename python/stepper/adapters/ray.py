@@ -55,8 +55,8 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         num_envs: Number of environments.
         num_actors: Number of actors. None selects as many as Ray's CPUs allow, at least one and at most one per block. If there are too few
             CPUs for the given number, a warning is issued, and the first call waits until the cluster has grown.
-        block_size: Number of environments per block. `rollout` calls the policy for one block at a time, so that its results do not depend
-            on the number of actors.
+        block_size: Number of environments per block. `run_policy` calls the policy for one block at a time, so that its results do not
+            depend on the number of actors.
         save_every: Number of calls after which this process copies all states as a backup. If an actor dies, at most that many calls are
             repeated.
         actor_options: Arguments of Ray's `options` for an actor, such as {"resources": ...}. The default is one CPU per thread.
@@ -155,7 +155,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         observation, reward, terminated, truncated, infos = self._joined(results)
         return observation, reward, terminated, truncated, infos
 
-    def rollout(self, policy: Policy, num_steps: int) -> dict[str, Array]:
+    def run_policy(self, policy: Policy, num_steps: int) -> dict[str, Array]:
         """Runs a policy for many steps inside the actors. Episodes continue from the current state.
 
         Args:
@@ -179,10 +179,10 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
             raise ValueError(f"num_steps is {num_steps}, must be at least 1")
         if self.autoreset_mode != AutoresetMode.SAME_STEP:
             raise ValueError(f"autoreset_mode is {self.autoreset_mode}, must be SAME_STEP for rollouts")
-        self._check_begun("rollout")
+        self._check_begun("run_policy")
         shared = ray.put(policy)
         seeds = [(self._seed, self._rollouts, block) for block in range(len(self._slices))]
-        parts = self._run([("rollout", (shared, num_steps, seed)) for seed in seeds])
+        parts = self._run([("run_policy", (shared, num_steps, seed)) for seed in seeds])
         self._rollouts += 1
         axes = {"last_observation": 0}
         return {name: np.concatenate([part[name] for part in parts], axis=axes.get(name, 1)) for name in parts[0]}
@@ -266,29 +266,29 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
                 self._saved[block], self._calls[block] = states[block], []
 
 
-def rollout(env: Env, policy: Policy, num_envs: int, num_steps: int, *, seed: int | None = None, **settings: Any) -> dict[str, Array]:
-    """Runs a policy in new environments on Ray: creates a `RayVectorEnv`, calls `reset` and `rollout`, and closes it.
+def run_policy(env: Env, policy: Policy, num_envs: int, num_steps: int, *, seed: int | None = None, **settings: Any) -> dict[str, Array]:
+    """Runs a policy in new environments on Ray: creates a `RayVectorEnv`, calls `reset` and `run_policy`, and closes it.
 
     Args:
         env: Environment, as in `RayVectorEnv`.
-        policy: Policy, as in `RayVectorEnv.rollout`.
+        policy: Policy, as in `RayVectorEnv.run_policy`.
         num_envs: Number of environments.
         num_steps: Number of actions per environment.
         seed: Seed. Environment i has `seed + i`; None draws a random seed.
         **settings: Further arguments of `RayVectorEnv`.
 
     Returns:
-        Arrays by name, as returned by `RayVectorEnv.rollout`.
+        Arrays by name, as returned by `RayVectorEnv.run_policy`.
     """
     envs = RayVectorEnv(env, num_envs, **settings)
     try:
         envs.reset(seed=seed)
-        return envs.rollout(policy, num_steps)
+        return envs.run_policy(policy, num_steps)
     finally:
         envs.close()
 
 
-def sweep(
+def map_cases(
     run: Callable[..., Any], cases: Iterable[Any], *shared: Any, attempts: int = 3, options: dict[str, Any] | None = None
 ) -> list[Any]:
     """Calls `run(*shared, case)` for every case, in parallel on Ray. Examples of cases are values of friction, or contact models.
@@ -376,7 +376,7 @@ class _Block:
         self.observation = returned[0]
         return returned
 
-    def rollout(self, policy: Any, num_steps: int, seed: tuple[int, ...]) -> dict[str, Array]:
+    def run_policy(self, policy: Any, num_steps: int, seed: tuple[int, ...]) -> dict[str, Array]:
         """Runs a policy for `num_steps` actions in the environments of this block.
 
         Args:
@@ -385,7 +385,7 @@ class _Block:
             seed: Seed of the random generator.
 
         Returns:
-            Arrays by name, as returned by `RayVectorEnv.rollout`, for the environments of the block.
+            Arrays by name, as returned by `RayVectorEnv.run_policy`, for the environments of the block.
         """
         policy, draws = ray.get(policy), np.random.default_rng(seed)
         shape, width = self.observation.shape, flatdim(self.envs.single_action_space)

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT, RAY_RUNS, VALUES, source_with
 from stepper.lab.accuracy import chart as run
-from stepper.lab.engine_chart import SCENES, Effort, charts
-from stepper.lab.progress import progress, show_files
-from stepper.shared.files import locked
+from stepper.lab.progress import show_files, show_progress
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -31,27 +29,17 @@ def chart(
 ) -> None:
     """Draws charts of simulation error against computing time, to compare time steps, integrators, solvers, contact laws and engines.
 
-    The scene is your model or study, or a built-in scene with a known solution. For a model or study, the command computes a converged
-    reference and its uncertainty. It attributes errors to the solver, the time step and the contact law. It also lists invariants and
-    distributions of outcomes, which are meaningful for chaotic motion, too.
+    The command computes a converged reference of a model or a study, and its uncertainty. It attributes errors to the solver, the time
+    step and the contact law. It also lists invariants and distributions of outcomes, which are meaningful for chaotic motion, too.
 
     Example: stepper chart robot.xml --horizon "0.5 s"
     """
-    names = list(SCENES)
-    if scene in (*names, "all"):
-        if ray or budget or values:
-            which = "--ray" if ray else "--budget" if budget else "--values"
-            raise ValueError(f'{which} has no effect on "{scene}", which is a built-in scene: leave it out')
-        with locked(out), progress() as tick:
-            pictures = charts(names if scene == "all" else [scene], out, Effort.quick() if quick else Effort(), tick)
-        show_files([file for picture in pictures for file in (picture, picture.with_suffix(".csv"))])
-        return
     if not Path(scene).exists():
-        raise ValueError(f'there is no file and no built-in scene "{scene}"; scenes are: {", ".join(names)}, all')
-    with progress() as tick:
+        raise ValueError(f'there is no file "{scene}": give the path of a model or a study')
+    with show_progress() as progress:
         source = source_with(scene, ray=ray, values=values)
         unit = "rad" if angle else "m"
-        found = run(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, tick=tick)
+        found = run(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, progress=progress)
     print(found.document.markdown())
     show_files(found.files)
 
@@ -64,7 +52,7 @@ def register(app: Typer, typer: ModuleType) -> None:
 
     @app.command("chart", help=chart.__doc__)
     def _(
-        scene: str = typer.Argument("all", help="Model (MJCF, URDF, saved), study (.toml, .py), or built-in scene: chain, box, all."),
+        scene: str = typer.Argument(help="Model (MJCF, URDF, saved) or study (.toml, .py)."),
         *,
         out: Path = folder,
         quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps; at most two minutes of processor time."),

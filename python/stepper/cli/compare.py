@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT
 from stepper.lab.comparison import compare as run
-from stepper.lab.progress import progress, show_files
+from stepper.lab.progress import show_files, show_progress
 from stepper.shared.files import locked
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ def compare(model: str, out: Path, *, seconds: float, num_envs: int, seed: int) 
     Example: stepper compare humanoid.xml --seconds 3
     """
     with locked(out):
-        with progress() as tick:
-            found = run(model, seconds=seconds, num_envs=num_envs, seed=seed, tick=tick)
+        with show_progress() as progress:
+            found = run(model, seconds=seconds, num_envs=num_envs, seed=seed, progress=progress)
         print(found.table())
         show_files([found.draw(out / "compare.png")])
 

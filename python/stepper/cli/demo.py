@@ -25,5 +25,5 @@ def register(app: Typer, typer: ModuleType) -> None:
         seed: int = typer.Option(0, min=0, help="Seed of the random controls."),
         out: Path = folder,
     ) -> None:
-        """Compares stepper with MuJoCo on a thousand humanoids that fall and come to rest: speed, errors and charts."""
+        """Compares stepper with MuJoCo on a thousand humanoids that fall and come to rest: speed and errors."""
         demo(Plan(num_envs=num_envs, steps=steps, rest=rest, seed=seed), out)

@@ -9,7 +9,7 @@ from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 from stepper.cli.options import ARGUMENTS, arguments_of
-from stepper.lab.progress import progress, show_files
+from stepper.lab.progress import show_files, show_progress
 from stepper.policies import check_film, compare, describe, differences, film, load
 from stepper.policies import evaluate as run
 from stepper.policies.evaluation import make
@@ -57,16 +57,18 @@ def evaluate(
         if name:
             for line in differences(loaded.environment, describe(make(name, **given))):
                 print(f"{name}: {line}", file=sys.stderr)
-    with progress() as tick:
+    with show_progress() as progress:
         if against:
-            both = compare(loaded, env, against, episodes=episodes, seed=seed, margin=margin, settings=(settings, shared), tick=tick)
+            both = compare(
+                loaded, env, against, episodes=episodes, seed=seed, margin=margin, settings=(settings, shared), progress=progress
+            )
             found = "\n".join(map(str, (both.one, both.other, both)))
         else:
-            found = str(run(loaded, env, episodes=episodes, seed=seed, infos=infos, tick=tick, **settings))
+            found = str(run(loaded, env, episodes=episodes, seed=seed, infos=infos, progress=progress, **settings))
     print(found)
     if video is not None:
-        with progress() as tick:
-            film(loaded, env, video, actions=FILMED, seed=seed, tick=tick, **settings)
+        with show_progress() as progress:
+            film(loaded, env, video, actions=FILMED, seed=seed, progress=progress, **settings)
         show_files([video])
 
 

@@ -10,8 +10,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT
-from stepper.lab.accuracy import Account, account
-from stepper.lab.progress import progress, show_files
+from stepper.lab.accuracy import CostProfile, profile
+from stepper.lab.progress import show_files, show_progress
 from stepper.lab.study import Study
 from stepper.lab.study.document import Document, Section, check_pages
 from stepper.loading import ModelWarning
@@ -38,7 +38,7 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
         warnings.simplefilter("ignore", ModelWarning)
         text = explained(study.loaded[0])
     print(text)
-    found = _account(study) if run else None
+    found = _profile(study) if run else None
     if found is not None:
         print(found.document.markdown())
     if out is not None:
@@ -47,17 +47,17 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
         show_files(files)
 
 
-def _account(study: Study) -> Account:
+def _profile(study: Study) -> CostProfile:
     """Runs a study with a progress display. Returns the parts of the scene that the run used, with the computing cost of each part."""
-    with progress() as tick:
-        return account(study, tick=tick)
+    with show_progress() as progress:
+        return profile(study, progress=progress)
 
 
-def _save(study: Study, text: str, found: Account | None, folder: Path) -> list[Path]:
+def _save(study: Study, text: str, found: CostProfile | None, folder: Path) -> list[Path]:
     """Writes the printed report as explain.html, explain.md and explain.json."""
     document = Document(f"Simulated parts of {study.name}", [Section("The model", text=text), *(found.document.sections if found else [])])
     numbers = {"uses": [asdict(use) for use in found.uses], "parts": [asdict(part) for part in found.parts]} if found else {}
-    plain = {"model": text, **numbers, "in_force": study.in_force, "provenance": provenance()}
+    plain = {"model": text, **numbers, "resolved_settings": study.resolved_settings(), "provenance": provenance()}
     text = json.dumps(plain, indent=2, default=str, allow_nan=False) + "\n"
     return [*document.save(folder, "explain"), write_text(folder / "explain.json", text)]
 

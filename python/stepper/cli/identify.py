@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from stepper._options import Options
 from stepper.cli.options import OUT
-from stepper.lab.progress import progress, show_files
+from stepper.lab.progress import show_files, show_progress
 from stepper.loading import load
 from stepper.shared.files import locked
 from stepper.sysid import KINDS
@@ -63,8 +63,8 @@ def identify(
         "channels": channels or None,
     }
     with locked(out):
-        with progress() as tick:
-            found = run(read, list(data), parameters, start=keyframe, tick=tick, **settings)
+        with show_progress() as progress:
+            found = run(read, list(data), parameters, start=keyframe, progress=progress, **settings)
         print(found)
         found.save(out / "identified.json")
         found.estimate.save(out / "identified.stepper")

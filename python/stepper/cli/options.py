@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from stepper.lab.progress import Tick, progress
+from stepper.lab.progress import ProgressCallback, show_progress
 from stepper.lab.study import Study
 from stepper.shared.name_values import literal, name_values
 
@@ -36,11 +36,11 @@ ARGUMENTS = (
 
 
 @contextlib.contextmanager
-def progress_kept_in(out: Path) -> Iterator[Tick]:
+def progress_kept_in(out: Path) -> Iterator[ProgressCallback]:
     """Context manager with a progress display, for commands that store results in the folder `out`. On Ctrl-C it prints how to continue."""
     try:
-        with progress() as tick:
-            yield tick
+        with show_progress() as progress:
+            yield progress
     except KeyboardInterrupt:
         print(f"stopped: finished rows are kept in {out}; the same command continues from them", file=sys.stderr)
         raise
@@ -66,7 +66,7 @@ def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
     Without these options, the result is `source` itself. With them, it is a study.
 
     Args:
-        source: Path of a model or study, or the name of a built-in scene.
+        source: Path of a model or study.
         ray: Whether the study runs on Ray, a library for parallel tasks.
         values: Nominal values of parameters, texts of the form NAME=VALUE.
     """

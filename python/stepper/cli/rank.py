@@ -22,9 +22,14 @@ def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting
 
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """
-    with progress_kept_in(out) as tick:
+    with progress_kept_in(out) as progress:
         found = run(
-            study_of_file(study, ray=ray, seed=seed), out, samples=samples, parameters=parameters or None, setting=setting, tick=tick
+            study_of_file(study, ray=ray, seed=seed),
+            out,
+            samples=samples,
+            parameters=parameters or None,
+            setting=setting,
+            progress=progress,
         )
     print(found.document.markdown())
     show_files(found.files)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from stepper import recording
 from stepper.cli.options import RECORDING
-from stepper.lab.progress import progress
+from stepper.lab.progress import show_progress
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 def replay(folder: Path, threads: int | None) -> None:
     """Repeats a recording and compares the results bit for bit. Prints the first step and field that differ."""
-    with progress() as tick:
-        result = recording.replay(folder, threads=threads, tick=tick)
+    with show_progress() as progress:
+        result = recording.verify(folder, threads=threads, progress=progress)
     print(result)
     if not result:
         sys.exit(1)

@@ -25,8 +25,8 @@ def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
     if source.is_dir():
         report_recording(source)
         return
-    with progress_kept_in(out) as tick:
-        found = run(study_of_file(source, ray=ray), out, tick=tick)
+    with progress_kept_in(out) as progress:
+        found = run(study_of_file(source, ray=ray), out, progress=progress)
     print(found.document.markdown())
     show_files(found.files)
 

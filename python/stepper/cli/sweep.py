@@ -41,8 +41,8 @@ def sweep(
     own = study_of_file(study, ray=ray, seed=seed)
     # A selector of --values becomes a parameter of the study, which the sweep does not vary.
     names = parameters or (list(own.parameters) if values else None)
-    with progress_kept_in(out) as tick:
-        found = run(own.at(values_of(values)), out, parameters=names, cliffs=cliffs, resolution=resolution, tick=tick)
+    with progress_kept_in(out) as progress:
+        found = run(own.at(values_of(values)), out, parameters=names, cliffs=cliffs, resolution=resolution, progress=progress)
     print(found.document.markdown())
     show_files(found.files)
 

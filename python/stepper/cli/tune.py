@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT, RAY_RUNS, VALUES, source_with
 from stepper.lab.accuracy import tune as run
-from stepper.lab.progress import progress, show_files
+from stepper.lab.progress import show_files, show_progress
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -33,9 +33,9 @@ def tune(
 
     Example: stepper tune robot.xml --error "1 mm" --horizon "0.5 s"
     """
-    with progress() as tick:
+    with show_progress() as progress:
         chosen = source_with(source, ray=ray, values=values)
-        found = run(chosen, out, error=error, horizon=horizon, coverage=coverage, alone=alone, reduce=reduce, tick=tick)
+        found = run(chosen, out, error=error, horizon=horizon, coverage=coverage, alone=alone, reduce=reduce, progress=progress)
     print(found.document.markdown())
     show_files(found.files)
 

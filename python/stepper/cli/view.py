@@ -15,7 +15,7 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Stepper
 from stepper.cli.options import ARGUMENTS, VALUES, arguments_of, values_of
-from stepper.lab.progress import progress
+from stepper.lab.progress import show_progress
 from stepper.lab.study import Study
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.journal import diverged
@@ -139,9 +139,9 @@ def _result(study: Study, outcomes: dict[str, float], *, lost: bool) -> str:
         return "diverged, without outcomes"
     units = {outcome.name: outcome.unit for outcome in study.all_outcomes}
     text = ", ".join(f"{name} {value:.6g} {units[name]}".strip() for name, value in outcomes.items()) or "no outcomes"
-    if (decisive := study.decisive) is None:
+    if (outcome := study.success_outcome) is None:
         return text
-    return f"{text}: {'a success' if decisive.succeeds(np.array([outcomes[decisive.name]]))[0] else 'no success'}"
+    return f"{text}: {'a success' if outcome.succeeds(np.array([outcomes[outcome.name]]))[0] else 'no success'}"
 
 
 def _refuse_study_options(what: str, of_study: StudyOptions) -> None:
@@ -172,8 +172,8 @@ def _play(folder: Path, options: ViewOptions, rerun: Path | None) -> None:
     # The default of 1 means all environments for a recording.
     envs = options.num_envs if options.num_envs > 1 else None
     if rerun is not None:
-        with progress() as tick:
-            frames = log_rerun(folder, rerun, envs=envs, source=options.looks, tick=tick)
+        with show_progress() as progress:
+            frames = log_rerun(folder, rerun, envs=envs, source=options.looks, progress=progress)
         print(f"wrote {frames} frames to {rerun}; show them: rerun {rerun}")
         return
     player = Player(folder, envs=envs, source=options.looks, host=options.host, port=options.port)

@@ -1,6 +1,6 @@
 """Self-test of `stepper doctor`: the SHA-256 of a short trajectory with contacts, limits and servos.
 
-The model is in `scene.stepper` and the expected SHA-256 in `digest.txt`; `python tests/self_test_scene.py` writes both files.
+The model is in `scene.stepper` and the expected SHA-256 in `digest.txt`; `python tests/helpers/self_test_scene.py` writes both files.
 """
 
 from __future__ import annotations
@@ -68,4 +68,4 @@ def _trajectory(sim: Stepper) -> Iterator[bytes]:
     for _ in range(_CALLS):
         sim.step(ctrl, nstep=_STEPS)
         for array in (sim.qpos, sim.qvel, sim.residual):
-            yield array.tobytes()
+            yield np.asarray(array).tobytes()

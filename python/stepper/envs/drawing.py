@@ -42,7 +42,9 @@ class Drawing:
         if self._renderer is None:
             batch = self._batch
             task = batch.task
-            self._renderer = Renderer(batch.sim.model, source=self._origin, default_config=task.camera, lamp=task.lamp, **self._settings)
+            self._renderer = Renderer(
+                batch.sim.model, source=self._origin, default_config=task.camera, add_light=task.lamp, **self._settings
+            )
         return tuple(self._renderer.render(self._batch.sim, env) for env in envs)
 
     def close(self) -> None:

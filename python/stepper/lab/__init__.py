@@ -4,7 +4,7 @@
     stepper.lab.report("tray.toml")  # a sweep of every parameter, with the causes of failures
 
 The folder `study` has the definition of a study (`Study`, `Parameter`, `Outcome`) with sweep, rank and report; `accuracy` has chart and
-tune. `comparison` compares the contact laws; `engine_chart` and `demo` compare stepper with MuJoCo. docs/reference/studies.md explains
+tune. `comparison` compares the contact laws; `demo` compares stepper with MuJoCo. docs/reference/studies.md explains
 studies.
 """
 
@@ -12,30 +12,45 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from stepper.lab.accuracy.account import Account, account
     from stepper.lab.accuracy.chart import Chart, chart
-    from stepper.lab.accuracy.tune import Tuning, tune
-    from stepper.lab.comparison import Comparison, compare
-    from stepper.lab.study import Outcome, Parameter, Policy, Recorded, Study, World
-    from stepper.lab.study.ranking import Ranking, rank
+    from stepper.lab.accuracy.dots import Dot
+    from stepper.lab.accuracy.profile import CostProfile, profile
+    from stepper.lab.accuracy.tune import Candidate, Tuning, tune
+    from stepper.lab.comparison import LawComparison, compare
+    from stepper.lab.comparison.trial import Course
+    from stepper.lab.study import ControlLog, Outcome, Parameter, PolicyController, Study, World
+    from stepper.lab.study.failure_causes import Verdict
+    from stepper.lab.study.ranking import Rank, Ranking, rank
     from stepper.lab.study.report import Report, report, sweep
+    from stepper.lab.study.sweep import Cliff, Level, Statistics, Sweep
+    from stepper.lab.study.table import Table
 
 __all__ = [
-    "Account",
+    "Candidate",
     "Chart",
-    "Comparison",
+    "Cliff",
+    "ControlLog",
+    "CostProfile",
+    "Course",
+    "Dot",
+    "LawComparison",
+    "Level",
     "Outcome",
     "Parameter",
-    "Policy",
+    "PolicyController",
+    "Rank",
     "Ranking",
-    "Recorded",
     "Report",
+    "Statistics",
     "Study",
+    "Sweep",
+    "Table",
     "Tuning",
+    "Verdict",
     "World",
-    "account",
     "chart",
     "compare",
+    "profile",
     "rank",
     "report",
     "sweep",
@@ -43,10 +58,17 @@ __all__ = [
 ]
 
 _FOLDERS = {
-    **dict.fromkeys(("Account", "Chart", "Tuning", "account", "chart", "tune"), "accuracy"),
-    **dict.fromkeys(("Comparison", "compare"), "comparison"),
+    **dict.fromkeys(("CostProfile", "Chart", "Tuning", "profile", "chart", "tune"), "accuracy"),
+    **dict.fromkeys(("LawComparison", "compare"), "comparison"),
+    **dict.fromkeys(("Cliff", "Level", "Statistics", "Sweep"), "study.sweep"),
+    "Rank": "study.ranking",
+    "Table": "study.table",
+    "Verdict": "study.failure_causes",
+    "Candidate": "accuracy.tune",
+    "Course": "comparison.trial",
+    "Dot": "accuracy.dots",
 }
-"""Subfolder with the definition of each public name, except for names in the subfolder `study`.
+"""Subfolder or module with the definition of each public name, except for names in the subfolder `study`.
 
 A subfolder is imported when one of its names is first used.
 """

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -13,7 +11,6 @@ from numpy.typing import NDArray
 from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.loading import load
 from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
@@ -59,7 +56,7 @@ class EngineBatch(Protocol):
 
 
 @dataclass
-class Certificate:
+class SolverStatistics:
     """Statistics of how well the steps in a phase of a run were solved.
 
     Attributes:
@@ -114,7 +111,7 @@ class StepperBatch:
         self.sim = Stepper(model, num_envs, options=options, precision=precision, threads=threads)
         self.name = f"stepper {precision} {setting}".strip()
         self.num_envs = num_envs
-        self.certificates: dict[str, Certificate] = {}
+        self.solver_statistics: dict[str, SolverStatistics] = {}
 
     @property
     def qpos(self) -> Array:
@@ -135,8 +132,8 @@ class StepperBatch:
         self.sim.step(ctrl, nstep)
 
     def record(self, phase: str) -> None:
-        """Adds status flags and residuals of the last step to the statistics (`Certificate`) of a phase of the run, such as "rest"."""
-        self.certificates.setdefault(phase, Certificate()).add(self.sim)
+        """Adds status flags and residuals of the last step to the statistics (`SolverStatistics`) of a phase of the run, such as "rest"."""
+        self.solver_statistics.setdefault(phase, SolverStatistics()).add(self.sim)
 
 
 class MujocoFields:
@@ -251,60 +248,17 @@ def configure(model: Any, settings: MujocoEngine | None) -> None:
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
 
 
-class Engine(Protocol):
-    """Interface of an engine with given settings, for one line of a chart."""
-
-    @property
-    def engine(self) -> str:
-        """Name of the engine, which determines the colours of the line."""
-
-    @property
-    def setting(self) -> str:
-        """Name of the settings."""
-
-    def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Creates a batch of environments of a scene from its MJCF text, with the time step dt, s."""
-
-
-@dataclass(frozen=True)
-class StepperEngine:
-    """Engine stepper with given settings, for one line of a chart.
-
-    Attributes:
-        setting: Name of the settings on the chart.
-        options: Options of the step, except for the time step.
-        batch: Number of environments stepped together.
-        precision: "f64" or "f32".
-        engine: Name of the engine, which determines the colours of the line.
-    """
-
-    setting: str
-    options: Options = field(default_factory=Options)
-    batch: int = 1
-    precision: Precision = "f64"
-    engine: str = "stepper"
-
-    def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Creates a batch of environments of a scene from its MJCF text, with the time step dt, s."""
-        options = dataclasses.replace(self.options, timestep=dt)
-        return StepperBatch(_load(mjcf), self.batch, precision=self.precision, options=options)
-
-
-_load = lru_cache(maxsize=8)(load)
-
-
 @dataclass(frozen=True)
 class MujocoEngine:
-    """Engine MuJoCo with given settings and without sensors, for one line of a chart.
+    """Settings of MuJoCo's step.
 
     Attributes:
-        setting: Name of the settings on the chart.
+        setting: Name of the settings, for tables.
         integrator: "EULER", "IMPLICIT", "IMPLICITFAST", "DISCRETE" or "RK4".
         cone: "PYRAMIDAL" or "ELLIPTIC".
         solver: "NEWTON", "CG" or "PGS".
         impratio: Ratio of frictional to normal stiffness.
         noslip: Iterations of the noslip post-processing.
-        engine: Name of the engine, which determines the colours of the line.
     """
 
     setting: str
@@ -313,14 +267,6 @@ class MujocoEngine:
     solver: str = "NEWTON"
     impratio: float = 1.0
     noslip: int = 0
-    engine: str = "MuJoCo"
-
-    def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Creates a batch of environments of a scene from its MJCF text, with the time step dt, s."""
-        model = require("mujoco", "to compare stepper with MuJoCo").MjModel.from_xml_string(mjcf)
-        model.opt.timestep = dt
-        configure(model, self)
-        return MujocoBatch(model, 1)
 
     def configure(self, mujoco: Any, model: Any) -> None:
         """Writes these settings, except for the time step, into a `mujoco.MjModel`."""

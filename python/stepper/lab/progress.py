@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from stepper.shared.machine import require
-from stepper.shared.progress import Tick, progress_lines
+from stepper.shared.progress import ProgressCallback, progress_lines
 
-__all__ = ["Tick", "progress", "show_files"]
+__all__ = ["ProgressCallback", "show_files", "show_progress"]
 
 
 @contextlib.contextmanager
-def progress() -> Iterator[Tick]:
+def show_progress() -> Iterator[ProgressCallback]:
     """Context manager that shows progress on stderr, with an estimate of the remaining time.
 
     Progress is written only when the callback is called, so that timings are not disturbed. On a terminal it is a bar. In a file or a pipe
@@ -31,13 +31,13 @@ def progress() -> Iterator[Tick]:
     with bars.Progress(console=console, auto_refresh=False, transient=False) as bar:
         tasks: dict[str, Any] = {}
 
-        def tick(what: str, done: float) -> None:
+        def report(what: str, done: float) -> None:
             if what not in tasks:
                 tasks[what] = bar.add_task(what, total=1.0)
             bar.update(tasks[what], completed=done)
             bar.refresh()
 
-        yield tick
+        yield report
 
 
 def show_files(paths: Sequence[Path]) -> None:

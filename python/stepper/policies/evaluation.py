@@ -16,7 +16,7 @@ from stepper.shared.arguments import check_whole
 from stepper.shared.environments import import_env, unknown_id
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import require, require_all
-from stepper.shared.progress import Tick, silent
+from stepper.shared.progress import ProgressCallback, silent
 from stepper.shared.streams import seeds
 
 Array = NDArray[Any]
@@ -176,7 +176,7 @@ def evaluate(
     seed: int = 0,
     starts: tuple[Array, Array] | None = None,
     infos: Sequence[str] = (),
-    tick: Tick | None = None,
+    progress: ProgressCallback | None = None,
     **settings: Any,
 ) -> Evaluation:
     """Runs a policy for a number of episodes and returns the results.
@@ -191,7 +191,7 @@ def evaluate(
         starts: Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s. None draws them from the seeds.
         infos: Keys of the info dict whose values are one number per environment. The result has the mean of each over every episode, and
             its value at the end of every episode.
-        tick: Function that is called with the environment's id and the fraction of the work that is done.
+        progress: Function that is called with the environment's id and the fraction of the work that is done.
         **settings: Arguments of the environment.
 
     Returns:
@@ -205,8 +205,8 @@ def evaluate(
     check_whole("seed", seed, least=0)
     if not callable(policy):
         raise TypeError(f"policy is {policy!r}, must be a stepper.policies.Policy or a function of observations")
-    if tick is not None and not callable(tick):
-        raise TypeError(f"tick is {tick!r}, must be a function of a text and a fraction, or None")
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is {progress!r}, must be a function of a text and a fraction, or None")
     if isinstance(infos, str) or not isinstance(infos, Sequence) or not all(isinstance(key, str) for key in infos):
         raise TypeError(f"infos is {infos!r}, must be a list of keys of the info dict, as ['tracking_error']")
     if episodes < 2:
@@ -214,10 +214,10 @@ def evaluate(
     check_takes(policy, ["observations"], "policy")
     drawn = seeds(seed, episodes)
     if is_native(env):
-        return _in_parallel(make(env, episodes, **settings), policy, drawn, starts, infos, tick=tick or silent)
+        return _in_parallel(make(env, episodes, **settings), policy, drawn, starts, infos, progress=progress or silent)
     if _has_only_vector_environment(env):
-        return _in_parallel(make(env, episodes, **settings), policy, drawn[0], starts, infos, tick=tick or silent)
-    return _in_sequence(make(env, **settings), policy, drawn, starts, infos, tick=tick or silent)
+        return _in_parallel(make(env, episodes, **settings), policy, drawn[0], starts, infos, progress=progress or silent)
+    return _in_sequence(make(env, **settings), policy, drawn, starts, infos, progress=progress or silent)
 
 
 def is_native(env: str) -> bool:
@@ -244,7 +244,7 @@ def compare(
     margin: float = 0.02,
     alpha: float = 0.05,
     settings: tuple[dict[str, Any], dict[str, Any]] = ({}, {}),
-    tick: Tick | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Comparison:
     """Runs a policy in two environments from the same initial states, and tests whether the mean returns are equivalent.
 
@@ -258,7 +258,7 @@ def compare(
         margin: Largest difference of mean returns that counts as equivalent, as a fraction of the mean return in the first environment.
         alpha: Level of each of the two one-sided tests; 0.025 gives a 95 % interval. See `Comparison`.
         settings: Arguments of the first and of the second environment.
-        tick: Function that is called with the environment's id and the fraction of the work that is done.
+        progress: Function that is called with the environment's id and the fraction of the work that is done.
 
     Raises:
         ValueError: Neither environment is simulated by stepper, or `evaluate` raises ValueError.
@@ -268,7 +268,7 @@ def compare(
         raise ValueError(f"the environments are {one!r} and {other!r}: one must be on stepper, to draw the initial states of both")
     starts = _starts(ours[0][0], episodes, seed, ours[0][1])
     first, second = (
-        evaluate(policy, name, episodes=episodes, seed=seed, starts=starts, tick=tick, **given)
+        evaluate(policy, name, episodes=episodes, seed=seed, starts=starts, progress=progress, **given)
         for name, given in zip((one, other), settings, strict=True)
     )
     return Comparison(one=first, other=second, margin=margin, alpha=alpha)
@@ -289,7 +289,7 @@ def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tup
 
 
 def _in_parallel(
-    envs: Any, policy: Act, seed: int | list[int], starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick
+    envs: Any, policy: Act, seed: int | list[int], starts: tuple[Array, Array] | None, infos: Sequence[str], *, progress: ProgressCallback
 ) -> Evaluation:
     """Runs a policy for one episode in each environment of a vector environment.
 
@@ -299,7 +299,7 @@ def _in_parallel(
         seed: Seeds of the environments, or one from which the vector environment derives them.
         starts: Initial positions and velocities; None draws them from the seed.
         infos: Keys of the info dict whose mean and last values are returned.
-        tick: Function that is called with the environment's id and the fraction of the work that is done.
+        progress: Function that is called with the environment's id and the fraction of the work that is done.
     """
     observation, _ = envs.reset(seed=seed)
     if starts is not None:
@@ -317,14 +317,14 @@ def _in_parallel(
         failed |= running & np.asarray(info.get("non_finite", False))
         running &= ~(terminated | truncated)
         limit = envs.spec.max_episode_steps or np.inf
-        tick(envs.spec.id, float(max(1.0 - running.mean(), lengths.max() / limit)))
+        progress(envs.spec.id, float(max(1.0 - running.mean(), lengths.max() / limit)))
     means = {key: total / lengths for key, total in sums.items()}
     failures = int(failed.sum())
     return Evaluation(env=envs.spec.id, returns=returns, lengths=lengths, non_finite=failures, infos=means, final_infos=last)
 
 
 def _in_sequence(
-    env: Any, policy: Act, drawn: list[int], starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick
+    env: Any, policy: Act, drawn: list[int], starts: tuple[Array, Array] | None, infos: Sequence[str], *, progress: ProgressCallback
 ) -> Evaluation:
     """Runs a policy in a single environment, one episode after the other.
 
@@ -334,7 +334,7 @@ def _in_sequence(
         drawn: Seed of each episode.
         starts: Initial positions and velocities of each episode; None draws them from the seeds.
         infos: Keys of the info dict whose mean and last values are returned.
-        tick: Function that is called with the environment's id and the fraction of the work that is done.
+        progress: Function that is called with the environment's id and the fraction of the work that is done.
     """
     returns, lengths = np.zeros(len(drawn)), np.zeros(len(drawn), dtype=np.int64)
     sums, last = ({key: np.zeros(len(drawn)) for key in infos} for _ in range(2))
@@ -352,7 +352,7 @@ def _in_sequence(
                 total[k] += last[key][k]
             lengths[k] += 1
             over = terminated or truncated
-        tick(env.spec.id, (k + 1) / len(drawn))
+        progress(env.spec.id, (k + 1) / len(drawn))
     env.close()
     means = {key: total / lengths for key, total in sums.items()}
     return Evaluation(env=env.spec.id, returns=returns, lengths=lengths, infos=means, final_infos=last)

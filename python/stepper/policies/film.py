@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stepper.policies.evaluation import make
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import require
-from stepper.shared.progress import Tick, silent
+from stepper.shared.progress import ProgressCallback, silent
 from stepper.shared.streams import seeds
 
 Array = NDArray[Any]
@@ -58,7 +58,7 @@ def film(
     *,
     actions: int = FILMED,
     seed: int = 0,
-    tick: Tick | None = None,
+    progress: ProgressCallback | None = None,
     **settings: Any,
 ) -> int:
     """Films the start of an episode as a video, with Gymnasium's `RecordVideo`, which needs MoviePy.
@@ -69,8 +69,8 @@ def film(
         file: Video file, mp4; an existing file is replaced.
         actions: Number of actions to film; fewer if the episode ends earlier.
         seed: Seed of the film. The filmed episode is the first episode of `evaluate` with this seed.
-        tick: Function that is called after each action with the name of the film and the completed fraction. The fraction is the number of
-            filmed actions divided by `actions`, or by the episode's time limit in actions if that is smaller. At the end it is 1.
+        progress: Function that is called after each action with the name of the film and the completed fraction. The fraction is the number
+            of filmed actions divided by `actions`, or by the episode's time limit in actions if that is smaller. At the end it is 1.
         **settings: Arguments of the environment.
 
     Returns:
@@ -83,7 +83,7 @@ def film(
     _check_file(file)
     check_takes(policy, ["observation"], "policy")
     require("moviepy", "to write films")
-    tick = tick or silent
+    progress = progress or silent
     gymnasium = require("gymnasium", "to film policies")
     with tempfile.TemporaryDirectory() as temporary:
         folder = str(Path(temporary, "film"))
@@ -95,7 +95,7 @@ def film(
         while count < actions and not over:
             observation, _, terminated, truncated, _ = recorded.step(policy(np.asarray(observation)))
             count, over = count + 1, terminated or truncated
-            tick(f"film {Path(file).name}", 1.0 if over else min(count / longest, 1.0))
+            progress(f"film {Path(file).name}", 1.0 if over else min(count / longest, 1.0))
         recorded.close()
         Path(file).parent.mkdir(parents=True, exist_ok=True)
         shutil.move(next(Path(folder).glob("*.mp4")), file)

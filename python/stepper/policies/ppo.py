@@ -345,12 +345,12 @@ def _train(settings: Settings, folder: Path, *, every: float, quiet: bool) -> Ru
     printed = -np.inf
     saved, begun, spent = -np.inf, time.perf_counter() - run.seconds, time.process_time() - run.processor
     while run.steps < settings.steps:
-        progress = run.update(run.collect())
+        losses = run.update(run.collect())
         run.iteration += 1
         run.seconds, run.processor = time.perf_counter() - begun, time.process_time() - spent
         returns, length = np.mean(run.recent, axis=0) if run.recent else (float("nan"), float("nan"))
         row = {"iteration": run.iteration, "steps": run.steps, "seconds": round(run.seconds, 2), "processor": round(run.processor, 2)}
-        row |= {"episodes": run.episodes, "return": float(returns), "length": float(length)} | progress
+        row |= {"episodes": run.episodes, "return": float(returns), "length": float(length)} | losses
         _append(curve, row)
         if not quiet and (time.perf_counter() - printed > PRINT_INTERVAL or run.steps >= settings.steps):
             printed = time.perf_counter()
@@ -411,7 +411,7 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
     print(evaluate(policy, env, episodes=episodes, seed=EVALUATION_SEED, **settings.environment()), flush=True)
     if video is not None:
         print(f"filming at most {FILMED} actions", flush=True)
-        count = film(policy, env, video, actions=FILMED, seed=EVALUATION_SEED, tick=progress_lines(), **settings.environment())
+        count = film(policy, env, video, actions=FILMED, seed=EVALUATION_SEED, progress=progress_lines(), **settings.environment())
         print(f"wrote {video}, with {count} actions")
 
 

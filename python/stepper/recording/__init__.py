@@ -5,10 +5,10 @@ from typing import Any
 from stepper._hints import no_name
 from stepper.recording.format import HEADER, RecordingError, RecordingWarning
 from stepper.recording.recorder import Recorder
-from stepper.recording.replay import Difference, Replay, replay
 from stepper.recording.segments import Segment, segments
+from stepper.recording.verify import Difference, Verification, verify
 
-__all__ = ["HEADER", "Difference", "Recorder", "RecordingError", "RecordingWarning", "Replay", "Segment", "replay", "segments"]
+__all__ = ["HEADER", "Difference", "Recorder", "RecordingError", "RecordingWarning", "Segment", "Verification", "segments", "verify"]
 
 
 def __getattr__(name: str) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.recording.format import HEADER, Arrays, read_header, read_rows, reading, warn_of_end
-from stepper.recording.replay import recorded_stepper, repeat
+from stepper.recording.verify import recorded_stepper, repeat
 from stepper.shared.arguments import path_of
 from stepper.shared.fields import APPLIED
 

@@ -28,7 +28,6 @@ INSTALL = {
     "onnxruntime": 'pip install "stepper-sim[onnx]"',
     "torch": "pip install torch",
     "torchrl": "pip install torchrl",
-    "rapier3d": "pip install 'rapier3d>=0.36,<0.37'",
     "ray": "pip install ray",
     "ray.rllib": 'pip install "ray[rllib]" torch',
     "pufferlib": "pip install pufferlib-core",

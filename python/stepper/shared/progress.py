@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable
 
-Tick = Callable[[str, float], None]
+ProgressCallback = Callable[[str, float], None]
 """Type of a progress callback. Its arguments are a text that names the work in progress, and the completed fraction (0 to 1).
 
 Functions that measure computing time do not call the callback during a measurement.
@@ -19,12 +19,12 @@ def silent(what: str, done: float) -> None:
     """Progress callback that does nothing."""
 
 
-def progress_lines() -> Tick:
+def progress_lines() -> ProgressCallback:
     """Progress callback that writes lines to stderr, for output to files and pipes: one line per tenth of the work, or every 30 s."""
     last: dict[str, tuple[int, float]] = {}
     first: dict[str, tuple[float, float]] = {}
 
-    def tick(what: str, done: float) -> None:
+    def progress(what: str, done: float) -> None:
         tenth, now = int(10 * done + 1e-9), time.monotonic()
         before, when = last.get(what, (-1, now))
         begun, began = first.setdefault(what, (done, now))
@@ -32,7 +32,7 @@ def progress_lines() -> Tick:
             print(f"{what}: {100 * done:.0f} %{_remaining(done, done - begun, now - began)}", file=sys.stderr, flush=True)
             last[what] = max(tenth, before), now
 
-    return tick
+    return progress
 
 
 def _remaining(done: float, made: float, seconds: float) -> str:

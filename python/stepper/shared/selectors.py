@@ -28,8 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._arrays import array_of
-from stepper._hints import did_you_mean, unknown, unknown_field
-from stepper._other_names import EARLIER_SELECTORS
+from stepper._hints import unknown, unknown_field
 from stepper._stepper import Model, Stepper, selected
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 
@@ -40,8 +39,6 @@ Item = str | int
 _ITEM = r"""\s*(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|[^\[\],'"]+)\s*"""
 _LIST = rf"\[({_ITEM}(?:,{_ITEM})*)\]\s*"
 _TEXT = re.compile(rf"\s*([A-Za-z_][\w.]*)\s*(?:{_LIST})?(?:{_LIST})?", re.DOTALL)
-_EARLIER = re.compile(r"\s*(\w+):([^=]+)(.*)", re.DOTALL)
-"""Selector of earlier versions, such as "mass:box=1..2"."""
 _SHOWN = 30
 """Largest number of elements that an error message about a pattern lists."""
 _JOINT_ROWS = {"dof": ("dofadr", "nv"), "coordinate": ("qposadr", "nq")}
@@ -170,19 +167,11 @@ def _items(part: str, text: str, where: str) -> tuple[Item, ...]:
 
 
 def _spelling(where: str, text: str) -> ValueError:
-    """Error for a text that is not a selector. For a text such as "mass:box" of earlier versions, the message has the current selector."""
-    earlier = _EARLIER.fullmatch(text)
-    if earlier is None:
-        return ValueError(
-            f"{where} has {text!r}, which is no selector: write field[names][columns], as 'geom_friction[floor,box][0]'; "
-            "names with , [ ] or quotes are quoted"
-        )
-    field, names, rest = earlier.groups()
-    form = f"{field}[{{}}]" if field in FIELDS else EARLIER_SELECTORS.get(field)
-    if form is None:
-        return ValueError(f"{where} has {text!r}: write 'field[{names}]'{did_you_mean(field, [*FIELDS, *EARLIER_SELECTORS])}")
-    listed = ",".join(re.sub("^#", "", name.strip()) for name in names.split(","))
-    return ValueError(f"{where} has {text!r}: write '{form.format(listed)}{rest}'")
+    """Error for a text that is not a selector; `where` is the argument's name."""
+    return ValueError(
+        f"{where} has {text!r}, which is no selector: write field[names][columns], as 'geom_friction[floor,box][0]'; "
+        "names with , [ ] or quotes are quoted"
+    )
 
 
 @dataclass(frozen=True)

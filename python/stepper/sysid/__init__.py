@@ -29,9 +29,9 @@ from typing import Any
 from stepper._hints import no_name
 from stepper.sysid.combinations import Combination
 from stepper.sysid.data import Episode, episodes_of
-from stepper.sysid.design import Prospect, design
+from stepper.sysid.design import ExperimentScore, design
 from stepper.sysid.fit import identify
-from stepper.sysid.online import Tracked, Tracker
+from stepper.sysid.online import TrackedParameter, Tracker
 from stepper.sysid.parameters import KINDS, FitParameter
 from stepper.sysid.result import Identification, Search
 
@@ -39,11 +39,11 @@ __all__ = [
     "KINDS",
     "Combination",
     "Episode",
+    "ExperimentScore",
     "FitParameter",
     "Identification",
-    "Prospect",
     "Search",
-    "Tracked",
+    "TrackedParameter",
     "Tracker",
     "design",
     "episodes_of",

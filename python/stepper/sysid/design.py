@@ -28,7 +28,7 @@ from stepper.sysid.simulate import Simulator, find_channels, noise_of, solved
 
 
 @dataclass(frozen=True)
-class Prospect:
+class ExperimentScore:
     """Expected information of one experiment, as returned by `design`.
 
     Attributes:
@@ -65,7 +65,7 @@ def design(
     step: float = 1e-5,
     threads: int = 0,
     seed: int = 0,
-) -> list[Prospect]:
+) -> list[ExperimentScore]:
     """Ranks experiments by their expected information, the best first.
 
     Args:
@@ -82,7 +82,7 @@ def design(
         seed: Seed of the samples.
 
     Returns:
-        One `Prospect` per experiment, sorted by gain.
+        One `ExperimentScore` per experiment, sorted by gain.
 
     Raises:
         TypeError: An argument has another type.
@@ -119,7 +119,7 @@ def design(
             after.append(np.sqrt(np.diag(np.linalg.inv(information))))
         open_ = _undetermined(found.information * np.outer(found.scale, found.scale) + slopes[0].T @ slopes[0])
         left = np.where(open_, np.inf, np.median(after, axis=0))
-        out.append(Prospect(episode.name, float(np.mean(gains)), left * found.scale, np.where(open_, 1.0, left / std), labels))
+        out.append(ExperimentScore(episode.name, float(np.mean(gains)), left * found.scale, np.where(open_, 1.0, left / std), labels))
     return sorted(out, key=lambda prospect: -prospect.gain)
 
 

@@ -20,7 +20,7 @@ from stepper._stepper import Model
 from stepper.actuators import ActuatorModel
 from stepper.shared.arguments import check_mapping, check_number, check_whole
 from stepper.shared.machine import require
-from stepper.shared.progress import Tick, silent
+from stepper.shared.progress import ProgressCallback, silent
 from stepper.sysid.combinations import combinations_of
 from stepper.sysid.data import Data, episodes_of
 from stepper.sysid.findings import undetermined, warnings_of
@@ -72,7 +72,7 @@ def identify(
     channels: Sequence[str] | None = None,
     columns: Mapping[str, str] | None = None,
     start: str | tuple[ArrayLike, ArrayLike] | None = None,
-    tick: Tick | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Identification:
     """Identifies parameters of a model from measurements, with their uncertainty.
 
@@ -100,7 +100,7 @@ def identify(
         channels: Names of the channels to use from files. None selects all sensors of a recording, and all channels of a log.
         columns: New names of columns of files, by heading: {"Fx [N]": "wrist_force[0]"}.
         start: Initial state of logs whose first row does not have it: name of a keyframe, or (qpos, qvel), m, rad, m/s and rad/s.
-        tick: Progress callback, called with the name of a search and the used fraction of its evaluations. Most searches end early.
+        progress: Progress callback, called with the name of a search and the used fraction of its evaluations. Most searches end early.
 
     Returns:
         Estimate and distribution of the parameters. `print` shows it as a table; `Identification.sample` draws parameters for
@@ -121,8 +121,8 @@ def identify(
     check_whole("seed", seed, least=0)
     if noise is not None:
         check_mapping("noise", noise, '{"wrist_force": 0.3}')
-    if tick is not None and not callable(tick):
-        raise TypeError(f"tick is {tick!r}, must be a function of a text and a fraction, or None")
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is {progress!r}, must be a function of a text and a fraction, or None")
     if loss not in ("linear", "soft_l1", "huber", "cauchy", "arctan"):
         raise ValueError(f"loss is {loss!r}, must be linear, soft_l1, huber, cauchy or arctan")
     began = time.perf_counter()
@@ -137,7 +137,7 @@ def identify(
     known = _given_noise(simulator, noise or {})
     first = _first_noise(simulator)
     residuals.sigma = np.where(np.isnan(known), first, known)
-    solver = _Solver(optimize, residuals, loss=loss, f_scale=f_scale, most=max_evaluations, tick=tick or silent)
+    solver = _Solver(optimize, residuals, loss=loss, f_scale=f_scale, most=max_evaluations, progress=progress or silent)
     searches = solver.search(_starts(qmc, residuals, starts, seed))
     for _ in range(5):
         best = min(searches, key=lambda s: s.cost)
@@ -178,21 +178,21 @@ class _Solver:
         residuals: Residuals to minimise.
         loss, f_scale: Arguments of `identify`.
         most: Largest number of points that each search evaluates.
-        tick: Progress callback, called with a text and the completed fraction.
+        progress: Progress callback, called with a text and the completed fraction.
 
     Attributes:
         loss, f_scale: Arguments of `identify`.
         evaluations: Number of evaluated points so far.
     """
 
-    def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, f_scale: float, most: int, tick: Tick):
+    def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, f_scale: float, most: int, progress: ProgressCallback):
         self._optimize, self._residuals, self.loss, self.f_scale, self._most = optimize, residuals, loss, f_scale, most
-        self._tick, self._searches = tick, 0
+        self._report, self._searches = progress, 0
         self.evaluations = 0
 
     def with_residuals(self, residuals: Residuals) -> _Solver:
         """New solver for other residuals, with the settings of this solver. Its count of evaluations starts at 0."""
-        return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, tick=self._tick)
+        return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, progress=self._report)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:
         """Runs least-squares searches concurrently, one from each start point, and returns where they ended, in the same order.
@@ -208,7 +208,7 @@ class _Solver:
 
         def report_progress() -> None:
             """Reports the number of evaluations so far as a fraction of the largest number."""
-            self._tick(name, min(1.0, (self.evaluations - before) / (len(starts) * self._most)))
+            self._report(name, min(1.0, (self.evaluations - before) / (len(starts) * self._most)))
 
         with ThreadPoolExecutor(len(starts)) as pool:
             try:
@@ -216,7 +216,7 @@ class _Solver:
             except BaseException:  # Only the main thread receives Ctrl-C, and must stop the searches.
                 together.stop()
                 raise
-        self._tick(name, 1.0)
+        self._report(name, 1.0)
         return found
 
     def _search_from(self, together: Together, search: int, x0: Array, tolerance: float, report_progress: Callable[[], None]) -> _Found:

@@ -36,7 +36,7 @@ LEAST_WEIGHT = 0.05
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackedParameter:
     """Estimates of a `Tracker` after a sample.
 
     Attributes:
@@ -195,7 +195,7 @@ class Tracker:
         self._now = 0.0
         self._watch: Watch | None = Watch()
 
-    def update(self, ctrl: ArrayLike, readings: Mapping[str, ArrayLike]) -> Tracked:
+    def update(self, ctrl: ArrayLike, readings: Mapping[str, ArrayLike]) -> TrackedParameter:
         """Adds a sample, and updates the estimates.
 
         Args:
@@ -230,7 +230,7 @@ class Tracker:
         covariance = mixture.covariance()
         std = np.sqrt(np.diag(covariance)) / self._problem.scale
         determined = ~undetermined(self.blocks, std, self._reach) & (settled and explained)
-        return Tracked(
+        return TrackedParameter(
             time=self._now,
             labels=self.labels,
             values=natural(self.blocks, mixture.mean()),

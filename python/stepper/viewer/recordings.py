@@ -10,7 +10,7 @@ import numpy as np
 
 from stepper.loading import Origin
 from stepper.recording.format import HEADER, Arrays, RecordingError, read_header, read_rows, reading, warn_of_end
-from stepper.recording.replay import apply_parameters, recorded_stepper
+from stepper.recording.verify import apply_parameters, recorded_stepper
 from stepper.shared.fields import APPLIED
 from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs
 from stepper.viewer.looks import Array
@@ -74,7 +74,7 @@ class RecordedRun:
         if not self._applied:
             raise RecordingError(f"{folder}: the recording contains no step to show")
         self._columns = {name: np.array(rows) for name, rows in columns.items()}
-        self._in_force = -1
+        self._shown_row = -1
         self.time = self._columns["time"][:, 0]
 
     def __len__(self) -> int:
@@ -110,9 +110,9 @@ class RecordedRun:
     def _set_parameters(self, index: int) -> None:
         """Sets the parameters of the stepper's environments to those that the recorded environments had at the frame `index`."""
         due = sum(start <= index for start, _ in self._parameters)
-        if due == self._in_force:
+        if due == self._shown_row:
             return
         self.sim.randomize()
         for _, arrays in self._parameters[:due]:
             apply_parameters(self.sim, dict(arrays))
-        self._in_force = due
+        self._shown_row = due

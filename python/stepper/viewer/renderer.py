@@ -54,7 +54,7 @@ class Renderer(Hints):
             picture shows all that moves. With a distance alone, the camera looks at the median of the geoms' positions, as Gymnasium's.
         default_config: Settings of the free camera if there is neither `camera_config` nor a camera "track". Tasks set it.
         source: Source of the model, such as an MJCF file; see `stepper.load`. None uses the source from which this process loaded it.
-        lamp: Whether to add a light to a scene without one. MuJoCo's headlight alone gives nearly black pictures.
+        add_light: Whether to add a light to a scene without one. MuJoCo's headlight alone gives nearly black pictures.
 
     Raises:
         LooksError: The source of the model is unknown, or belongs to another model.
@@ -73,7 +73,7 @@ class Renderer(Hints):
         camera_config: Mapping[str, Any] | None = None,
         default_config: Mapping[str, Any] | None = None,
         source: Any = None,
-        lamp: bool = True,
+        add_light: bool = True,
     ):
         check_kind("model", model, Model, "stepper.viewer.Renderer(sim.model).render(sim)")
         check_whole("width", width)
@@ -97,7 +97,7 @@ class Renderer(Hints):
         m.vis.quality.shadowsize = min(m.vis.quality.shadowsize, SHADOWS)
         self._model, self._m, self._d = model, m, mujoco.MjData(m)
         self._sized = sized_geoms(model)
-        self._lamp = lamp and m.nlight == 0
+        self._add_light = add_light and m.nlight == 0
         mujoco.mj_forward(m, self._d)
         self._unframed: set[str] = set()
         self._camera, self._follows = self._chosen(camera, camera_config, default_config)
@@ -136,7 +136,7 @@ class Renderer(Hints):
         if self._follows:
             self._camera.lookat[:2] = (self._lookat + d.subtree_com[self._follows] - self._start)[:2]
         self._renderer.update_scene(d, self._camera)
-        if self._lamp:
+        if self._add_light:
             _add_lamp(mujoco, self._renderer.scene)
         picture: Array = self._renderer.render()
         return picture

@@ -12,7 +12,7 @@ import numpy as np
 from stepper._hints import hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.shared.machine import require
-from stepper.shared.progress import Tick, silent
+from stepper.shared.progress import ProgressCallback, silent
 from stepper.viewer.frames import Envs, Frame, frame_of, parameter_of, shown_envs, sizes_of
 from stepper.viewer.live import scene_for
 from stepper.viewer.looks import Array
@@ -77,7 +77,12 @@ class RerunLog:
 
 
 def log_rerun(
-    recording: str | os.PathLike[str], path: str | os.PathLike[str], *, envs: Envs = None, source: Any = None, tick: Tick | None = None
+    recording: str | os.PathLike[str],
+    path: str | os.PathLike[str],
+    *,
+    envs: Envs = None,
+    source: Any = None,
+    progress: ProgressCallback | None = None,
 ) -> int:
     """Converts a recording to a .rrd file for the Rerun viewer, with the contents of `RerunLog`.
 
@@ -86,7 +91,7 @@ def log_rerun(
         path: File to write; an existing one is replaced.
         envs: Number of environments to log, a mask (num_envs,), or indices; None selects all environments, but at most 4.
         source: Source of the recorded model with colours and meshes, such as an MJCF file; see `stepper.viewer.Player`.
-        tick: Function that is called with "log" and the fraction of the frames that were written.
+        progress: Function that is called with "log" and the fraction of the frames that were written.
 
     Returns:
         Number of frames in the recording.
@@ -104,7 +109,7 @@ def log_rerun(
             passed += now - before if now >= before else now
             before = now
             writer.write(passed, run[index])
-            (tick or silent)("log", (index + 1) / len(run))
+            (progress or silent)("log", (index + 1) / len(run))
     finally:
         writer.close()
     return len(run)

@@ -47,7 +47,7 @@ class Pusher(MujocoTask):
         now.keep("xpos", now.sim.xpos)
         before = now.sim.status
         now.sim.step(now.action)
-        now.keep("status", before | now.sim.status)
+        now.keep("status", np.asarray(before | now.sim.status))
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """Reward: minus weighted distances of the cylinder from the fingertips and from the goal, minus a cost of squared controls."""

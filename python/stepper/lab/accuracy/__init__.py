@@ -9,11 +9,11 @@
 - `dots`, `tables`, `draw`: numbers, documents and pictures of a chart
 - `tune`: the cheapest settings within an error budget
 - `needs`: parts of a scene that can be removed
-- `account`: parts of a scene that a run used, and their cost
+- `profile`: parts of a scene that a run used, and their cost
 """
 
-from stepper.lab.accuracy.account import Account, account
 from stepper.lab.accuracy.chart import Chart, chart
+from stepper.lab.accuracy.profile import CostProfile, profile
 from stepper.lab.accuracy.tune import Tuning, tune
 
-__all__ = ["Account", "Chart", "Tuning", "account", "chart", "tune"]
+__all__ = ["Chart", "CostProfile", "Tuning", "chart", "profile", "tune"]

@@ -1,4 +1,4 @@
-"""Candidate settings for `chart` and `tune`: settings of stepper, MuJoCo and rapier, and time steps."""
+"""Candidate settings for `chart` and `tune`: settings of stepper and MuJoCo, and time steps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from stepper._options import Options
-from stepper.lab.study import rapier
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.report import no_peer
 from stepper.lab.study.study import Study
@@ -19,10 +18,10 @@ class Line:
     """Line of a chart: settings at several time steps.
 
     Attributes:
-        engine: "stepper", "MuJoCo" or "rapier".
+        engine: "stepper" or "MuJoCo".
         name: Name of the settings.
         settings: Settings other than the time step that differ from the study's, by name, such as tolerance=1e-8.
-        law: Contact law: "hard", "mujoco" or "rapier".
+        law: Contact law: "hard" or "mujoco".
     """
 
     engine: str
@@ -65,8 +64,6 @@ _PEER: tuple[tuple[str, dict[str, Any]], ...] = (
     ),
 )
 """Settings of the lines for the engine MuJoCo."""
-_RAPIER: tuple[tuple[str, dict[str, Any]], ...] = (("its defaults", {}), ("20 iterations", {"iterations": 20}))
-"""Settings of the lines for the engine rapier."""
 
 
 def hard_lines(*, more: bool = False) -> list[Line]:
@@ -78,7 +75,7 @@ def hard_lines(*, more: bool = False) -> list[Line]:
 
 
 def lines(study: Study, *, quick: bool) -> list[Line]:
-    """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engines MuJoCo and rapier if they can run the study.
+    """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engine MuJoCo if it can run the study.
 
     Args:
         study: The study.
@@ -92,18 +89,7 @@ def lines(study: Study, *, quick: bool) -> list[Line]:
     found += [Line("stepper", f"MuJoCo's law, {asked or 'euler'}, f32", law | {"precision": "f32"}, "mujoco")]
     if no_peer(study) is None:
         found += [Line("MuJoCo", name, {"engine": "mujoco"} | given, "mujoco") for name, given in _PEER]
-    if no_rapier(study) is None:
-        found += [Line("rapier", name, {"engine": "rapier"} | given, "rapier") for name, given in _RAPIER]
     return found
-
-
-def no_rapier(study: Study) -> str | None:
-    """Reason why rapier cannot run a study; None if it can."""
-    if reason := rapier.not_installed():
-        return reason
-    if reason := no_peer(study):
-        return f"MuJoCo reads models for it, and {reason}" if "not installed" in reason else reason
-    return rapier.lacks(study.loaded[1], study.loaded[0])
 
 
 def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
@@ -116,7 +102,7 @@ def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
     """
     own = steps_of(study, study.options.timestep or float(study.loaded[0].timestep))
     counts = {max(1, round(own * 2.0**k)) for k in range(-coarser, finer + 1)}
-    return sorted(study.hold / count for count in counts)
+    return sorted(study.control_period / count for count in counts)
 
 
 def pareto(costs: Sequence[float], errors: Sequence[float]) -> list[int]:

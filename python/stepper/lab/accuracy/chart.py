@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.lab.accuracy.budget import QUICK, Budget
-from stepper.lab.accuracy.candidates import lines, no_rapier, timesteps
+from stepper.lab.accuracy.candidates import lines, timesteps
 from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.distributions import shifts
 from stepper.lab.accuracy.dots import Dot
@@ -26,7 +26,7 @@ from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, C
 from stepper.lab.accuracy.reference import Reference, check_moves
 from stepper.lab.accuracy.tables import ChartData, write
 from stepper.lab.accuracy.traces import Distance, quantity
-from stepper.lab.progress import Tick
+from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.document import Document, check_pages
 from stepper.lab.study.report import no_peer
 from stepper.lab.study.study import Study
@@ -72,9 +72,9 @@ def chart(
     episodes: int = 8,
     quick: bool = False,
     budget: str | float | None = None,
-    tick: Tick | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Chart:
-    """Charts error against cost for time steps, integrators, solvers, precisions, contact laws, MuJoCo and rapier.
+    """Charts error against cost for time steps, integrators, solvers, precisions, contact laws and MuJoCo.
 
     The reference is the study's closed form (`Study.exact`), or a run that is converged by halving the time step
     (`stepper.lab.accuracy.reference`). Sensors are ideal. With `Study.ray`, settings run as tasks of Ray; costs are still measured in
@@ -90,7 +90,7 @@ def chart(
         quick: Whether to use fewer settings, time steps and repeats.
         budget: Bound of the processor time: "60 s", or a number of seconds. The table marks runs that the budget stopped. None sets no
             time limit, or two minutes with `quick`. With `Study.ray`, it bounds the time of this process and of each task.
-        tick: Progress callback with a text and the fraction done.
+        progress: Progress callback with a text and the fraction done.
 
     Returns:
         The chart. OUT/NAME has chart.html, chart.md, chart.png, chart.csv, chart.npz.
@@ -107,20 +107,21 @@ def chart(
     if unit not in list(TARGET):
         raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')
     until = None if horizon is None else quantity(horizon, name="horizon", units=("s",))[0]
-    if until is not None and not study.hold <= until <= study.seconds * (1 + 1e-9):
-        raise ValueError(f"horizon is {until:g} s, must be between a control period, {study.hold:g} s, and an episode, {study.seconds:g} s")
+    if until is not None and not study.control_period <= until <= study.seconds * (1 + 1e-9):
+        raise ValueError(
+            f"horizon is {until:g} s, must be between a control period, {study.control_period:g} s, and an episode, {study.seconds:g} s"
+        )
     with locked(path_of("out", out) / study.name) as folder:
-        report_progress: Tick = tick or (lambda _what, _done: None)
+        report_progress: ProgressCallback = progress or (lambda _what, _done: None)
         numbers, most = range(episodes), 4 if quick else 7
         stage = clock.stage(REFERENCE)
         distance, reference = chart_reference(
-            study, numbers, until, unit, most, stage=stage, tick=lambda done: report_progress("reference", done)
+            study, numbers, until, unit, most, stage=stage, progress=lambda done: report_progress("reference", done)
         )
         basis = ChartBasis(study, numbers, distance, reference, most, clock)
         steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
         points, skipped, laws = measure(basis, lines(study, quick=quick), steps, report_progress)
-        peers = (("MuJoCo", no_peer(study)), ("rapier", no_rapier(study)))
-        skipped = [f"{name}: {reason}" for name, reason in peers if reason] + skipped
+        skipped = [f"MuJoCo: {reason}" for reason in [no_peer(study)] if reason] + skipped
         invariants = Invariants(study)
         dots = _dots(basis, points, invariants, quick=quick, report_progress=report_progress)
         found = ChartData(basis, points, dots, tuple(skipped), laws, invariants)
@@ -128,7 +129,9 @@ def chart(
         return Chart(study, distance, reference, dots, tuple(skipped), document, tuple(files))
 
 
-def _dots(basis: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: Tick) -> tuple[Dot, ...]:
+def _dots(
+    basis: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: ProgressCallback
+) -> tuple[Dot, ...]:
     """Errors, costs and outcomes of all points of a chart as numbers. Costs and errors of invariants are measured here.
 
     Args:
@@ -159,7 +162,7 @@ def _dots(basis: ChartBasis, points: Sequence[Point], invariants: Invariants, *,
             [trace for k in timed if (trace := points[k].trace) is not None],
             repeats=3 if quick else 7,
             seconds=0.004 if quick else 0.02,
-            tick=lambda done: report_progress("costs", done),
+            progress=lambda done: report_progress("costs", done),
             stage=basis.budget.stage(COSTS),
         )
     by_point = dict(zip(timed, spent, strict=True))
@@ -178,7 +181,7 @@ def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float] | None, kept
         kept: Errors of invariants by name, (episodes,) each.
     """
     study, trace, nan = basis.study, point.trace, math.nan
-    outcome = study.decisive or next(iter(study.all_outcomes), None)
+    outcome = study.success_outcome or next(iter(study.all_outcomes), None)
     values = np.full(1, nan) if outcome is None or trace is None or trace.stopped else trace.outcomes[outcome.name]
     whole = outcome is not None and outcome.success is not None and trace is not None and not trace.stopped
     middle = {name: float(np.median(own)) for name, own in point.errors.items()}
@@ -194,12 +197,12 @@ def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float] | None, kept
         setting=point.line.name,
         timestep=point.timestep,
         error=middle["total"],
-        least=float(point.errors["total"].min()),
-        most=float(point.errors["total"].max()),
+        min_error=float(point.errors["total"].min()),
+        max_error=float(point.errors["total"].max()),
         solver=middle["solver"],
         step=middle["step"],
         model=middle["model"],
-        alone=alone,
+        us_single_env=alone,
         batch=batch,
         depth=nan if trace is None else float(trace.depth.max()),
         residual=nan if trace is None else float(trace.residual.max()),

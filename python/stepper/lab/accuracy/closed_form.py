@@ -33,7 +33,7 @@ def reference_of(
     most: int = 7,
     law: dict[str, Any] | None = None,
     stage: Stage | None = None,
-    tick: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Reference:
     """Reference of some episodes: the study's closed form if it has one, otherwise a run that is converged by halving the time step.
 
@@ -45,13 +45,13 @@ def reference_of(
         most: Largest number of halvings of the study's time step, at least 2.
         law: Settings of the converged run, such as those of MuJoCo's contact law. None selects hard contact and the midpoint rule.
         stage: Stage of the time budget; None sets no time limit.
-        tick: Progress callback with the fraction done.
+        progress: Progress callback with the fraction done.
     """
     if study.exact is None:
-        return converge(study, episodes, distance, target=target, most=most, law=law, stage=stage, tick=tick)
+        return converge(study, episodes, distance, target=target, most=most, law=law, stage=stage, progress=progress)
     trace = closed_form(study, episodes)
-    if tick:
-        tick(1.0)
+    if progress:
+        progress(1.0)
     count = len(episodes)
     return Reference(
         runs=(trace,),
@@ -77,7 +77,7 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
     assert isinstance(world, StepperWorld)
     begin(study, world, episodes)
     name = controllers.name_of(study.exact)
-    times: Array = study.hold * np.arange(study.controls + 1, dtype=np.float64)
+    times: Array = study.control_period * np.arange(study.num_control_steps + 1, dtype=np.float64)
     found = study.exact(world, times)
     if not isinstance(found, tuple | list) or len(found) != 2:
         raise ValueError(f"{study.name}: exact, {name}, gives {type(found).__name__}, must give two arrays, qpos and qvel")
@@ -102,4 +102,4 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
         world.time = np.full(world.num_envs, time)
         seen.record(world)
     # The duration of the reference is infinite, so that no run counts as much slower than the reference.
-    return replace(seen.trace(world, study.controls, math.inf), settings={"exact": name}, timestep=math.nan)
+    return replace(seen.trace(world, study.num_control_steps, math.inf), settings={"exact": name}, timestep=math.nan)

@@ -21,10 +21,7 @@ from stepper.lab.timing import Timed
 BATCH = 32
 """Number of environments of a timed batch: two SIMD groups with f32, four with f64."""
 _PEER_BATCH = 4
-"""Number of environments of a timed batch in MuJoCo and rapier.
-
-Both engines step environments one after the other, so that a larger batch has the same cost per environment.
-"""
+"""Number of environments of a timed batch in MuJoCo, which steps one after the other: a larger batch costs the same per environment."""
 _LONG_RUN = 0.1
 """Processor time above which a run's first repetition counts as a measurement if there is a time budget, s.
 
@@ -77,7 +74,7 @@ class _Case(Timed):
     def cost(self) -> float:
         """Microseconds of one core for a simulated second of one environment; NaN if the time budget ended before the first measurement."""
         times = [own for own in self.times if math.isfinite(own)]
-        return 1e6 * median(times) / (self._num_envs * len(self._ctrl) * self._study.hold) if times else math.nan
+        return 1e6 * median(times) / (self._num_envs * len(self._ctrl) * self._study.control_period) if times else math.nan
 
 
 def costs(
@@ -87,7 +84,7 @@ def costs(
     *,
     repeats: int,
     seconds: float,
-    tick: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None = None,
     stage: Stage | None = None,
 ) -> list[tuple[float, float]]:
     """Measures the costs of settings, as medians over interleaved rounds. Call it inside `stepper.shared.machine.one_core()`.
@@ -98,7 +95,7 @@ def costs(
         traces: Recorded run of each case, whose controls are used.
         repeats: Number of rounds.
         seconds: Shortest time of a case in a round, s.
-        tick: Progress callback with the fraction done.
+        progress: Progress callback with the fraction done.
         stage: Stage of the time budget. Cases without a measurement before its end get the cost NaN. None sets no time limit.
 
     Returns:
@@ -119,15 +116,15 @@ def costs(
         if stage.limited:
             # If the budget ends soon, this stays the only measurement of the case.
             case.times.append(first) if first >= _LONG_RUN else case.measure(seconds)
-        if tick:
-            tick((done + 1) / len(order) / (repeats + 1))
+        if progress:
+            progress((done + 1) / len(order) / (repeats + 1))
     for done in range(repeats):
         for case in cases.values():
             if stage.limited and not stage.left:
                 break
             case.measure(seconds)
-        if tick:
-            tick((done + 2) / (repeats + 1))
+        if progress:
+            progress((done + 2) / (repeats + 1))
     spent = {key: case.cost for key, case in cases.items()}
     return [(spent.get((k, 0), math.nan), spent.get((k, 1), math.nan)) for k in range(len(settings))]
 

@@ -45,7 +45,7 @@ class Shift:
 
 def names(study: Study) -> list[str]:
     """Names of the compared quantities: the mean of every outcome, and the fraction of successes."""
-    return [f"mean {outcome.name}" for outcome in study.all_outcomes] + (["successes"] if study.decisive else [])
+    return [f"mean {outcome.name}" for outcome in study.all_outcomes] + (["successes"] if study.success_outcome else [])
 
 
 def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
@@ -68,9 +68,9 @@ def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
         apart = apart[np.isfinite(apart)]
         low, high = student(apart.tolist()) if len(apart) > 1 else (math.nan, math.nan)
         found.append(Shift(f"mean {outcome.name}", float(apart.mean()) if len(apart) else math.nan, low, high, len(apart)))
-    if study.decisive is not None:
-        name, n = study.decisive.name, len(own.qpos)
-        one, two = (int(study.decisive.succeeds(trace.outcomes[name]).sum()) for trace in (own, converged))
+    if study.success_outcome is not None:
+        name, n = study.success_outcome.name, len(own.qpos)
+        one, two = (int(study.success_outcome.succeeds(trace.outcomes[name]).sum()) for trace in (own, converged))
         found.append(Shift("successes", (one - two) / n, *newcombe(one, two, n), n))
     return found
 

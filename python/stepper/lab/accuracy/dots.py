@@ -18,21 +18,21 @@ class Dot:
     """Point of a chart: settings with a given time step. Errors are medians over episodes, in the unit of the distance (m or rad).
 
     Attributes:
-        engine: "stepper", "MuJoCo" or "rapier".
+        engine: "stepper" or "MuJoCo".
         setting: Name of the settings.
         timestep: Time step, s.
         error: Largest distance of the run from the reference up to the horizon. It is infinite if the run is not finite, and NaN if the
             time budget stopped it before the horizon.
-        least: Smallest error of all episodes.
-        most: Largest error of all episodes.
+        min_error: Smallest error of all episodes.
+        max_error: Largest error of all episodes.
         solver: Error from the solver: distance of the run from the same run with a tight tolerance (1e-9 m/s) and precision "f64". NaN for
-            MuJoCo and rapier.
+            MuJoCo.
         step: Error from the time step: distance of the run with a tight tolerance from the converged run with the same contact law.
         model: Error from the contact law (softness, friction cone): distance of that converged run from the reference.
-        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if not measured.
+        us_single_env: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if not measured.
         batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN if not measured.
         depth: Deepest overlap of all episodes in the engine's contacts, m.
-        residual: Largest residual of all episodes, m/s; NaN for MuJoCo and rapier.
+        residual: Largest residual of all episodes, m/s; NaN for MuJoCo.
         outcome: Mean of an outcome over finite episodes: the outcome with a condition of success, or otherwise the first outcome. NaN
             without outcomes.
         share: Fraction of successful episodes, where episodes that were not finite are failures; NaN without a condition of success.
@@ -45,12 +45,12 @@ class Dot:
     setting: str
     timestep: float
     error: float
-    least: float
-    most: float
+    min_error: float
+    max_error: float
     solver: float
     step: float
     model: float
-    alone: float
+    us_single_env: float
     batch: float
     depth: float
     residual: float
@@ -69,7 +69,7 @@ class Dot:
     def cause(self) -> str:
         """Largest cause of the error: "solver", "time step" or "model". An empty string if the error is 0 or one of its parts is unknown.
 
-        For MuJoCo and rapier the error from the solver is not known separately, and is included in the error from the time step.
+        For MuJoCo the error from the solver is not known separately, and is included in the error from the time step.
         """
         names = {name: word for name, word in CAUSES.items() if word != "solver" or self.engine == "stepper"}
         parts = {word: float(getattr(self, name)) for name, word in names.items()}
@@ -101,7 +101,7 @@ def front(dots: Sequence[Dot], cost: str, engine: str | None = None) -> list[Dot
 
     Args:
         dots: Points of the chart.
-        cost: Kind of cost: "alone" or "batch".
+        cost: Kind of cost: "us_single_env" or "batch".
         engine: Name of the engine to which the points must belong; None selects all engines.
     """
     own = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost)) and engine in (None, dot.engine)]

@@ -27,8 +27,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 _OURS = ("#0b3c8c", "#2ca02c", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#00695c")
 _LAW = ("#6a1b9a", "#ab47bc")
 _THEIRS = ("#d62728", "#ff7f0e", "#b8860b")
-_RAPIER = ("#000000", "#9e9e9e")
-"""Colours of lines: stepper with hard contact, stepper with MuJoCo's contact law, MuJoCo, and rapier."""
+"""Colours of lines: stepper with hard contact, stepper with MuJoCo's contact law, and MuJoCo."""
 _F32_SUFFIX = ", f32"
 """End of the label of a line with 32-bit precision."""
 _FLOOR = 1e-12
@@ -58,7 +57,9 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
     colours = _colours(labels)
     markers = dict(zip(sorted({dot.timestep for dot in dots}), MARKERS, strict=False))
     panels = [figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])]
-    for panel, cost, title in zip(panels, ("alone", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True):
+    for panel, cost, title in zip(
+        panels, ("us_single_env", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True
+    ):
         _panel(panel, dots, cost, colours, markers)
         low = float(np.median(reference.uncertainty))
         low = low if math.isfinite(low) else _FLOOR
@@ -114,13 +115,12 @@ def _colours(labels: Sequence[str]) -> dict[str, str]:
     Settings that differ only in precision have the same colour, and another line style.
     """
     found: dict[str, str] = {}
-    counts = {"ours": 0, "law": 0, "theirs": 0, "rapier": 0}
+    counts = {"ours": 0, "law": 0, "theirs": 0}
     for label in labels:
         same = label.removesuffix(_F32_SUFFIX)
         if same not in found:
             kind = "theirs" if label.startswith("MuJoCo:") else "law" if "MuJoCo's law" in label else "ours"
-            kind = "rapier" if label.startswith("rapier:") else kind
-            palette = {"ours": _OURS, "law": _LAW, "theirs": _THEIRS, "rapier": _RAPIER}[kind]
+            palette = {"ours": _OURS, "law": _LAW, "theirs": _THEIRS}[kind]
             found[same] = palette[counts[kind] % len(palette)]
             counts[kind] += 1
         found[label] = found[same]
@@ -129,7 +129,7 @@ def _colours(labels: Sequence[str]) -> dict[str, str]:
 
 def _line(label: str) -> str:
     """Matplotlib's style of a line of the chart (solid, dashed ...), from the engine and precision in its label."""
-    return "--" if label.startswith("MuJoCo:") else "-." if label.startswith("rapier:") else ":" if label.endswith(_F32_SUFFIX) else "-"
+    return "--" if label.startswith("MuJoCo:") else ":" if label.endswith(_F32_SUFFIX) else "-"
 
 
 def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
@@ -138,7 +138,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
     Args:
         panel: The panel.
         dots: Points of the chart.
-        cost: Cost to draw: "alone" for a single environment, "batch" for an environment in a batch.
+        cost: Cost to draw: "us_single_env" for a single environment, "batch" for an environment in a batch.
         colours: Colour of each label.
         markers: Marker of each time step.
     """

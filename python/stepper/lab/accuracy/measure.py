@@ -93,7 +93,7 @@ def chart_reference(
     most: int,
     *,
     stage: Stage | None = None,
-    tick: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> tuple[Distance, Reference]:
     """Reference of a chart, and the definition of errors, which includes the horizon.
 
@@ -107,21 +107,21 @@ def chart_reference(
         unit: "m" or "rad".
         most: Largest number of halvings of the time step.
         stage: Stage of the time budget; None sets no time limit.
-        tick: Progress callback with the fraction done.
+        progress: Progress callback with the fraction done.
     """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
     distance = Distance(unit, horizon or study.seconds)
-    reference = reference_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
+    reference = reference_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, progress=progress)
     reached = min(trace.reached for trace in (*reference.runs, *reference.second))
     if horizon is None or horizon > reached * (1 + 1e-9):
         known = float(np.median(reference.known)) if horizon is None else reached
-        distance = Distance(unit, min(max(study.hold, known), reached))
+        distance = Distance(unit, min(max(study.control_period, known), reached))
         reference = reference.with_distance(distance)
     return distance, reference
 
 
 def measure(
-    basis: ChartBasis, all_lines: Sequence[Line], steps: Sequence[float], tick: Callable[[str, float], None]
+    basis: ChartBasis, all_lines: Sequence[Line], steps: Sequence[float], progress: Callable[[str, float], None]
 ) -> tuple[list[Point], list[str], dict[str, Reference]]:
     """Runs all lines of a chart with all lengths of the time step.
 
@@ -129,7 +129,7 @@ def measure(
         basis: Data that all points of the chart share.
         all_lines: Lines of the chart.
         steps: Time steps, s.
-        tick: Progress callback with a text and the fraction done.
+        progress: Progress callback with a text and the fraction done.
 
     Returns:
         Three results: the points of the chart; texts with the labels of lines that could not be run and the reasons; and by label of a
@@ -139,16 +139,16 @@ def measure(
     made: dict[int, list[tuple[Trace | None, str]] | str] = {}
     for number, own in each(study, list(enumerate(all_lines)), functools.partial(_runs, basis, steps, len(all_lines))):
         made[number] = own
-        tick("runs", len(made) / len(all_lines))
+        progress("runs", len(made) / len(all_lines))
     could = {number: own for number, own in sorted(made.items()) if not isinstance(own, str)}
     skipped = [f"{all_lines[number].label}: {own}" for number, own in sorted(made.items()) if isinstance(own, str)]
-    laws = _laws(basis, [all_lines[number] for number in could], lambda done: tick("laws of contact", done))
+    laws = _laws(basis, [all_lines[number] for number in could], lambda done: progress("laws of contact", done))
     distinct = {_solved_key(all_lines[n], dt): (all_lines[n], dt) for n in could for dt in steps if all_lines[n].engine == "stepper"}
     solved: dict[str, tuple[Trace | None, str]] = {}
     jobs = [(*own, 1.0 / (len(distinct) - k)) for k, own in enumerate(distinct.values())]
     for number, last in each(study, jobs, functools.partial(_solved, basis)):
         solved[list(distinct)[number]] = last
-        tick("sources of errors", len(solved) / len(distinct))
+        progress("sources of errors", len(solved) / len(distinct))
     points = []
     for number, row in could.items():
         line = all_lines[number]
@@ -158,13 +158,13 @@ def measure(
     return points, skipped, {line.label: found for line in reversed(all_lines) if isinstance(found := laws.get(_law(line)), Reference)}
 
 
-def _laws(basis: ChartBasis, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
+def _laws(basis: ChartBasis, lines: Sequence[Line], progress: Callable[[float], None]) -> dict[str, Reference | str]:
     """Converged run of each contact law that occurs in some lines of a chart, or the reason why there is none.
 
     Args:
         basis: Data that all points of the chart share.
         lines: Lines of the chart.
-        tick: Called with the fraction done.
+        progress: Called with the fraction done.
 
     Returns:
         Converged runs, or reasons as texts, by the text with which `_law` identifies a contact law.
@@ -174,7 +174,7 @@ def _laws(basis: ChartBasis, lines: Sequence[Line], tick: Callable[[float], None
     jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
     for done, (number, law) in enumerate(each(basis.study, jobs, functools.partial(_converged, basis))):
         laws[_law(jobs[number][0])] = law
-        tick((done + 1) / len(jobs))
+        progress((done + 1) / len(jobs))
     return laws
 
 

@@ -41,9 +41,9 @@ class Spare:
         reason: Observation because of which the part may be removable.
         error: Largest change of the motion in any episode without the part, m or rad; NaN if it was not measured.
         saved: Saved fraction of a batch's processor time, median of rounds; NaN if it was not measured.
-        least: Lower bound of `saved`.
+        min_saved: Lower bound of `saved`.
         removed: Whether the part is removed: from the smaller model (`Tuning.smaller`), or by `setting`. A part is removed if `error` is
-            within the budget and `least` is above 0.
+            within the budget and `min_saved` is above 0.
         setting: Option of the step that replaces the part, as text; empty if the part is removed from the model.
     """
 
@@ -51,7 +51,7 @@ class Spare:
     reason: str
     error: float
     saved: float
-    least: float
+    min_saved: float
     removed: bool
     setting: str = ""
 
@@ -74,19 +74,19 @@ class Bench:
     distance: Distance
     trace: Trace
 
-    def errors(self, smaller: Sequence[Model], tick: Callable[[float], None]) -> list[float]:
+    def errors(self, smaller: Sequence[Model], progress: Callable[[float], None]) -> list[float]:
         """Largest change of the motion with each of some smaller models in place of the study's model, m or rad.
 
         A change is infinite if the controller or a measure of an outcome reads a removed part.
 
         Args:
             smaller: Models without some parts of the scene.
-            tick: Called with the fraction done.
+            progress: Called with the fraction done.
         """
         found: dict[int, float] = {}
         for number, error in each(self.study, smaller, self._error):
             found[number] = error
-            tick(len(found) / len(smaller))
+            progress(len(found) / len(smaller))
         return [found[number] for number in range(len(smaller))]
 
     def _error(self, _: Study, smaller: Model) -> float:
@@ -141,13 +141,13 @@ class Bench:
         return replace(self.study, model=smaller, parameters=kept, sensors=None)
 
 
-def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[list[Spare], Model | None]:
+def spares(bench: Bench, budget: float, progress: Callable[[float], None]) -> tuple[list[Spare], Model | None]:
     """Removes unused parts of a scene, one by one and then together.
 
     Args:
         bench: Episodes and settings with which the effect of each removal is measured.
         budget: Largest allowed change of the motion, m or rad.
-        tick: Called with the fraction done.
+        progress: Called with the fraction done.
 
     Returns:
         Parts with the effects of their removal, and the smaller model; None if no part can be removed.
@@ -162,7 +162,7 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     tries = [*_pairs(model, compiled, seen, whole), *_frictionless(model, seen, whole), *_limits(model, seen), *_sensors(model, seen)]
     wide = cones(model, seen, whole)
     models = [_smaller(whole, [cut]) for _, _, cut in [*tries, *wide]]
-    errors = bench.errors(models, lambda done: tick(0.9 * done))
+    errors = bench.errors(models, lambda done: progress(0.9 * done))
     taken: list[_Cut] = []
     for own, smaller, error in zip(tries, models, errors, strict=False):
         found.append(bench.spare(own, smaller, error, budget))
@@ -172,7 +172,7 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     if not taken:
         return found, None
     together = _smaller(whole, [cut for _, _, cut in taken])
-    (error,) = bench.errors([together], lambda done: tick(0.9 + 0.1 * done))
+    (error,) = bench.errors([together], lambda done: progress(0.9 + 0.1 * done))
     found.append(bench.spare(("all removed parts together", "", lambda _: None), together, error, budget))
     return found, together if found[-1].removed else None
 

@@ -168,7 +168,7 @@ def converge(
     most: int = 7,
     setting: str = USUAL,
     law: dict[str, Any] | None = None,
-    tick: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None = None,
     until: float = math.inf,
     stage: Stage | None = None,
 ) -> Reference:
@@ -183,7 +183,7 @@ def converge(
         setting: Name of the study's settings.
         law: Settings of the runs, such as those of MuJoCo's contact law. None selects hard contact and the midpoint rule, and a second
             method then checks the result.
-        tick: Progress callback with the fraction done.
+        progress: Progress callback with the fraction done.
         until: Simulated time of the runs, s.
         stage: Stage of the time budget; None sets no time limit.
 
@@ -192,7 +192,7 @@ def converge(
     """
     base, stage = _FIRST_METHOD if law is None else law, stage or Stage()
     tight = TIGHT if base.get("engine", "stepper") == "stepper" else {}
-    finest = steps_of(study, run(study, episodes[:1], setting, **base, until=study.hold, stage=stage).timestep)
+    finest = steps_of(study, run(study, episodes[:1], setting, **base, until=study.control_period, stage=stage).timestep)
     runs: list[Trace] = []
     stopped = False
     for k in range(most + 1):
@@ -201,9 +201,9 @@ def converge(
         if stopped := bool(stage.limited and len(runs) >= 2 and need > stage.left):
             break
         before, now = (2.0 ** (j - most) if j >= 0 else 0.0 for j in (k - 1, k))
-        part_tick = None if tick is None else (lambda done, a=before, b=now: tick(a + done * (b - a)))
-        settings = base | tight | {"timestep": study.hold / (finest * 2**k)}
-        last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), tick=part_tick)
+        part_tick = None if progress is None else (lambda done, a=before, b=now: progress(a + done * (b - a)))
+        settings = base | tight | {"timestep": study.control_period / (finest * 2**k)}
+        last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), progress=part_tick)
         if stopped := last.stopped:
             if len(runs) < 2 and len(last.time):
                 # The budget ended the run: the reference covers only the beginning of the episodes.
@@ -215,8 +215,8 @@ def converge(
             break
     if not runs:
         raise ValueError(
-            f"the budget is too short for a reference: its first control period ({study.hold:g} s) took more than {_SHARE:.0%} of the "
-            "time for it; give more time with --budget (budget=), or fewer --episodes"
+            f"the budget is too short for a reference: its first control period ({study.control_period:g} s) took more than {_SHARE:.0%} "
+            "of the time for it; give more time with --budget (budget=), or fewer --episodes"
         )
     second: list[Trace] = []
     rule, without = _SECOND_METHODS["euler"], list[str]()
@@ -232,8 +232,8 @@ def converge(
         if sound:
             break
         without.append(name)
-    if tick:
-        tick(1.0)
+    if progress:
+        progress(1.0)
     return replace(_assessed(runs, second, distance, target), stopped=stopped, rule=rule, without=tuple(without))
 
 

@@ -19,7 +19,7 @@ from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.study.document import Document, Section, counted
 from stepper.shared.files import write_arrays, write_csv
-from stepper.shared.machine import package_version, provenance
+from stepper.shared.machine import provenance
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,8 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     picture = draw(study, distance, reference, found.dots, path=folder / "chart.png", note=note)
     later = draw_later(study, found.dots, path=folder / "chart_later.png")
     table = folder / "chart.csv"
-    if rapier := package_version("rapier3d"):
-        came_from["rapier3d"] = rapier
     header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": basis.budget.seconds}
-    header |= study.in_force | came_from
+    header |= study.resolved_settings() | came_from
     notes = [f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n" for key, value in header.items()]
     columns = list(dict.fromkeys(name for dot in found.dots for name in dot.row))
     write_csv(table, [columns, *([dot.row.get(name, "") for name in columns] for dot in found.dots)], "".join(notes))
@@ -98,15 +96,15 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
         later: Picture of invariants and outcomes; None if there is none.
     """
     dots, basis = found.dots, found.basis
-    best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
+    best = set(map(id, [*front(dots, "us_single_env"), *front(dots, "batch")]))
     study, unit = basis.study, basis.distance.unit
     parts = [f"from {word}" for word in CAUSES.values()]
     head = ("", "settings", "time step, ms", f"error, {unit}", *parts, "cause", "alone, us", "batch, us", "penetration, mm")
-    outcome = study.decisive or next(iter(study.all_outcomes), None)
+    outcome = study.success_outcome or next(iter(study.all_outcomes), None)
     more = ("residual, m/s", *(() if outcome is None else (f"mean {outcome.name}", "successes")), "notes")
 
     def row(dot: Dot) -> list[Any]:
-        numbers = (dot.error, dot.solver, dot.step, dot.model, dot.cause, dot.alone, dot.batch, 1e3 * dot.depth, dot.residual)
+        numbers = (dot.error, dot.solver, dot.step, dot.model, dot.cause, dot.us_single_env, dot.batch, 1e3 * dot.depth, dot.residual)
         outcomes = () if outcome is None else (dot.outcome, dot.share)
         return ["*" if id(dot) in best else "", dot.label, 1e3 * dot.timestep, *numbers, *outcomes, "; ".join(dot.notes)]
 
@@ -142,7 +140,7 @@ def _words(found: ChartData) -> list[str]:
             f"{reference.known.min():.3g} s). After this time, compare invariants and outcomes instead of single motions."
         ),
         f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
-        "batch, with recorded controls. MuJoCo and rapier step one environment after the other in both.",
+        "batch, with recorded controls. MuJoCo steps one environment after the other in both.",
         "An error has three causes, each with its part. solver: distance from the same run solved to 1e-9 m/s in 64 bits. time step: "
         "distance of that run from the converged run with its law of contact. model: distance of that converged run from the reference "
         "(softness, friction cone). The column cause has the one with the largest part; docs/reference/studies.md has remedies. "

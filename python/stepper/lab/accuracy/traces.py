@@ -51,7 +51,7 @@ class Trace:
         finite: Whether each episode was finite to the end of the run, (episodes,).
         outcomes: Outcomes by name, (episodes,); NaN if the run was stopped or is not finite.
         depth: Deepest overlap, (episodes,), m.
-        residual: Largest residual, (episodes,), m/s; NaN in MuJoCo and rapier.
+        residual: Largest residual, (episodes,), m/s; NaN in MuJoCo.
         settings: All settings of the engine.
         timestep: Time step, s.
         spent: Processor time of the run, s.
@@ -88,7 +88,7 @@ def run(
     *,
     until: float = math.inf,
     stage: Stage | None = None,
-    tick: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None = None,
     **changed: Any,
 ) -> Trace:
     """Runs episodes with nominal parameters. Sensors are ideal, because sensor errors would depend on the time step.
@@ -98,22 +98,26 @@ def run(
         episodes: Numbers of the episodes.
         setting: Name of the settings.
         until: Simulated time of the run, s; outcomes are NaN if it is shorter than an episode.
-        stage: Stage of the time budget; None sets no time limit. The limit is checked between two steps, but in MuJoCo and rapier only
+        stage: Stage of the time budget; None sets no time limit. The limit is checked between two steps, but in MuJoCo only
             between two control periods.
-        tick: Progress callback, called with the fraction done after every control period.
+        progress: Progress callback, called with the fraction done after every control period.
         **changed: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
     """
     begun, stage = time.process_time(), stage or Stage()
     world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
     seen = TraceRecorder(study, world)
     by_step = stage.limited and world.engine == "stepper"
-    enough = max(1, min(study.controls, math.ceil(until / study.hold - 1e-9))) if math.isfinite(until) else study.controls
+    enough = (
+        max(1, min(study.num_control_steps, math.ceil(until / study.control_period - 1e-9)))
+        if math.isfinite(until)
+        else study.num_control_steps
+    )
     for looks in running(study, world, episodes, by_step=by_step):
         if looks:
             seen.record(world)
-            if tick:
-                tick(len(seen.rows) / enough)
-            if len(seen.rows) >= enough < study.controls or not seen.finite.any():
+            if progress:
+                progress(len(seen.rows) / enough)
+            if len(seen.rows) >= enough < study.num_control_steps or not seen.finite.any():
                 break
         if stage.limited and not stage.left:
             break
@@ -160,10 +164,10 @@ class TraceRecorder:
         """
         assert self._start is not None
         assert self._watch is not None
-        worst, model, count = world.certificate(), world.model, len(self.rows)
+        worst, model, count = world.solver_quality(), world.model, len(self.rows)
         shapes = ((model.nbody + model.ngeom + model.nsite, 3), (model.nbody, 4), (model.nq,), (model.nv,))
         over = [np.array([row[1][k] for row in self.rows], float).reshape(count, world.num_envs, *shape) for k, shape in enumerate(shapes)]
-        lost = ~self.finite if count == self._study.controls else np.ones(world.num_envs, np.bool_)
+        lost = ~self.finite if count == self._study.num_control_steps else np.ones(world.num_envs, np.bool_)
         return Trace(
             time=np.array([row[0] for row in self.rows]),
             points=over[0],
@@ -189,7 +193,7 @@ def runs(
     episodes: Sequence[int],
     settings: Sequence[Mapping[str, Any]],
     patience: Sequence[float],
-    tick: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> list[Trace]:
     """Traces of the same episodes with several settings, computed on Ray if `study.ray` is set.
 
@@ -198,13 +202,13 @@ def runs(
         episodes: Numbers of the episodes.
         settings: Settings of each run that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
         patience: Processor time after which each run is stopped, s.
-        tick: Progress callback with the fraction done.
+        progress: Progress callback with the fraction done.
     """
     made: dict[int, Trace] = {}
     for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_run_limited, episodes)):
         made[number] = trace
-        if tick:
-            tick(len(made) / len(settings))
+        if progress:
+            progress(len(made) / len(settings))
     return [made[number] for number in range(len(settings))]
 
 

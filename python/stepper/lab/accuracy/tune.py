@@ -24,7 +24,7 @@ from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.needs import Bench, Spare, spares
 from stepper.lab.accuracy.reference import Reference, check_moves, patience
 from stepper.lab.accuracy.traces import Distance, Trace, quantity, run, runs
-from stepper.lab.progress import Tick
+from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.document import Document, Section, check_pages, counted
 from stepper.lab.study.intervals import least_share, trials_for
@@ -62,8 +62,8 @@ class Candidate:
         name: Name of the settings.
         error: Largest error of the training episodes plus the reference's uncertainty, m or rad. Infinite if an episode diverged or the
             run was stopped because it took far longer than the reference.
-        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if it was not measured. Settings
-            whose error exceeds the budget are not measured, except for the study's settings.
+        us_single_env: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if it was not measured.
+            Settings whose error exceeds the budget are not measured, except for the study's settings.
         batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN if it was not measured.
         stopped: Whether the run was stopped.
     """
@@ -71,7 +71,7 @@ class Candidate:
     settings: dict[str, Any]
     name: str
     error: float
-    alone: float
+    us_single_env: float
     batch: float
     stopped: bool = False
 
@@ -148,7 +148,7 @@ def tune(
     episodes: int = 12,
     alone: bool = False,
     reduce: bool = True,
-    tick: Tick | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Tuning:
     """Finds the cheapest settings of hard contact within an error budget, and parts of the scene that can be removed.
 
@@ -167,7 +167,7 @@ def tune(
         episodes: Number of episodes on which settings are chosen.
         alone: Whether to minimise the cost of a single environment instead of a batch.
         reduce: Whether to search for removable parts of the scene.
-        tick: Progress callback with a text and the fraction done.
+        progress: Progress callback with a text and the fraction done.
 
     Returns:
         The tuning. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper if parts were removed.
@@ -186,8 +186,12 @@ def tune(
     study = Study.from_model(source)
     if study.options.contact != "hard":
         raise ValueError('the study has contact="mujoco", and tuning chooses settings of hard contact: give it contact="hard"')
-    study = replace(check_moves(study), threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
-    report_progress: Tick = tick or (lambda _what, _done: None)
+    study = replace(
+        check_moves(study),
+        threads=1,
+        seconds=max(study.control_period, math.ceil(round(seconds / study.control_period, 9)) * study.control_period),
+    )
+    report_progress: ProgressCallback = progress or (lambda _what, _done: None)
     distance = Distance(unit, seconds)
     enough = trials_for(coverage, 1 - (1 - confidence) / 2)
     if (count := len(_distinct(study, range(episodes, episodes + enough), {}))) < enough:
@@ -198,10 +202,10 @@ def tune(
         )
     with locked(path_of("out", out) / study.name) as folder:
         reference = reference_of(
-            study, range(episodes), distance, target=_REFERENCE_SHARE * budget, tick=lambda done: report_progress("reference", done)
+            study, range(episodes), distance, target=_REFERENCE_SHARE * budget, progress=lambda done: report_progress("reference", done)
         )
         usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, report_progress=report_progress)
-        candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
+        candidates.sort(key=lambda own: (not own.error <= budget, own.us_single_env if alone else own.batch))
         trials: list[Trial] = []
         chosen = None
         first = episodes
@@ -274,13 +278,20 @@ def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
     for name, given in named:
         rest = {key: value for key, value in given.items() if key != "precision"}
         options = asdict(replace(study.options, **rest))
-        in_force = options | {"integrator": options["integrator"] or "midpoint", "precision": given.get("precision", study.precision)}
-        kept.setdefault(json.dumps(in_force, sort_keys=True, default=str), (name, given))
+        resolved = options | {"integrator": options["integrator"] or "midpoint", "precision": given.get("precision", study.precision)}
+        kept.setdefault(json.dumps(resolved, sort_keys=True, default=str), (name, given))
     return list(kept.values())
 
 
 def _candidates(
-    study: Study, episodes: Sequence[int], distance: Distance, reference: Reference, budget: float, *, alone: bool, report_progress: Tick
+    study: Study,
+    episodes: Sequence[int],
+    distance: Distance,
+    reference: Reference,
+    budget: float,
+    *,
+    alone: bool,
+    report_progress: ProgressCallback,
 ) -> tuple[Candidate, list[Candidate]]:
     """Finds and measures candidate settings, and returns the candidate with the study's settings, and all candidates including it.
 
@@ -301,13 +312,13 @@ def _candidates(
     own = steps_of(study, timestep)
     counts = sorted({own, *(steps_of(study, dt) for dt in timesteps(study, coarser=4, finer=4))})
     lines = _lines(study)
-    tick = functools.partial(report_progress, "candidates")
+    progress = functools.partial(report_progress, "candidates")
 
     def cases_of(chosen: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Case]:
         # The study's time step keeps its exact value; others are the control period divided by a whole number.
-        settings = [line | {"timestep": timestep if steps == own else study.hold / steps} for _, line, steps in chosen]
+        settings = [line | {"timestep": timestep if steps == own else study.control_period / steps} for _, line, steps in chosen]
         patient = [patience(study, reference.trace, own["timestep"]) for own in settings]
-        traces = runs(study, episodes, settings, patient, tick=lambda part: tick(done[0] + (done[1] - done[0]) * part))
+        traces = runs(study, episodes, settings, patient, progress=lambda part: progress(done[0] + (done[1] - done[0]) * part))
         errors = [
             math.inf if trace.stopped else float((distance(trace, reference.trace) + reference.uncertainty).max()) for trace in traces
         ]
@@ -324,7 +335,7 @@ def _candidates(
                 [one.trace for one in some],
                 repeats=repeats,
                 seconds=0.004,
-                tick=lambda part: report_progress("costs", done[0] + (done[1] - done[0]) * part),
+                progress=lambda part: report_progress("costs", done[0] + (done[1] - done[0]) * part),
             )
         for one, cost in zip(some, spent, strict=True):
             one.cost = cost
@@ -356,7 +367,7 @@ def _candidates(
         keep += [one for one in made if one.error <= budget]
         if not chosen:
             break
-    tick(1.0)
+    progress(1.0)
     if keep:
         near = _RETIMED_RATIO * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
         # The second timing alternates between the candidates, so that changes of the machine's load do not decide their order.
@@ -367,7 +378,7 @@ def _candidates(
 
 
 def _removable(
-    study: Study, episodes: Sequence[int], candidate: Candidate, distance: Distance, *, budget: float, report_progress: Tick
+    study: Study, episodes: Sequence[int], candidate: Candidate, distance: Distance, *, budget: float, report_progress: ProgressCallback
 ) -> tuple[list[Spare], Model | None]:
     """Finds parts of the scene, such as pairs of bodies that never touch, whose removal saves time and hardly changes the motion.
 
@@ -479,7 +490,7 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
         alone: Whether costs are those of a single environment, instead of a batch.
         exhausted: Whether too few distinct episodes remained for a test of another candidate.
     """
-    unit, cost = found.distance.unit, "alone" if alone else "batch"
+    unit, cost = found.distance.unit, "us_single_env" if alone else "batch"
     words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {reference.words}."]
     if found.chosen is not None and found.options is not None:
         trial = found.trials[-1]
@@ -514,8 +525,8 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
     heads = ("settings", "time step, ms", "within", "episodes", "uncertain", f"largest error, {unit}", "share at least", "confidence")
     kept = [own for own in found.candidates if own.error <= found.budget]
     stopped = sum(own.stopped for own in found.candidates)
-    rows = [[own.name, 1e3 * own.settings["timestep"], own.error, own.alone, own.batch] for own in kept[:20]]
-    spare = [[own.part, own.reason, own.error, own.saved, own.least, _removal(own, found.budget)] for own in found.spare]
+    rows = [[own.name, 1e3 * own.settings["timestep"], own.error, own.us_single_env, own.batch] for own in kept[:20]]
+    spare = [[own.part, own.reason, own.error, own.saved, own.min_saved, _removal(own, found.budget)] for own in found.spare]
     return [
         Section("Result", words),
         Section(
@@ -554,7 +565,7 @@ def _compared(found: Tuning, cost: str) -> str:
 
     Args:
         found: Result of the tuning, with chosen settings.
-        cost: Kind of cost: "alone" or "batch".
+        cost: Kind of cost: "us_single_env" or "batch".
     """
     assert found.chosen is not None
     unit, usual = found.distance.unit, found.usual
@@ -616,7 +627,7 @@ def _removal(own: Spare, budget: float) -> str:
         return "no"
     if own.error > budget:
         return "no: it changes too much"
-    return f"no: it is a setting, {own.setting}" if own.setting and own.least > 0 else "no: it saves nothing"
+    return f"no: it is a setting, {own.setting}" if own.setting and own.min_saved > 0 else "no: it saves nothing"
 
 
 def _save(found: Tuning, folder: Path) -> list[Path]:
@@ -630,7 +641,7 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
         "usual": vars(found.usual),
         "candidates": [vars(own) for own in found.candidates],
         "trials": [vars(own) | {"candidate": vars(own.candidate)} for own in found.trials],
-        "in_force": found.study.in_force,
+        "resolved_settings": found.study.resolved_settings(),
         "provenance": provenance(),
     }
     files.append(write_text(folder / "tune.json", json.dumps(_plain(contents), indent=2, default=str, allow_nan=False) + "\n"))

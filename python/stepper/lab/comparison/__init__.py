@@ -5,6 +5,6 @@
 - `draw`: picture of the recorded runs
 """
 
-from stepper.lab.comparison.comparison import Comparison, compare
+from stepper.lab.comparison.comparison import LawComparison, compare
 
-__all__ = ["Comparison", "compare"]
+__all__ = ["LawComparison", "compare"]

@@ -1,4 +1,4 @@
-"""Comparison (`stepper.lab.compare`) of the same episodes with hard contact, with MuJoCo's contact law and in MuJoCo."""
+"""LawComparison (`stepper.lab.compare`) of the same episodes with hard contact, with MuJoCo's contact law and in MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
 from stepper.lab.comparison.trial import Array, ControlSource, Course, Slip, run
+from stepper.lab.study.document import markdown_table
 from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import Origin, compile_source, is_saved, load
 from stepper.shared.arguments import check_kind, check_number, check_whole
 from stepper.shared.functions import check_takes
-from stepper.shared.progress import Tick, silent
+from stepper.shared.progress import ProgressCallback, silent
 
 ONSET = 1e-3
 """Difference of a position above which two motions count as different, rad or m."""
 
 
 @dataclass(frozen=True)
-class Comparison:
+class LawComparison:
     """Result of `compare`: recorded runs of the same episodes in several engines.
 
     Attributes:
@@ -72,11 +73,9 @@ class Comparison:
         """Returns the comparison as a Markdown table, with a column for each engine and a row for each measured quantity."""
         figures = self.figures()
         names = list(figures)
-        lines = ["| | " + " | ".join(names) + " |", "|" + "---|" * (len(names) + 1)]
-        for key in figures[names[0]]:
-            cells = (figures[name][key] for name in names)
-            lines.append(f"| {key} | " + " | ".join("-" if np.isnan(x) else "never" if np.isinf(x) else f"{x:.3g}" for x in cells) + " |")
-        return "\n".join(lines)
+        cells = {key: (figures[name][key] for name in names) for key in figures[names[0]]}
+        rows = ([key, *("-" if np.isnan(x) else "never" if np.isinf(x) else f"{x:.3g}" for x in own)] for key, own in cells.items())
+        return markdown_table(["", *names], rows)
 
     def draw(self, path: str | Path) -> Path:
         """Writes a picture of overlap, force, energy and difference from hard contact against time.
@@ -101,8 +100,8 @@ def compare(
     hold: float = 0.02,
     reward: Callable[..., Any] | None = None,
     seed: int = 0,
-    tick: Tick | None = None,
-) -> Comparison:
+    progress: ProgressCallback | None = None,
+) -> LawComparison:
     """Runs the same episodes with hard contact, with MuJoCo's contact law, and in MuJoCo if it is installed.
 
     Args:
@@ -121,10 +120,10 @@ def compare(
         reward: Reward function with the arguments (qpos, qvel) before the step, controls (num_envs, nu), and (qpos, qvel) after it. It
             returns (num_envs,).
         seed: Seed of the random numbers.
-        tick: Progress callback with the name of an engine and the fraction of its steps.
+        progress: Progress callback with the name of an engine and the fraction of its steps.
 
     Returns:
-        The comparison: `print` shows its table, `Comparison.draw` writes a picture.
+        The comparison: `print` shows its table, `LawComparison.draw` writes a picture.
 
     Raises:
         TypeError: An argument has another type.
@@ -167,12 +166,12 @@ def compare(
     plans = {"hard": Plan(model, {}, hard), "MuJoCo's law": Plan(model, {}, law)}
     if compiled is not None:
         plans["MuJoCo"] = Plan(model, {}, Options(), mujoco={"timestep": timestep}, compiled=compiled)
-    courses, report_progress = [], tick or silent
+    courses, report_progress = [], progress or silent
     for name, plan in plans.items():
         world = make_world(plan, num_envs)
         world.start(qpos, qvel, None, 0)
-        courses.append(run(name, world, controller, steps, slip=slip, reward=reward, tick=report_progress))
-    return Comparison(tuple(courses), reward is not None)
+        courses.append(run(name, world, controller, steps, slip=slip, reward=reward, progress=report_progress))
+    return LawComparison(tuple(courses), reward is not None)
 
 
 def _load(source: Any) -> tuple[Model, Any]:

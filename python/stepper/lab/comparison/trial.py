@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from stepper.lab.study.worlds import World
 from stepper.shared.machine import require
-from stepper.shared.progress import Tick, silent
+from stepper.shared.progress import ProgressCallback, silent
 
 Array = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def run(
     *,
     slip: Slip | None = None,
     reward: Callable[..., Any] | None = None,
-    tick: Tick = silent,
+    progress: ProgressCallback = silent,
 ) -> Course:
     """Steps the environments of an engine, and records every step.
 
@@ -111,7 +111,7 @@ def run(
         steps: Number of steps.
         slip: Measurement of sliding; None does not measure it.
         reward: Function of (qpos, qvel) before the step, controls, and (qpos, qvel) after it, that returns (num_envs,).
-        tick: Progress callback, called after every step with the name and the fraction of the steps.
+        progress: Progress callback, called after every step with the name and the fraction of the steps.
     """
     qpos, qvel = np.array(world.qpos), np.array(world.qvel)
     n = world.num_envs
@@ -140,5 +140,5 @@ def run(
         rows["begins"].append([len(pairs - old) for pairs, old in zip(now, before, strict=True)])
         rows["reward"].append(np.zeros(n) if reward is None else np.broadcast_to(reward(last, ctrl, (qpos, qvel)), n))
         before = now
-        tick(name, (k + 1) / steps)
+        progress(name, (k + 1) / steps)
     return Course(name, world.timestep, **{key: np.array(value, float) for key, value in rows.items()})

@@ -15,9 +15,8 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.lab.demo.referee import Measured, Referee
 from stepper.lab.demo.report import show
-from stepper.lab.engine_chart import SCENES, Effort, charts
 from stepper.lab.engines import Array, EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
-from stepper.lab.progress import Tick, progress, show_files
+from stepper.lab.progress import ProgressCallback, show_files, show_progress
 from stepper.loading import load
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
@@ -152,7 +151,7 @@ def race(
     plan: Plan,
     *,
     clock: Callable[[], float],
-    tick: Tick,
+    progress: ProgressCallback,
     what: str,
     referee: Referee | None,
 ) -> dict[str, Track]:
@@ -165,7 +164,7 @@ def race(
         control: Random controls, (k, num_envs, nu), in the actuators' units; each of the k is held for `plan.hold` steps.
         plan: Settings of the race.
         clock: Clock, s: processor time on one core, wall time on many.
-        tick: Progress callback.
+        progress: Progress callback.
         what: Text for the progress callback.
         referee: Measurement of contacts and penetration by MuJoCo, for all engines, after every chunk; None does not measure.
 
@@ -183,7 +182,7 @@ def race(
                 if referee:
                     _add_measurements(batch, tracks[batch.name], phase, referee, plan)
             order = order[1:] + order[:1]
-            tick(what, steps.stop / (plan.steps + plan.rest))
+            progress(what, steps.stop / (plan.steps + plan.rest))
         if phase == "control":
             for batch in batches:
                 tracks[batch.name].after_control = batch.qpos
@@ -237,7 +236,7 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
     }
     if isinstance(batch, StepperBatch):
         own = one.own["control"] + one.own["rest"]
-        figures["certificates"] = {phase: dataclasses.asdict(certificate) for phase, certificate in batch.certificates.items()}
+        figures["solver_statistics"] = {phase: dataclasses.asdict(statistics) for phase, statistics in batch.solver_statistics.items()}
         figures["own_contacts"] = {"mean": float(np.mean([c for c, _ in own])), "worst_penetration": max(d for _, d in own)}
         same = one.after_control is not None and many.after_control is not None and np.array_equal(one.after_control, many.after_control)
         figures["same_bits_on_one_and_all_cores"] = bool(same)
@@ -246,12 +245,12 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
     return figures
 
 
-def measure(plan: Plan, tick: Tick) -> dict[str, object]:
+def measure(plan: Plan, progress: ProgressCallback) -> dict[str, object]:
     """Runs the whole plan on one core, and only its first phase, the fall with random controls, on all cores.
 
     Args:
         plan: Settings of the race.
-        tick: Progress callback with a text and the fraction done.
+        progress: Progress callback with a text and the fraction done.
 
     Returns:
         Results of all engines, and settings, as values that JSON can represent.
@@ -260,10 +259,10 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
     model, control, referee = load(path), random_control(path, plan), Referee(path)
     with one_core() as core:
         batches = _batches(model, path, plan, threads=1)
-        one = race(batches, control, plan, clock=time.process_time, tick=tick, what="one core", referee=referee)
+        one = race(batches, control, plan, clock=time.process_time, progress=progress, what="one core", referee=referee)
     short = dataclasses.replace(plan, rest=0, peers=plan.num_peers)
     others = _batches(model, path, short, threads=0)
-    many = race(others, control, short, clock=time.perf_counter, tick=tick, what="all cores", referee=None)
+    many = race(others, control, short, clock=time.perf_counter, progress=progress, what="all cores", referee=None)
     peers = {batch.name: one[batch.name] for batch in batches if isinstance(batch, MujocoBatch)}
     figures = {batch.name: _engine_figures(batch, one[batch.name], many[batch.name], peers) for batch in batches}
     return {
@@ -277,7 +276,7 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
 
 
 def demo(plan: Plan, out: Path) -> dict[str, object]:
-    """Runs the demo: prints the table, and writes `demo.json` and the charts.
+    """Runs the demo: prints the table, and writes `demo.json`.
 
     Args:
         plan: Settings of the race.
@@ -288,10 +287,9 @@ def demo(plan: Plan, out: Path) -> dict[str, object]:
     """
     require("rich", "for the demo's table")
     with locked(out):
-        with progress() as tick:
-            figures = measure(plan, tick)
-            pictures = charts(list(SCENES), out, Effort.quick(), tick)
+        with show_progress() as progress:
+            figures = measure(plan, progress)
         file = write_text(out / "demo.json", json.dumps(figures, indent=2) + "\n")
     show(figures)
-    show_files([file, *pictures])
+    show_files([file])
     return figures

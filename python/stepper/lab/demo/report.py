@@ -61,7 +61,7 @@ def _certified(figures: Figures, form: Callable[[Figures], str]) -> str:
         figures: Results of the engine.
         form: Function from the statistics of a phase to text.
     """
-    return " / ".join(form(certificate) for certificate in figures.get("certificates", {}).values()) or "not reported"
+    return " / ".join(form(statistics) for statistics in figures.get("solver_statistics", {}).values()) or "not reported"
 
 
 def _notes(figures: Figures) -> list[str]:

@@ -2,7 +2,7 @@
 
 - `study`: the definition of a study; `files` reads it from TOML
 - `parameters`, `outcomes`, `controllers`, `policy_files`: parts of the definition
-- `worlds`, `rapier`: environments of one engine
+- `worlds`: environments of one engine
 - `points`, `batches`, `jobs`: runs of episodes at values of the parameters, in batches, optionally on Ray
 - `episode`: selected episodes, for recordings and the viewer
 - `journal`, `table`, `results`: results of finished episodes (rows) on disk
@@ -11,7 +11,7 @@
 - `report`, `document`, `draw`: documents and pictures of the results
 """
 
-from stepper.lab.study.controllers import Policy, Recorded
+from stepper.lab.study.controllers import ControlLog, PolicyController
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.ranking import Ranking, rank
@@ -19,4 +19,4 @@ from stepper.lab.study.report import Report, report, sweep
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import World
 
-__all__ = ["Outcome", "Parameter", "Policy", "Ranking", "Recorded", "Report", "Study", "World", "rank", "report", "sweep"]
+__all__ = ["ControlLog", "Outcome", "Parameter", "PolicyController", "Ranking", "Report", "Study", "World", "rank", "report", "sweep"]

@@ -23,7 +23,6 @@ from stepper.lab.study.journal import Journal, Row
 from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.parameters import Values, actuator_model, model_fields, sensor_model
 from stepper.lab.study.points import Point
-from stepper.lab.study.rapier import RapierWorld
 from stepper.lab.study.worlds import ParameterValues, Plan, World, make_world, own_fields, stacked
 from stepper.shared.fields import RANDOMIZED
 
@@ -41,14 +40,14 @@ class _Batch:
     episodes: tuple[tuple[Point, int], ...]
 
 
-def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Callable[[float], None] | None = None) -> list[Row]:
+def run_points(study: Study, points: Sequence[Point], journal: Journal, progress: Callable[[float], None] | None = None) -> list[Row]:
     """Results of all episodes at some points. Episodes whose results are already in the journal are not run again.
 
     Args:
         study: The study.
         points: Points, each with values of the parameters and a name of settings.
         journal: Journal of the study. The rows (results) of new episodes are added to it.
-        tick: Progress callback with the fraction done.
+        progress: Progress callback with the fraction done.
 
     Returns:
         Rows of all episodes: those of the first point, then those of the second, and so on.
@@ -63,13 +62,13 @@ def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Ca
     }
     left = [k for k, own in missing.items() if own]
     some = [batches[k] for k in left]
-    if tick and not left:
-        tick(1.0)
+    if progress and not left:
+        progress(1.0)
     for done, (number, made) in enumerate(each(study, some, _run)):
         rows = {keys[_name(point), e]: row for (point, e), row in zip(some[number].episodes, made, strict=True)}
         journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing[left[number]]))
-        if tick:
-            tick((len(batches) - len(left) + done + 1) / len(batches))
+        if progress:
+            progress((len(batches) - len(left) + done + 1) / len(batches))
     # Keys do not contain the names of settings and parameters, which may have changed since a row was written.
     return [
         journal.rows[keys[_name(point), e]] | {"setting": point.setting, "parameters": dict(point.values)}
@@ -173,7 +172,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
         actuators=actuator_model(study.parameters, study.actuators, model, values_by_env),
         threads=study.threads,
     )
-    world = RapierWorld(plan, len(values_by_env), given) if engine == "rapier" else make_world(plan, len(values_by_env))
+    world = make_world(plan, len(values_by_env))
     world.ideal = ideal
     names = dict.fromkeys(name for values in values_by_env for name in values)
     unchanged = {name: study.parameters[name].unchanged for name in study.parameters}
@@ -189,7 +188,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
 
 def begin(study: Study, world: World, episodes: Sequence[int]) -> None:
     """Starts the episodes with the given numbers in the environments of a world."""
-    world.seed_episodes(study.seed, episodes, study.hold)
+    world.seed_episodes(study.seed, episodes, study.control_period)
     qpos, qvel = starts(study, world, episodes)
     world.start(qpos, qvel, study.keyframe, study.seed)
 
@@ -231,12 +230,12 @@ def steps_of(study: Study, timestep: float) -> int:
     Raises:
         ValueError: The time step does not divide the control period.
     """
-    count = round(study.hold / timestep)
-    if count < 1 or abs(count * timestep - study.hold) > 1e-6 * study.hold:
-        near = " or ".join(f"{study.hold / n:g}" for n in sorted({max(1, count - 1), max(1, count), max(1, count + 1)}))
+    count = round(study.control_period / timestep)
+    if count < 1 or abs(count * timestep - study.control_period) > 1e-6 * study.control_period:
+        near = " or ".join(f"{study.control_period / n:g}" for n in sorted({max(1, count - 1), max(1, count), max(1, count + 1)}))
         raise ValueError(
-            f"the time step, {timestep:g} s, does not divide the control period, {study.hold:g} s: choose a time step of {near} s, or a "
-            f"control period that is a multiple of {timestep:g} s"
+            f"the time step, {timestep:g} s, does not divide the control period, {study.control_period:g} s: "
+            f"choose a time step of {near} s, or a control period that is a multiple of {timestep:g} s"
         )
     return count
 
@@ -263,7 +262,7 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
     if hasattr(controller, "begin"):
         controller.begin(world)
     yield True
-    for _ in range(study.controls):
+    for _ in range(study.num_control_steps):
         world.last_ctrl = ctrl = None if controller is None else controller(world)
         _check_controls(controller, world, ctrl)
         if not by_step:
@@ -381,9 +380,9 @@ def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], wor
         world: Environments after the episodes.
         outcomes: Outcomes by name, (num_envs,) each.
     """
-    decisive, certificate, settings = study.decisive, world.certificate(), world.settings()
-    success = None if decisive is None else decisive.succeeds(outcomes[decisive.name])
-    in_force = hashlib.sha256(json.dumps(study.in_force, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    outcome, quality, settings = study.success_outcome, world.solver_quality(), world.settings()
+    success = None if outcome is None else outcome.succeeds(outcomes[outcome.name])
+    settings_digest = hashlib.sha256(json.dumps(study.resolved_settings(), sort_keys=True, default=str).encode()).hexdigest()[:16]
     return [
         {
             "setting": setting,
@@ -392,9 +391,9 @@ def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], wor
             "seed": study.seed,
             "outcomes": {name: float(value[env]) for name, value in outcomes.items()},
             "success": None if success is None else bool(success[env]),
-            "certificate": {name: number(value[env]) for name, value in certificate.items()},
+            "quality": {name: number(value[env]) for name, value in quality.items()},
             "settings": settings,
-            "in_force": in_force,
+            "resolved_settings": settings_digest,
         }
         for env, (values, episode) in enumerate(members)
     ]

@@ -14,7 +14,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import BuiltinFunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,8 @@ from stepper.shared.files import existing, read_arrays, read_csv
 from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
+_DECLARE = "give it, or the object that has it, an attribute `digest`, a str that declares its version"
+"""End of error messages about values whose version is unknown."""
 FILES = "stepper_study_"
 """Prefix of the names under which `load_file` imports Python files of studies."""
 Controller = Callable[[World], Any]
@@ -35,7 +37,7 @@ Controller = Callable[[World], Any]
 a method `begin(now)`, the method is called at the start of each batch."""
 
 
-class Recorded:
+class ControlLog:
     """Controller that plays recorded controls, one row per control period. After the end it keeps the last row.
 
     Args:
@@ -150,11 +152,11 @@ class Random:
         return np.array([stream.uniform(self._low, self._high) for stream in self._streams])
 
 
-class Policy:
+class PolicyController:
     """Controller that calls a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
 
     Args:
-        act: Policy, in one of these forms:
+        act: PolicyController, in one of these forms:
 
             * a function of arrays that returns an array or a torch tensor
             * a `torch.nn.Module`, which is called with tensors
@@ -244,7 +246,7 @@ def digest_of(thing: Any) -> str:
 
     * Function: its name, file, default arguments, closure variables, and the object of which it is a method. Modules that the file imports
       from the folder of a study are included.
-    * Object with an attribute `digest`: that attribute.
+    * Object or function with an attribute `digest`, the version that its author declares: that attribute.
     * Other object: its class, its `state_dict()` if it has one, and its attributes, recursively. Attributes whose names begin with an
       underscore are internal state and are left out.
     * Number, text or array: its value.
@@ -265,8 +267,8 @@ class StateCheck:
     """
 
     def __init__(self, controller: Any):
-        # `Policy.begin` calls the method `begin` of its function if there is one. Networks are copied for each batch.
-        self._controller = controller.act if isinstance(controller, Policy) else controller
+        # `PolicyController.begin` calls the method `begin` of its function if there is one. Networks are copied for each batch.
+        self._controller = controller.act if isinstance(controller, PolicyController) else controller
         self._restarts = hasattr(self._controller, "begin") or isinstance(self._controller, PolicyFile | Network)
         self._before = {} if self._restarts else self._held()
 
@@ -395,6 +397,8 @@ class _Digest:
             self.take(value.bit_generator.state, where)
         elif inspect.isclass(value):
             self._class(value, where)
+        elif inspect.isroutine(value) and isinstance(declared := getattr(value, "digest", None), str):
+            self._part(kind, declared.encode())
         elif inspect.isroutine(value):
             self._routine(value, where)
         else:
@@ -410,9 +414,11 @@ class _Digest:
             self._part("function", name_of(value).encode())
             self._part("module", str(getattr(value, "__module__", None)).encode())
             self._source(file)
+            if file is None and not isinstance(value, BuiltinFunctionType):
+                raise TypeError(f"{where}: {name_of(value)} has no source file: {_DECLARE}")
             # Lambdas and nested functions of a file may share a name.
-            if hasattr(value, "__code__") and (file is None or "<" in value.__qualname__):
-                self._part("code", _code(value.__code__))
+            if "<" in getattr(value, "__qualname__", "") and hasattr(value, "__code__"):
+                self._part("place", repr(list(value.__code__.co_positions())).encode())
             self.take(getattr(value, "__defaults__", None), f"{where}: defaults")
             self.take(getattr(value, "__kwdefaults__", None), f"{where}: defaults")
             names = value.__code__.co_freevars if hasattr(value, "__code__") else ()
@@ -430,7 +436,7 @@ class _Digest:
             file = _file_of(base)
             self._part("class", f"{base.__module__} {base.__qualname__}".encode())
             self._source(file)
-            if file is None or "<" in base.__qualname__:
+            if "<" in base.__qualname__:
                 for name, own in sorted(vars(base).items()):
                     if inspect.isfunction(own):
                         self.take(own, f"{where}.{name}")
@@ -475,9 +481,8 @@ class _Digest:
         slots = [name for base in type(value).__mro__ for name in _names(base.__dict__.get("__slots__", ()))]
         if state is None and not slots and not hasattr(value, "__dict__"):
             raise TypeError(
-                f"{where}: a {type(value).__qualname__} has no digest, so that the journal could not distinguish rows of different ones. "
-                "Give it, or the object that has it, an attribute `digest`, a str that identifies its value; or begin its name with an "
-                "underscore if rows do not depend on it"
+                f"{where}: a {type(value).__qualname__} has no digest, so that the journal could not distinguish rows of different ones: "
+                f"{_DECLARE}. If rows do not depend on it, begin its name with an underscore"
             )
         held = getattr(value, "__dict__", {}) | {name: getattr(value, name) for name in slots if hasattr(value, name)}
         # Submodules of a torch module: `state_dict` has their weights, not their types.
@@ -522,19 +527,11 @@ def _file_of(thing: Any) -> Path | None:
     return Path(file) if file is not None and Path(file).exists() else None
 
 
-def _code(code: CodeType) -> bytes:
-    """Bytes that identify compiled code: instructions, constants and names."""
-    # The order of a set of strings differs between processes.
-    ordered = (sorted(c, key=repr) if isinstance(c, frozenset) else c for c in code.co_consts)
-    constants = b"".join(_code(c) if isinstance(c, CodeType) else repr(c).encode() + b"\0" for c in ordered)
-    return b"\0".join([code.co_code, constants, repr(code.co_names).encode()])
-
-
 def name_of(thing: Any) -> str:
     """Name of a controller or of an outcome's measure, for tables: "file.py:name", or the name of a policy file."""
     if isinstance(thing, str) or thing is None:
         return str(thing or "nothing")
-    if isinstance(thing, Policy):
+    if isinstance(thing, PolicyController):
         return f"policy {name_of(thing.act)}"
     if isinstance(thing, PolicyFile):
         return thing.path.name

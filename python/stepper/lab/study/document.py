@@ -7,7 +7,7 @@ import functools
 import importlib
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,13 @@ class Section:
     text: str = ""
 
 
+def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """Markdown table with headings `head` and the cells of each row. Vertical bars in cells are escaped."""
+    names = list(head)
+    table: list[Iterable[object]] = [names, ["---"] * len(names), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in table)
+
+
 @dataclass
 class Document:
     """Document: a title and sections."""
@@ -55,9 +62,7 @@ class Document:
             if section.text:
                 parts.append(f"```text\n{section.text.rstrip()}\n```")
             if section.rows:
-                lines = ["| " + " | ".join(section.head) + " |", "|" + "---|" * len(section.head)]
-                lines += ["| " + " | ".join(cell(x).replace("|", "\\|") for x in row) + " |" for row in section.rows]
-                parts.append("\n".join(lines))
+                parts.append(markdown_table(section.head, ([cell(x) for x in row] for row in section.rows)))
             if section.picture is not None:
                 parts.append(f"![{section.title}]({section.picture.name})")
         return "\n\n".join(parts) + "\n"

@@ -67,7 +67,7 @@ def figure_of(sweep: Sweep) -> Any:
     """
     figures = require("matplotlib.figure", "to draw a sweep")
     names = [name for name in sweep.study.parameters if any(level.parameter == name for level in sweep.levels)]
-    kinds = [*([None] if sweep.study.decisive else []), *ordered_outcomes(sweep.study)]
+    kinds = [*([None] if sweep.study.success_outcome else []), *ordered_outcomes(sweep.study)]
     columns = min(_COLUMNS, max(1, len(names)))
     lines = max(1, math.ceil(len(names) / columns))
     labels = [_wrapped(name) for name in (USUAL, *sweep.study.settings)]
@@ -88,7 +88,7 @@ def figure_of(sweep: Sweep) -> Any:
         if any(cliff.parameter in names for cliff in sweep.cliffs):
             handles.append(_line(color="#444444", linestyle=":", linewidth=1))
             labels.append("where success ends")
-        if sweep.study.decisive:
+        if sweep.study.success_outcome:
             handles.append(_line(color="#444444", linestyle="-.", linewidth=1))
             labels.append("limit of success")
         figure.legend(handles, labels, loc="outside lower center", ncols=min(each, len(labels)), frameon=False, fontsize=9)

@@ -108,7 +108,7 @@ class Episodes:
                     controls += 1
                 watch = watch or Watch(outcomes, self.world)
                 # The outcomes are yielded before the next reset, so that the viewer shows the final state with them.
-                last = looks and controls == self.study.controls
+                last = looks and controls == self.study.num_control_steps
                 yield {name: value[self.shown] for name, value in outcomes_of(watch, self.world).items()} if last else None
 
     @property

@@ -58,7 +58,7 @@ def rules_of(study: Study) -> list[tuple[str, str]]:
     soft = any("mujoco" in (study.options.contact, study.setting(name).get("contact")) for name in (*study.settings, USUAL))
     rules = (
         ("physics", DIVERGED, True),
-        ("as declared", DECLARED, study.decisive is not None and study.decisive.cause is not None),
+        ("as declared", DECLARED, study.success_outcome is not None and study.success_outcome.cause is not None),
         ("physics", STATUS, True),
         ("evaluation", EVALUATION, True),
         ("perception", PERCEPTION, _has_sensor_errors(study, study.parameters)),
@@ -118,14 +118,14 @@ def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
 
     None if the episode must be repeated to find the cause.
     """
-    outcome = study.decisive
+    outcome = study.success_outcome
     assert outcome is not None
     assert outcome.threshold is not None
     if diverged(row):
         return "physics", DIVERGED
     if outcome.cause is not None:
         return outcome.cause, DECLARED
-    if int(row["certificate"]["status"]) & UNSOLVED:
+    if int(row["quality"]["status"]) & UNSOLVED:
         return "physics", STATUS
     value = row["outcomes"][outcome.name]
     if not np.isfinite(value) or abs(value - outcome.threshold) <= outcome.margin:

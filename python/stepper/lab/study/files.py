@@ -36,10 +36,10 @@ from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stepper._hints import did_you_mean, present_keyword
+from stepper._hints import did_you_mean
 from stepper._options import Options
 from stepper.actuators import ActuatorModel
-from stepper.lab.study.controllers import Policy, Recorded, find, load_file
+from stepper.lab.study.controllers import ControlLog, PolicyController, find, load_file
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.policy_files import ENDINGS, PROGRAM
@@ -94,8 +94,6 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
     """
     folder, given = path.resolve().parent, dict(data)
     known = {field.name for field in fields(kind) if not field.name.startswith("_")} | {"policy"}
-    if renamed := next((key for key in given if key not in known and present_keyword("stepper.lab.Study", key)), None):
-        raise ValueError(f"the study has no {renamed!r}: use {present_keyword('stepper.lab.Study', renamed)}")
     check_keys(given, known, "the study")
     if "model" not in given:
         raise ValueError("model is missing: give the path of an MJCF, URDF or saved model")
@@ -143,18 +141,18 @@ def _model(source: str, folder: Path) -> Any:
     return str(folder / source)
 
 
-def _policy(source: str, folder: Path) -> Policy:
+def _policy(source: str, folder: Path) -> PolicyController:
     """Controller from the entry `policy` of a study file."""
     if source.endswith((*ENDINGS, PROGRAM)):
-        return Policy(folder / source)
+        return PolicyController(folder / source)
     found = find(source, folder)
-    return Policy(found() if isinstance(found, type) else found)
+    return PolicyController(found() if isinstance(found, type) else found)
 
 
 def _controller(source: str, folder: Path) -> Callable[[Any], Any]:
     """Controller from the entry `controller` of a study file."""
     if source.endswith((".npz", ".csv")):
-        return Recorded(folder / source)
+        return ControlLog(folder / source)
     found: Callable[[Any], Any] = find(source, folder)
     # A controller with internal state is an object of the class that the file names.
     return found() if isinstance(found, type) else found
@@ -189,8 +187,6 @@ def _part(kind: type[Any], table: Any, place: str) -> Any:
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table")
     known = {field.name for field in fields(kind)}
-    if renamed := next((key for key in table if key not in known and present_keyword(f"stepper.lab.{kind.__name__}", key)), None):
-        raise ValueError(f"{place} has no {renamed!r}: use {present_keyword(f'stepper.lab.{kind.__name__}', renamed)}")
     check_keys(table, known, place)
     required = [field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING]
     if missing := [name for name in required if name not in table]:

@@ -53,8 +53,8 @@ def _on_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]
     ray = running_ray("to run a study over Ray", log_to_driver=False)
     for name in [name for name in sys.modules if name.startswith(FILES)]:
         ray.cloudpickle.register_pickle_by_value(sys.modules[name])
-    # `in_force` is computed (and cached in the study) before pickling, because only this process has the files.
-    assert study.in_force
+    # `resolved_settings` is computed (and cached in the study) before pickling, because only this process has the files.
+    assert study.resolved_settings()
     ours = study.identity["versions"]
     shared = (ours, ray.cloudpickle.dumps((_of_task(study), run)))
     pickled = map(ray.cloudpickle.dumps, jobs)

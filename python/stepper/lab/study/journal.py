@@ -17,7 +17,7 @@ from typing import Any
 from stepper._status import Status
 
 Row = dict[str, Any]
-"""Result of one episode, by name: key, setting, parameters, episode, seed, outcomes, success, certificate, settings, in_force."""
+"""Result of one episode, by name: key, setting, parameters, episode, seed, outcomes, success, quality, settings, resolved_settings."""
 _VERSION = 1
 """Version of the journal's database tables, which is stored in the header of the SQLite file."""
 _TABLES = (
@@ -30,7 +30,7 @@ _RESTART = "restore the file, or delete it to run the study from the start"
 
 def diverged(row: Row) -> bool:
     """Whether an episode diverged. It then has no outcome and counts as a failure."""
-    return bool(int(row["certificate"]["status"]) & int(Status.NON_FINITE))
+    return bool(int(row["quality"]["status"]) & int(Status.NON_FINITE))
 
 
 class JournalError(ValueError):

@@ -134,7 +134,7 @@ class _Torch(PolicyFile):
         if not _is_script(path):
             raise ValueError(
                 f"{path}: it is no TorchScript (torch.jit.save); a pickle of torch.save and a program of torch.export are not read, "
-                "because they can run any code: if you trust it, load it yourself and give stepper.lab.Policy the module"
+                "because they can run any code: if you trust it, load it yourself and give stepper.lab.PolicyController the module"
             )
         with explained(path, "export the policy again with torch.jit.save"):
             self._network = Network(torch.jit.load(str(path), map_location="cpu"))
@@ -186,7 +186,7 @@ def read_policy(path: str | os.PathLike[str]) -> PolicyFile:
     if file.suffix.lower() == PROGRAM:
         raise ValueError(
             f"{file}: a program of torch.export is not read, because it can run any code: if you trust it, load it yourself with "
-            "torch.export.load(...).module() and give stepper.lab.Policy the module"
+            "torch.export.load(...).module() and give stepper.lab.PolicyController the module"
         )
     raise ValueError(f"{file}: the ending is {file.suffix!r}, must be one of {', '.join(ENDINGS)}, or give a function")
 

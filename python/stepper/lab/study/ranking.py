@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.progress import Tick
+from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import diverged
 from stepper.lab.study.parameters import check_value_conflicts, selected
 from stepper.lab.study.points import USUAL, Point, inapplicable
-from stepper.lab.study.report import in_force, study_of
+from stepper.lab.study.report import settings_sections, study_of
 from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
@@ -103,7 +103,7 @@ def rank(
     samples: int = 64,
     parameters: Sequence[str] | None = None,
     setting: str = USUAL,
-    tick: Tick | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Ranking:
     """Ranks the parameters of a study by their influence on the outcome, with Sobol indices.
 
@@ -117,7 +117,7 @@ def rank(
         parameters: Names, or selectors with a range, such as "geom_friction[floor][0]=0.2..1"; None selects all parameters with low
             and high.
         setting: Name of the settings.
-        tick: Progress callback with a text and the fraction done.
+        progress: Progress callback with a text and the fraction done.
 
     Returns:
         The ranking. OUT/NAME has rank.html, rank.md, rank.png, rank_table.csv, rank_table.npz.
@@ -142,7 +142,7 @@ def rank(
     first, second, mixed = _design(stats, study, names, samples)
     points = [_point(study, names, row, setting) for row in np.concatenate([first, second, *mixed])]
     with Results(study, out) as results:
-        rows = run_points(study, points, results.journal, None if tick is None else lambda done: tick(f"rank {study.name}", done))
+        rows = run_points(study, points, results.journal, None if progress is None else lambda done: progress(f"rank {study.name}", done))
         values = _values(study, rows)
         n = samples
         total, first_order, total_ends, first_ends = _indices(stats, study, values, n)
@@ -152,7 +152,7 @@ def rank(
             column = np.concatenate([first[:, k], second[:, k]])
             thirds, intervals = _thirds(study, independent, column)
             ends = [(float(low), float(high)) for low, high in (total_ends[k], first_ends[k])]
-            if study.decisive is not None:
+            if study.success_outcome is not None:
                 # If outcomes are equal in all n pairs of points, the bootstrap gives an interval of length 0. The upper end is therefore at
                 # least the index that follows from Wilson's bound of the fraction of pairs that differ, with changes from 0 to 1.
                 bound = min(1.0, wilson(0, n)[1] / (2.0 * float(values[: 2 * n].var())))
@@ -162,7 +162,7 @@ def rank(
         document, table = Document(f"Ranking of {study.name}"), Table(rows)
         ranking = Ranking(study, setting, tuple(ranks), *_average(study, independent), table, document, ())
         picture = _draw(ranking, results.folder / "rank.png") if package_version("matplotlib") else None
-        document.sections += [*_sections(ranking, samples, picture), *in_force(study, len(table), "rank_table")]
+        document.sections += [*_sections(ranking, samples, picture), *settings_sections(study, len(table), "rank_table")]
         files = [*table.save(results.folder, "rank_table"), *document.save(results.folder, "rank"), *([picture] if picture else [])]
     return Ranking(study, setting, tuple(ranks), ranking.outcome, ranking.interval, table, document, tuple(files))
 
@@ -264,7 +264,7 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
         ValueError: A mean outcome is not finite, or all are equal.
     """
     name = measured(study)
-    if study.decisive is not None:
+    if study.success_outcome is not None:
         values = np.array([row["success"] for row in rows], float)
     else:
         values = np.array([row["outcomes"][name] for row in rows], float)
@@ -278,8 +278,10 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
     points: Array = values.reshape(-1, study.episodes).mean(axis=1)
     if np.ptp(points) == 0.0:
         same, or_else = f"{name} is the same at all {len(points)} points", "choose another outcome"
-        if study.decisive is not None:
-            same = f"as many episodes succeed at all {len(points)} points, {points[0]:.0%} of them by {name} {study.decisive.success}"
+        if study.success_outcome is not None:
+            same = (
+                f"as many episodes succeed at all {len(points)} points, {points[0]:.0%} of them by {name} {study.success_outcome.success}"
+            )
             or_else = f"change the condition of success, or remove it: the ranking then uses {name} itself"
         raise ValueError(f"{same}, so that no parameter has an effect; widen their ranges, or {or_else}")
     return points
@@ -306,7 +308,7 @@ def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
     Each point is one trial, because only points are independent, not their episodes.
     """
     mean = float(values.mean())
-    if study.decisive is not None:
+    if study.success_outcome is not None:
         return mean, wilson(round(float(values.sum())), len(values))
     error = 2.0 * float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.nan
     return mean, (mean - error, mean + error)
@@ -321,7 +323,7 @@ def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Sectio
         picture: Path of the picture of the Sobol indices; None adds no picture.
     """
     study = found.study
-    share = study.decisive is not None
+    share = study.success_outcome is not None
     what = f"the success of {measured(study)}" if share else measured(study)
     mean = f"{found.outcome:.3g} ({found.interval[0]:.3g} to {found.interval[1]:.3g})"
     words = [
@@ -370,8 +372,8 @@ def _draw(found: Ranking, path: Path) -> Path:
         at = places + 0.22 * (1 - third)
         right.plot(values, at, "o", color=colour, label=f"{name} of the range", markersize=4)
         right.hlines(at, *ends, color=colour, linewidth=1.2)
-    outcome = found.study.decisive or found.study.all_outcomes[0]
-    unit = f", {outcome.unit}" if outcome.unit and found.study.decisive is None else ""
+    outcome = found.study.success_outcome or found.study.all_outcomes[0]
+    unit = f", {outcome.unit}" if outcome.unit and found.study.success_outcome is None else ""
     right.set_xlabel(f"share of successes ({outcome.name} {outcome.success})" if outcome.success else f"mean {outcome.name}{unit}")
     # The legend is below the panels, where it covers no interval.
     entries = zip(left.get_legend_handles_labels(), right.get_legend_handles_labels(), strict=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from stepper.lab.progress import Tick
+from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.document import Document, Section, cell, counted
 from stepper.lab.study.draw import draw, draw_cliffs
 from stepper.lab.study.failure_causes import Verdict, causes_of, rules_of
@@ -23,8 +23,7 @@ from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.points import USUAL, nominal_of
 from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
-from stepper.lab.study.sweep import CLIFF, RESOLUTION, Level, Sweep, measured, ordered_outcomes
-from stepper.lab.study.sweep import sweep as run_sweep
+from stepper.lab.study.sweep import CLIFF, RESOLUTION, Level, Sweep, measured, ordered_outcomes, run_sweep
 from stepper.lab.study.table import Table
 from stepper.lab.study.touching import Touching, touching
 from stepper.sensors import Transfer
@@ -63,7 +62,7 @@ def sweep(
     parameters: Sequence[str] | None = None,
     cliffs: bool = True,
     resolution: float = RESOLUTION,
-    tick: Tick | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Report:
     """Sweeps each parameter of a study over its range, one at a time, and locates the values at which success ends (cliffs).
 
@@ -75,10 +74,10 @@ def sweep(
         parameters: Names, or selectors with a range, such as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
         cliffs: Whether to locate the values at which success ends, by bisection.
         resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
-        tick: Progress callback with a text and the fraction done.
+        progress: Progress callback with a text and the fraction done.
 
     Returns:
-        The sweep. OUT/NAME has table.csv, table.npz (table.parquet with pyarrow), sweep.html, sweep.md, sweep.png, in_force.json.
+        The sweep. OUT/NAME has table.csv, table.npz (table.parquet with pyarrow), sweep.html, sweep.md, sweep.png, resolved_settings.json.
 
     Raises:
         ValueError: The study has no outcome, a parameter is unknown, `resolution` is out of range, or a time step does not divide the
@@ -88,18 +87,20 @@ def sweep(
     """
     study = study_of(study)
     with Results(study, out) as results:
-        found = run_sweep(study, results.journal, parameters=parameters, cliffs=cliffs, resolution=resolution, tick=tick)
+        found = run_sweep(study, results.journal, parameters=parameters, cliffs=cliffs, resolution=resolution, progress=progress)
         document = Document(f"Sweep of {study.name}")
         document.sections += [
             *_perturbations(found, results.folder),
             *_cliffs(found, results.folder, searched=cliffs),
-            *in_force(study, len(found.table)),
+            *settings_sections(study, len(found.table)),
         ]
         files = [*found.table.save(results.folder), *document.save(results.folder, "sweep")]
     return Report(found.study, found, (), document, tuple(files))
 
 
-def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = "out", *, tick: Tick | None = None) -> Report:
+def report(
+    study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = "out", *, progress: ProgressCallback | None = None
+) -> Report:
     """Writes the simulator report of a study.
 
     The report describes state and sensors, decisive contacts, settings, effects of parameters, differences between engines, and causes of
@@ -108,7 +109,7 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
     Args:
         study: A study, or its file.
         out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
-        tick: Progress callback with a text and the fraction done.
+        progress: Progress callback with a text and the fraction done.
 
     Returns:
         The report. OUT/NAME has report.html, report.md and the files of `sweep`.
@@ -120,12 +121,12 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
     """
     study = with_peers(study_of(study))
     with Results(study, out) as results:
-        found = run_sweep(study, results.journal, tick=tick)
+        found = run_sweep(study, results.journal, progress=progress)
         some = range(min(study.episodes, study.batch))
         seen = touching(study, some)
         verdicts = causes_of(study, found.table.rows, results.journal)
         causes = {verdict.row["key"]: verdict.cause for verdict in verdicts}
-        found = dataclasses.replace(found, table=Table(found.table.rows, causes if study.decisive else None))
+        found = dataclasses.replace(found, table=Table(found.table.rows, causes if study.success_outcome else None))
         document = Document(f"Simulator report of {study.name}")
         document.sections += [
             *_summary(study, found, verdicts),
@@ -139,7 +140,7 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
             *_transfer(study, found),
             *_failures(verdicts, found),
             *_left_out(study),
-            *in_force(study, len(found.table)),
+            *settings_sections(study, len(found.table)),
         ]
         files = [*found.table.save(results.folder), *document.save(results.folder, "report")]
     return Report(study, found, tuple(verdicts), document, tuple(files))
@@ -181,8 +182,8 @@ def no_peer(study: Study) -> str | None:
         return "it is not installed"
     if compiled is None:
         return "the model has no source that MuJoCo can read"
-    in_force = any(study.parameters[name].kind in ("sensor", "actuator") for name in study.nominal)
-    if in_force or study.sensors is not None or study.actuators is not None:
+    has_models = any(study.parameters[name].kind in ("sensor", "actuator") for name in study.nominal)
+    if has_models or study.sensors is not None or study.actuators is not None:
         return "it has no sensor errors and no drives"
     if model.nu != compiled.nu or model.nsensordata != compiled.nsensordata:
         return "stepper leaves out actuators or sensors of the model, so that controls and readings are not the same"
@@ -200,13 +201,14 @@ def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Se
         f"`{study.name}`{model}: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, "
         f"{len(found.table)} rows in all."
     ]
-    if study.decisive:
+    if study.success_outcome:
+        outcome = study.success_outcome
         words.append(
-            f"{study.decisive.name} {study.decisive.success} {study.decisive.unit}: {nominal.successes} of {nominal.episodes} at the "
+            f"{outcome.name} {outcome.success} {outcome.unit}: {nominal.successes} of {nominal.episodes} at the "
             f"nominal point (95 %: {_interval(nominal)})."
         )
     if found.ranking:
-        what = "the share of successes" if study.decisive else measured(study)
+        what = "the share of successes" if study.success_outcome else measured(study)
         words.append(f"Range of {what} over each parameter: " + ", ".join(f"{name} {cell(value)}" for name, value in found.ranking) + ".")
     if lost := Counter(row["setting"] for row in found.table.rows if diverged(row)):
         counts_of = ", ".join(f"{count} with {setting}" for setting, count in lost.most_common())
@@ -230,8 +232,8 @@ def _state(study: Study) -> list[Section]:
         rows.append([joint.name or f"#{k}", joint.type, model.body(joint.bodyid).name, joint.qposadr, joint.dofadr, unit, limits, *numbers])
     head = ("joint", "type", "body", "qpos", "qvel", "unit", "limits", "damping", "stiffness", "armature", "dry friction")
     words = [
-        f"qpos ({model.nq}), qvel ({model.nv}), activations ({model.na}); controls ({model.nu}), each held for {study.hold:g} s. The next "
-        "state follows from these, and from the internal state of sensors and drives, if there are any."
+        f"qpos ({model.nq}), qvel ({model.nv}), activations ({model.na}); controls ({model.nu}), each held for {study.control_period:g} s. "
+        "The next state follows from these, and from the internal state of sensors and drives, if there are any."
     ]
     return [Section("State variables", words, head, rows)]
 
@@ -347,7 +349,7 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
     """Sections with the parameters and their effects on all outcomes. The first effects have a picture, which is written to `folder`."""
     study = found.study
     main, *others = ordered_outcomes(study)
-    shares = ("successes", "share", "95 %") if study.decisive else ()
+    shares = ("successes", "share", "95 %") if study.success_outcome else ()
     head = ("settings", "parameter", "value", *shares, f"mean {_with_unit(main)}", *_CHANGE, "unsolved", "diverged")
     rows = [
         [*_place(study, level), *_shares_of(study, level), level.mean, *level.change, level.unsolved, level.diverged]
@@ -388,7 +390,7 @@ def _place(study: Study, level: Level) -> list[Any]:
 
 def _shares_of(study: Study, level: Level) -> list[Any]:
     """Cells of a table with the number and share of successes and the interval of the share; none without a condition of success."""
-    return [level.successes, level.share, _interval(level)] if study.decisive else []
+    return [level.successes, level.share, _interval(level)] if study.success_outcome else []
 
 
 def _ranges(study: Study) -> list[Section]:
@@ -438,7 +440,7 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
         folder: Folder of the picture.
         searched: Whether the sweep searched for cliffs.
     """
-    if found.study.decisive is None:
+    if found.study.success_outcome is None:
         return []
     (folder / "cliffs.png").unlink(missing_ok=True)
     if not searched:
@@ -516,7 +518,7 @@ def _nominal_rows(found: Sweep, setting: str) -> dict[int, dict[str, Any]]:
 
 def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
     """Section with the causes of failed episodes."""
-    if found.study.decisive is None:
+    if found.study.success_outcome is None:
         return []
     counts = Counter((verdict.row["setting"], verdict.cause, verdict.rule) for verdict in verdicts)
     places = [USUAL, *found.study.settings]
@@ -545,7 +547,7 @@ def _left_out(study: Study) -> list[Section]:
     return [Section("Left out of the model", study.notes or ["Nothing."])]
 
 
-def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
+def settings_sections(study: Study, count: int, table: str = "table") -> list[Section]:
     """Section "In force" of a document: digests (SHA-256), versions and seed on which the study's results depend.
 
     It also names the files in which the settings of each episode and all digests and versions are stored.
@@ -555,7 +557,7 @@ def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
         count: Number of rows of the table of episodes.
         table: Name of the files with this table, without their endings.
     """
-    used = study.in_force
+    used = study.resolved_settings()
     rows = [
         ["model", used["model"]["sha256"]],
         ["controller", f"{used['controller']['name']} {used['controller']['sha256']}"],
@@ -565,7 +567,7 @@ def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
         ["seed", used["seed"]],
         [
             "rows",
-            f"{count}, each with its parameters, settings and tolerance in {table}.csv; in_force.json has the rest, with notes",
+            f"{count}, each with its parameters, settings and tolerance in {table}.csv; resolved_settings.json has the rest, with notes",
         ],
     ]
     return [Section("In force", [], ("", ""), rows)]

@@ -1,4 +1,4 @@
-"""Output folder of a study: journal (results of episodes), in_force.json (provenance of the results), tables and documents."""
+"""Output folder of a study: journal (results of episodes), resolved_settings.json (provenance of the results), tables and documents."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stepper.lab.study.study import Study
 from stepper.shared.arguments import path_of
 from stepper.shared.files import explained, locked, write_text
 
-IN_FORCE, JOURNAL = "in_force.json", "journal.sqlite"
+SETTINGS, JOURNAL = "resolved_settings.json", "journal.sqlite"
 """Names of the files in a study's folder with the provenance of the rows, and with the rows (results of episodes)."""
 
 
@@ -37,18 +37,18 @@ class Results:
         with contextlib.ExitStack() as opened:
             opened.enter_context(locked(self.folder))
             self.journal = opened.enter_context(Journal(self.folder / JOURNAL, study.name))
-            self._write_in_force(study)
+            self._write_settings(study)
             self._opened = opened.pop_all()
 
-    def _write_in_force(self, study: Study) -> None:
-        """Adds the study's provenance (model, versions, digests) as an entry to in_force.json.
+    def _write_settings(self, study: Study) -> None:
+        """Adds the study's provenance (model, versions, digests) as an entry to resolved_settings.json.
 
         The key of the entry is its SHA-256, shortened.
         """
-        file = self.folder / IN_FORCE
+        file = self.folder / SETTINGS
         with explained(file, "restore the file, or delete it with the journal to run the study from the start"):
             entries: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-        text = json.dumps(study.in_force, sort_keys=True, default=str)
+        text = json.dumps(study.resolved_settings(), sort_keys=True, default=str)
         name = hashlib.sha256(text.encode()).hexdigest()[:16]
         if name in entries:
             return

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper import _stepper
-from stepper._hints import Hinting, did_you_mean, hint_keywords
+from stepper._hints import did_you_mean, hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
@@ -49,13 +49,13 @@ It returns qpos (T, num_envs, nq), m and rad, and qvel (T, num_envs, nv), m/s an
 
 _HOLD = 0.02
 """Default control period, s."""
-_ROWS = 4
+_ROWS = 5
 """Version of the rows (results of episodes), which is part of the rows' keys in the journal.
 
 It increases when the same study gives other rows. Changes by version:
 
 2: Episodes that diverge have no outcome. 3: Inverse weights of MuJoCo's law follow masses, inertias, centres of mass and armatures.
-4: Rows name the values of parameters "parameters".
+4: Rows name the values of parameters "parameters". 5: Rows name the quality of steps "quality".
 """
 
 
@@ -80,7 +80,7 @@ class _Source:
 
 @hint_keywords("stepper.lab.Study")
 @dataclass(frozen=True, kw_only=True)
-class Study(metaclass=Hinting):
+class Study:
     """Simulation experiment: episodes of a model with a controller, measured outcomes and uncertain parameters.
 
     If selectors or measures contain names of elements, the constructor loads the model to check them.
@@ -88,7 +88,7 @@ class Study(metaclass=Hinting):
     Attributes:
         model: Source of the model, as for `stepper.load`, or a `Model`, or a function that returns one of these.
         name: Name in tables and of the folder of results; for studies in files the default is the name of the file.
-        controller: Source of the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None
+        controller: Source of the controls: a function of a `World`, `ControlLog(path)`, `PolicyController(function)`, or "random". None
             keeps the controls of the keyframe, or 0.
         outcomes: Measured results of an episode, of which at most one has a condition of success. `chart` and `tune` need no outcome.
         parameters: Uncertain parameters by name.
@@ -142,7 +142,7 @@ class Study(metaclass=Hinting):
     def _check_functions(self) -> None:
         """Raises an error unless controller, start and exact are functions that can be called with the right arguments."""
         if not (self.controller is None or self.controller == "random" or callable(self.controller)):
-            raise TypeError(f'controller is {self.controller!r}, must be a function, Recorded, Policy, "random" or None')
+            raise TypeError(f'controller is {self.controller!r}, must be a function, ControlLog, PolicyController, "random" or None')
         if not (self.start is None or callable(self.start)):
             raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" works only in TOML files')
         if not (self.exact is None or callable(self.exact)):
@@ -262,7 +262,7 @@ class Study(metaclass=Hinting):
         return model, compiled
 
     @cached_property
-    def hold(self) -> float:
+    def control_period(self) -> float:
         """Control period, s: the time between two calls of the controller."""
         if self.control is not None:
             return self.control
@@ -270,9 +270,9 @@ class Study(metaclass=Hinting):
         return min(max(1, round(_HOLD / timestep)) * timestep, self.seconds)
 
     @property
-    def controls(self) -> int:
+    def num_control_steps(self) -> int:
         """Number of control periods in an episode."""
-        return max(1, round(self.seconds / self.hold))
+        return max(1, round(self.seconds / self.control_period))
 
     @property
     def all_outcomes(self) -> tuple[Outcome, ...]:
@@ -280,7 +280,7 @@ class Study(metaclass=Hinting):
         return (self.outcomes,) if isinstance(self.outcomes, Outcome) else tuple(self.outcomes or ())
 
     @property
-    def decisive(self) -> Outcome | None:
+    def success_outcome(self) -> Outcome | None:
         """Outcome with the condition of success; None if no outcome has one."""
         return next((outcome for outcome in self.all_outcomes if outcome.success is not None), None)
 
@@ -352,7 +352,7 @@ class Study(metaclass=Hinting):
             "noise": [self.qpos_noise, self.qvel_noise],
             "outcomes": measured,
             "seconds": self.seconds,
-            "control": self.hold,
+            "control": self.control_period,
             "seed": self.seed,
             "options": asdict(self.options),
             "precision": self.precision,
@@ -368,9 +368,12 @@ class Study(metaclass=Hinting):
         left = [f"{kind} {name}: {reason}" for kind, name, reason in model.omitted]
         return left + [f"set in the file, not used by the default options: {line}" for line in model.deviations]
 
+    def resolved_settings(self) -> dict[str, Any]:
+        """Returns provenance of the study's results: `identity`, machine, interpreter, digest of the binary, and `notes`."""
+        return self._resolved_settings
+
     @cached_property
-    def in_force(self) -> dict[str, Any]:
-        """Provenance of the study's results: `identity`, machine, interpreter, digest of the binary, and `notes`."""
+    def _resolved_settings(self) -> dict[str, Any]:
         binary = hashlib.sha256(Path(_stepper.__file__).read_bytes()).hexdigest()
         return self.identity | {
             "notes": self.notes,
@@ -426,11 +429,11 @@ class Study(metaclass=Hinting):
             number: Number of the episode, which determines its initial state, random controls and sensor errors.
             seed: Seed; None keeps the seed of the study.
             setting: Name of the settings.
-            record: New folder for a recording, which `stepper view` shows and `stepper.replay` repeats. It has a row for every control
-                period. With a sensor model, it has an environment for every episode of the point.
+            record: New folder for a recording, which `stepper view` shows and `stepper.recording.verify` repeats. It has a row for every
+                control period. With a sensor model, it has an environment for every episode of the point.
 
         Returns:
-            Row of the episode: "parameters" (values by name), "outcomes" by name, "success", "certificate" (worst status, residual and
+            Row of the episode: "parameters" (values by name), "outcomes" by name, "success", "quality" (worst status, residual and
             violations of its steps), "settings" of the engine.
 
         Raises:

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from stepper._status import Status
-from stepper.lab.progress import Tick
+from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import Journal, Row, diverged
@@ -172,21 +172,21 @@ class Sweep:
         """
         found = []
         for name in self.study.parameters:
-            values = [level.mean if self.study.decisive is None else level.share for level in self.levels_of(name)]
+            values = [level.mean if self.study.success_outcome is None else level.share for level in self.levels_of(name)]
             values = [value for value in values if math.isfinite(value)]
             if values:
                 found.append((name, float(np.ptp(values))))
         return sorted(found, key=lambda entry: -entry[1])
 
 
-def sweep(
+def run_sweep(
     study: Study,
     journal: Journal,
     *,
     parameters: Sequence[str] | None = None,
     cliffs: bool = True,
     resolution: float = RESOLUTION,
-    tick: Tick | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Sweep:
     """Vary one parameter at a time over its range, with all settings of a study.
 
@@ -196,7 +196,7 @@ def sweep(
         parameters: Names, or selectors with a range, such as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
         cliffs: Whether to locate the values at which success ends.
         resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
-        tick: Progress callback with a text and the fraction done.
+        progress: Progress callback with a text and the fraction done.
 
     Returns:
         Statistics at each value of a parameter (levels), and the values at which success ends (cliffs).
@@ -220,24 +220,24 @@ def sweep(
                 continue
             cells += [(setting, name, value) for value in study.parameters[name].levels()]
     points = [_point(study, cell) for cell in cells]
-    rows = run_points(study, points, journal, None if tick is None else lambda done: tick(f"sweep {study.name}", done))
+    rows = run_points(study, points, journal, None if progress is None else lambda done: progress(f"sweep {study.name}", done))
     n = study.episodes
     by_cell = {cell: rows[k * n : (k + 1) * n] for k, cell in enumerate(cells)}
     levels = [_level(study, cell, found, by_cell[cell[0], "", None]) for cell, found in by_cell.items()]
     every = list(rows)
     ends: list[Cliff] = []
     between: list[Level] = []
-    if cliffs and study.decisive is not None:
+    if cliffs and study.success_outcome is not None:
         groups = [[level for level in levels if (level.setting, level.parameter) == (s, name)] for s in settings for name in names]
         brackets = [bracket for own in groups for bracket in _brackets(study, own, resolution)]
-        progress = _Progress(f"cliffs of {study.name}", sum(_rounds(*bracket) for bracket in brackets), tick)
+        rounds = _Progress(f"cliffs of {study.name}", sum(_rounds(*bracket) for bracket in brackets), progress)
         for one, other, width in brackets:
-            cliff, bisected = _bisect(study, one, other, width, lambda points: _shares(study, points, journal, progress))
+            cliff, bisected = _bisect(study, one, other, width, lambda points: _shares(study, points, journal, rounds))
             ends.append(cliff)
             for value, more in bisected:
                 every += more
                 between.append(_level(study, (one.setting, one.parameter, value), more, by_cell[one.setting, "", None]))
-        progress.end()
+        rounds.end()
     return Sweep(study, tuple(levels), tuple(ends), Table(every), tuple(skipped), tuple(between))
 
 
@@ -276,7 +276,7 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
     """
     main = measured(study)
     found = {outcome.name: _statistics(outcome.name, rows, nominal) for outcome in study.all_outcomes}
-    successes = None if study.decisive is None else sum(row["success"] for row in rows)
+    successes = None if study.success_outcome is None else sum(row["success"] for row in rows)
     different = _different(study, rows)
     return Level(
         setting=cell[0],
@@ -289,7 +289,7 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
         mean=found[main].mean,
         spread=found[main].spread,
         change=found[main].change,
-        unsolved=sum(bool(int(row["certificate"]["status"]) & UNSOLVED) for row in rows),
+        unsolved=sum(bool(int(row["quality"]["status"]) & UNSOLVED) for row in rows),
         diverged=sum(map(diverged, rows)),
         others={name: own for name, own in found.items() if name != main},
     )
@@ -328,7 +328,7 @@ def _different(study: Study, rows: Sequence[Row]) -> int:
     """
     if study.qpos_noise or study.qvel_noise or (study.controller == "random" and study.loaded[0].nu):
         return len(rows)
-    return len({json.dumps([row["outcomes"], row["certificate"]], sort_keys=True) for row in rows})
+    return len({json.dumps([row["outcomes"], row["quality"]], sort_keys=True) for row in rows})
 
 
 def _deviation(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
@@ -342,23 +342,23 @@ class _Progress:
     Args:
         what: Text for the callback.
         rounds: Number of rounds of all bisections.
-        tick: Progress callback; None reports nothing.
+        progress: Progress callback; None reports nothing.
     """
 
-    def __init__(self, what: str, rounds: int, tick: Tick | None):
-        self._what, self._rounds, self._tick, self._done = what, rounds, tick, 0
+    def __init__(self, what: str, rounds: int, progress: ProgressCallback | None):
+        self._what, self._rounds, self._report, self._done = what, rounds, progress, 0
 
     def of_round(self, done: float) -> None:
         """Reports the completed fraction of the current round of a bisection."""
-        if self._tick is not None:
+        if self._report is not None:
             # Only `end` reports 1, because a bisection may need fewer rounds than predicted.
-            self._tick(self._what, min((self._done + done) / self._rounds, 0.99))
+            self._report(self._what, min((self._done + done) / self._rounds, 0.99))
         self._done += done == 1.0
 
     def end(self) -> None:
         """Reports to the progress callback that all bisections have ended. Does nothing if there were no bisections."""
-        if self._tick is not None and self._rounds:
-            self._tick(self._what, 1.0)
+        if self._report is not None and self._rounds:
+            self._report(self._what, 1.0)
 
 
 def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[tuple[Level, Level, float]]:
@@ -391,9 +391,9 @@ def _rounds(one: Level, other: Level, width: float) -> int:
     return max(1, math.ceil(math.log(apart / width) / math.log(_POINTS_PER_ROUND + 1) - 1e-9)) if apart > width else 0
 
 
-def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _Progress) -> list[tuple[float, list[Row]]]:
+def _shares(study: Study, points: Sequence[Point], journal: Journal, rounds: _Progress) -> list[tuple[float, list[Row]]]:
     """Runs the episodes of some points (sets of parameter values), and returns the fraction of successes and the results at each point."""
-    rows = run_points(study, points, journal, progress.of_round)
+    rows = run_points(study, points, journal, rounds.of_round)
     n = study.episodes
     cut = [rows[k * n : (k + 1) * n] for k in range(len(points))]
     return [(sum(row["success"] for row in own) / n, own) for own in cut]
@@ -423,7 +423,7 @@ def _bisect(
         inner = [float(x) for x in np.linspace(low, high, _POINTS_PER_ROUND + 2)[1:-1]]
         if steps:
             # Values are rounded to time steps that divide the control period.
-            inner = [study.hold / round(study.hold / x) for x in inner]
+            inner = [study.control_period / round(study.control_period / x) for x in inner]
         values = [low, *sorted({x for x in inner if low < x < high}), high]
         if len(values) == 2:
             # No number, or no such time step, is between the ends.

@@ -28,7 +28,7 @@ class Table:
     * "status": flags of `stepper.Status` over the episode
     * "residual" (m/s), "max_penetration" (m), "max_limit_violation" (rad or m), "max_equality_violation" (m or rad): largest in the episode
     * "settings.NAME": setting of the engine
-    * "in_force": key of an entry in in_force.json, with model, versions and digests
+    * "resolved_settings": key of an entry in resolved_settings.json, with model, versions and digests
 
     Args:
         rows: Rows of the journal.
@@ -75,9 +75,9 @@ def _flat(row: Row, cause: str | None) -> dict[str, Any]:
         **{f"outcome.{name}": value for name, value in row["outcomes"].items()},
         "success": -1 if success is None else int(success),
         **({} if cause is None else {"cause": cause}),
-        **row["certificate"],
+        **row["quality"],
         **{f"settings.{name}": value for name, value in row["settings"].items()},
-        "in_force": row["in_force"],
+        "resolved_settings": row["resolved_settings"],
     }
 
 

@@ -64,7 +64,7 @@ class Touching:
     Attributes:
         pairs: Pairs of geoms, the largest impulse first.
         steps: Number of steps of all episodes.
-        most: Largest number of simultaneous contacts in one environment.
+        max_contacts: Largest number of simultaneous contacts in one environment.
         sweeps: Largest number of Gauss-Seidel iterations in a step.
         newton_steps: Largest number of Newton steps in a step.
         status: All flags of `Status` that steps set.
@@ -76,7 +76,7 @@ class Touching:
 
     pairs: tuple[Pair, ...]
     steps: int
-    most: int
+    max_contacts: int
     sweeps: int
     newton_steps: int
     status: Status
@@ -192,7 +192,7 @@ class _Ledger:
 
     def __init__(self, model: Model, num_envs: int, friction: Array, explicit: Mapping[tuple[int, int], float]):
         self.model, self.num_envs, self.friction, self.explicit, self.steps = model, num_envs, friction, explicit, 0
-        self.most, self.sweeps, self.newton_steps, self.status, self.saturated = 0, 0, 0, 0, np.zeros(model.nu)
+        self.max_contacts, self.sweeps, self.newton_steps, self.status, self.saturated = 0, 0, 0, 0, np.zeros(model.nu)
         self.found: dict[tuple[int, int], dict[str, float]] = {}
         self.limits = np.zeros(model.njnt)
         self.reach = np.array([np.full(model.nq, np.inf), np.full(model.nq, -np.inf)])
@@ -215,7 +215,7 @@ class _Ledger:
         self.saturated += np.count_nonzero(now.sim.actuator_saturation, axis=0)
         contacts = now.sim.contacts()
         if len(contacts):
-            self.most = max(self.most, int(np.bincount(contacts["env"]).max()))
+            self.max_contacts = max(self.max_contacts, int(np.bincount(contacts["env"]).max()))
             self._add(contacts, now.timestep)
 
     def _add(self, contacts: NDArray[np.void], timestep: float) -> None:
@@ -274,7 +274,7 @@ class _Ledger:
         return Touching(
             pairs=tuple(sorted(pairs, key=lambda pair: (-pair.impulse, pair.geoms))),
             steps=self.steps,
-            most=self.most,
+            max_contacts=self.max_contacts,
             sweeps=self.sweeps,
             newton_steps=self.newton_steps,
             status=Status(self.status),

@@ -86,7 +86,7 @@ class World:
     all other attributes of `Stepper` too. Arrays of real numbers are float64. `xfrc_applied` is writable.
 
     Attributes:
-        engine: "stepper", "mujoco" or "rapier".
+        engine: "stepper" or "mujoco".
         model: Model of the scene, without values that differ between environments.
         num_envs: Number of environments.
         timestep: Time step, s.
@@ -156,7 +156,7 @@ class World:
         raise NotImplementedError
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments, and updates the values that `certificate` returns (status flags, residuals, violations).
+        """Steps all environments, and updates the values that `solver_quality` returns (status flags, residuals, violations).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -165,7 +165,7 @@ class World:
         raise NotImplementedError
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments `nstep` times, without an update of the values that `certificate` returns. Benchmarks time this method.
+        """Steps all environments `nstep` times, without an update of the values that `solver_quality` returns. Benchmarks time this method.
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -173,8 +173,8 @@ class World:
         """
         raise NotImplementedError
 
-    def certificate(self) -> dict[str, NDArray[Any]]:
-        """Returns the quality of the steps of the episode so far (the certificate), by name, (num_envs,) each.
+    def solver_quality(self) -> dict[str, NDArray[Any]]:
+        """Returns the quality of the steps of the episode so far, by name, (num_envs,) each.
 
         "status" has flags of `Status`. "residual" (m/s), "max_penetration" (m), "max_limit_violation" (m, rad) and
         "max_equality_violation" (m, rad) are largest values; NaN if the engine does not report them.
@@ -188,7 +188,7 @@ class World:
     @property
     def diverged(self) -> NDArray[np.bool_]:
         """Whether each environment's episode diverged, (num_envs,): a state was not finite or too large, or the engine reset itself."""
-        lost: NDArray[np.bool_] = (self.certificate()["status"] & int(Status.NON_FINITE)) != 0
+        lost: NDArray[np.bool_] = (self.solver_quality()["status"] & int(Status.NON_FINITE)) != 0
         return lost
 
     def _beyond(self) -> NDArray[np.bool_]:
@@ -252,7 +252,7 @@ class StepperWorld(World):
         self.time = np.zeros(self.num_envs)
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments `nstep` times, and updates the values that `certificate` returns (status flags, residuals, violations).
+        """Steps all environments `nstep` times, and updates the values that `solver_quality` returns (status flags, residuals, violations).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -266,7 +266,7 @@ class StepperWorld(World):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments `nstep` times, without an update of the values that `certificate` returns.
+        """Steps all environments `nstep` times, without an update of the values that `solver_quality` returns.
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -279,7 +279,7 @@ class StepperWorld(World):
         self.sim.step(ctrl, nstep)
         self.time = self.time + nstep * self.timestep
 
-    def certificate(self) -> dict[str, NDArray[Any]]:
+    def solver_quality(self) -> dict[str, NDArray[Any]]:
         """Quality of the steps of the episode so far, by name, (num_envs,) each.
 
         "status" has the flags of `Status` that any step set. "residual" (m/s) is the largest residual of the steps that end a call of
@@ -411,7 +411,7 @@ class MujocoWorld(World):
         self.time, self._is_current, self._pushed = np.zeros(self.num_envs), False, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments `nstep` times, and updates the values that `certificate` returns (status flags, residuals, violations).
+        """Steps all environments `nstep` times, and updates the values that `solver_quality` returns (status flags, residuals, violations).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -428,7 +428,7 @@ class MujocoWorld(World):
         self._status[self._beyond()] |= int(Status.NON_FINITE)
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments `nstep` times, without an update of the values that `certificate` returns.
+        """Steps all environments `nstep` times, without an update of the values that `solver_quality` returns.
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -561,7 +561,7 @@ class MujocoWorld(World):
         """Applied force (N) and torque (N m) on each body, world axes, (num_envs, nbody, 6); writable."""
         return self._applied
 
-    def certificate(self) -> dict[str, NDArray[Any]]:
+    def solver_quality(self) -> dict[str, NDArray[Any]]:
         """Quality of the steps of the episode so far, by name, (num_envs,) each.
 
         "status" has flags of `Status`. "max_penetration" is the deepest penetration after a control period, m. Other entries are NaN.

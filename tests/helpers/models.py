@@ -1,0 +1,121 @@
+"""Robots that others wrote, random states of them, and their MuJoCo counterparts."""
+
+from __future__ import annotations
+
+import functools
+from importlib.util import find_spec
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import stepper
+
+FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+
+
+def _package(name: str) -> Path:
+    return Path(find_spec(name).submodule_search_locations[0])
+
+
+def _sources() -> dict[str, Path]:
+    folders = {"gymnasium": _package("gymnasium") / "envs/mujoco/assets", "dm_control": _package("dm_control") / "suite"}
+    return {f"{package}/{file.stem}": file for package, folder in folders.items() for file in sorted(folder.glob("*.xml"))}
+
+
+SOURCES = _sources()
+"""Every MJCF of gymnasium and of the dm_control suite, as "package/name"."""
+
+
+@functools.cache
+def mujoco_model(name: str) -> mujoco.MjModel:
+    """The compiled model of a source; shared, so not to be written to."""
+    return mujoco.MjModel.from_xml_path(str(SOURCES[name]))
+
+
+@functools.cache
+def stepper_model(name: str, *, strict: bool = True) -> stepper.Model:
+    """The same in stepper."""
+    return stepper.load(str(SOURCES[name]), strict=strict)
+
+
+STATE = [
+    "qpos",
+    "qvel",
+    "act",
+    "time",
+    "ctrl",
+    "status",
+    "residual",
+    "iterations",
+    "max_penetration",
+    "max_limit_violation",
+    "max_equality_violation",
+    "sensordata",
+    "sensordata_ideal",
+]
+"""What a `Stepper` says of where it is and of its last call."""
+
+
+def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None = None, *, precision: str = "f64", **options):
+    """A `Stepper` of a model, a compiled MuJoCo model or MJCF text, with the fields of `Options` as keywords."""
+    if not isinstance(model, stepper.Model):
+        model = stepper.load(model)
+    return stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision)
+
+
+def afloat(name: str, *, gravity: bool = True) -> mujoco.MjModel:
+    """A robot that nothing can touch: its contacts, its joint limits and, if asked, gravity are switched off."""
+    model = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
+    model.geom_contype[:] = 0
+    model.geom_conaffinity[:] = 0
+    model.jnt_limited[:] = 0
+    if not gravity:
+        model.opt.gravity[:] = 0
+    return model
+
+
+def random_quaternion(rng: np.random.Generator) -> np.ndarray:
+    """Uniform over rotations."""
+    q = rng.normal(size=4)
+    return q / np.linalg.norm(q)
+
+
+def random_state(model: mujoco.MjModel, rng: np.random.Generator, speed: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
+    """Joint positions within their range or +-pi, uniform orientations, normal velocities."""
+    qpos = np.zeros(model.nq)
+    for j in range(model.njnt):
+        at, kind = model.jnt_qposadr[j], model.jnt_type[j]
+        if kind == FREE:
+            qpos[at : at + 3] = rng.uniform(-1, 1, 3)
+            qpos[at + 3 : at + 7] = random_quaternion(rng)
+        elif kind == BALL:
+            qpos[at : at + 4] = random_quaternion(rng)
+        else:
+            qpos[at] = rng.uniform(*(model.jnt_range[j] if model.jnt_limited[j] else (-np.pi, np.pi)))
+    return qpos, rng.normal(scale=speed, size=model.nv)
+
+
+def forward(model: mujoco.MjModel, qpos, qvel, ctrl=None, *, act=None, qfrc=None, xfrc=None, data=None) -> mujoco.MjData:
+    """MuJoCo's data at a state; `data` of the same model is used again, because its memory takes longer than a step."""
+    if data is None:
+        data = mujoco.MjData(model)
+    else:
+        mujoco.mj_resetData(model, data)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    for target, given in [(data.ctrl, ctrl), (data.act, act), (data.qfrc_applied, qfrc), (data.xfrc_applied, xfrc)]:
+        if given is not None:
+            target[:] = given
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def full_mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """MuJoCo's mass matrix, dense."""
+    out = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, out)
+    return out
+
+
+def contact_bits(contacts: np.ndarray) -> bytes:
+    """Bits of contacts, whichever environment has them."""
+    return b"".join(contacts[name].tobytes() for name in contacts.dtype.names if name != "env")

@@ -23,14 +23,13 @@ import mujoco
 import mujoco_vector
 import numpy as np
 from sections import write_section
-from stepper import Options, Stepper
+from stepper import Options
 from stepper.envs import StepperVectorEnv
 from stepper.envs.locomotion import Go1Rough
-from stepper.envs.task import Array, Moment, Terms
+from stepper.envs.task import Array, Moment, Reset, Terms
 from stepper.envs.terrain import PyramidStairs, Terrain
 from stepper.loading import origin_of
 from stepper.policies import Evaluation, evaluate, load
-from stepper.shared.streams import Rng
 
 PAGE = Path(__file__).parents[1] / "docs/benchmarks/training.md"
 HEIGHTS = (0.05, 0.1, 0.15, 0.2)
@@ -69,13 +68,14 @@ class Go1Climb(Go1Rough):
     An episode is truncated when the robot has left the pit.
     """
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw the parameters of `Go1Rough`, and command all robots to walk along x for the whole episode."""
-        super().on_reset(sim, episode_state, mask, rng)
-        episode_state["velocity_command"][mask] = [SPEED, 0.0, 0.0]
-        episode_state["stands"][mask], episode_state["turns_to_heading"][mask] = False, True
-        episode_state["heading_command"][mask] = 0.0
-        episode_state["command_left"][mask] = self.episode_steps + 1
+    def reset(self, reset: Reset) -> None:
+        """Draw what `Go1Rough` draws, and command all robots to walk along x for the whole episode."""
+        super().reset(reset)
+        episode_state = reset.episode_state
+        episode_state["velocity_command"][:] = [SPEED, 0.0, 0.0]
+        episode_state["stands"][:], episode_state["turns_to_heading"][:] = False, True
+        episode_state["heading_command"][:] = 0.0
+        episode_state["command_left"][:] = self.episode_steps + 1
 
     def truncated(self, now: Moment) -> Array:
         """Whether a robot has climbed all steps, (num_envs,)."""

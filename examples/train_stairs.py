@@ -25,18 +25,16 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import torch
-from stepper import Stepper
 from stepper.envs.locomotion import Go1Rough
 from stepper.envs.locomotion.base import linear_velocity, stance
 from stepper.envs.locomotion.rough.commands import command
 from stepper.envs.locomotion.rough.state import action_scale
 from stepper.envs.locomotion.velocity import vertical
-from stepper.envs.task import Array, Moment, Terms
+from stepper.envs.task import Array, Moment, Reset
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain
 from stepper.policies import Policy, load
 from stepper.policies.ppo import Run, train
 from stepper.policies.ppo_settings import Settings
-from stepper.shared.streams import Rng
 
 TEACHER = Path(__file__).parent / "policies/go1_velocity.npz"
 WEIGHTS: Mapping[str, float] = {
@@ -88,12 +86,11 @@ class Go1Stairs(Go1Rough):
     episode_steps: int = 600
     straight: float = 0.85
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw the parameters of `Go1Rough`, and in most episodes a speed and a heading that are commanded to the end."""
-        super().on_reset(sim, episode_state, mask, rng)
-        drawn = rng.uniform(0.0, 1.0, 3)
-        straight = drawn[:, 0] < self.straight
-        envs = rng.envs[straight]
+    def reset(self, reset: Reset) -> None:
+        """Draw what `Go1Rough` draws, and in most episodes a speed and a heading that are commanded to the end."""
+        super().reset(reset)
+        episode_state, drawn = reset.episode_state, reset.rng.uniform(0.0, 1.0, 3)
+        envs = straight = drawn[:, 0] < self.straight
         low, high = SPEEDS
         episode_state["velocity_command"][envs] = 0.0
         episode_state["velocity_command"][envs, 0] = (low + (high - low) * drawn[:, 1])[straight]

@@ -224,8 +224,8 @@ class Reach(Task):
     def reward(self, now):
         return np.zeros(len(now.qpos)), {"height": now.qpos[:, 2]}
 
-    def sample_state(self, qpos, qvel, rng):
-        qpos[:, 2] = 0.5
+    def reset(self, reset):
+        reset.qpos[:, 2] = 0.5
 
 
 def noise_of_an_observation(*_):
@@ -306,8 +306,8 @@ ISAAC = {
     "noise of an observation term": noise_of_an_observation,
     "noise, bias, delay and dropout of a sensor": noise_of_a_sensor,
     "reward manager, terms with weights": reward_terms,
-    "termination manager": methods("healthy", "terminated"),
-    "event manager: startup, reset, interval": methods("sample_state", "on_reset", "advance"),
+    "termination manager": methods("terminated"),
+    "event manager: startup, reset, interval": methods("reset", "advance"),
     "command manager": methods("episode_state"),
     "action manager, joint position actions with scale and offset": methods("action_bounds", "advance"),
     "actuator configs: delayed PD, DC motor": methods("actuators"),

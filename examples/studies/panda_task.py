@@ -72,20 +72,12 @@ class PandaPick(Task):
         """Target of the hand (num_envs, 3), m, and closing command of the fingers (num_envs,), 0 or 1."""
         return {"target": np.zeros((num_envs, 3)), "closed": np.zeros(num_envs)}
 
-    def sample_state(self, qpos: Any, qvel: Any, rng: Any) -> None:
-        """Place the fingers above the nominal position, and the cube at random within ±4 cm of it."""
-        lab.ready(qpos, rng.uniform(-lab.SPREAD, lab.SPREAD, 2))
-
-    def on_reset(self, sim: Any, episode_state: Any, mask: Any, rng: Any) -> None:
-        """Reset the target, and draw the friction of cube and fingers."""
-        episode_state["target"][mask], episode_state["closed"][mask] = np.array([*panda.PLACE, panda.HALF + lab.ABOVE]), 0.0
-        model = sim.model
-        grips = [k for k, name in enumerate(model.geom_names) if name == "cube" or name.startswith("hand_finger")]
-        rows = np.tile(np.asarray(model.geom_friction), (len(mask), 1, 1))
-        drawn = np.zeros((len(mask), 1))
-        drawn[mask] = rng.uniform(*self.friction, 1)
-        rows[:, grips, 0] = drawn
-        sim.randomize(mask, geom_friction=rows)
+    def reset(self, reset: Any) -> None:
+        """Place the fingers above the nominal position and the cube within ±4 cm of it, and draw the friction of both."""
+        lab.ready(reset.qpos, reset.rng.uniform(-lab.SPREAD, lab.SPREAD, 2))
+        reset.episode_state["target"][:] = [*panda.PLACE, panda.HALF + lab.ABOVE]
+        friction = reset.rng.uniform(*self.friction, 1)[:, 0]
+        reset.sim.randomize({"geom_friction[cube,hand_finger*][0]": friction}, envs=reset.envs)
 
     def advance(self, now: Any) -> None:
         """Move the target by the action, and step while the servos follow it."""
@@ -94,9 +86,9 @@ class PandaPick(Task):
         episode_state["closed"][:] = now.action[:, 3] > 0.0
         now.sim.step(lab.controls(episode_state["target"], episode_state["closed"]), self.frame_skip)
 
-    def healthy(self, now: Any) -> Any:
-        """Whether the cube is within reach, (num_envs,)."""
-        return np.abs(now.qpos[:, 9:11] - panda.PLACE).max(axis=1) < 0.15
+    def terminated(self, now: Any) -> Any:
+        """Whether the cube is out of reach, (num_envs,)."""
+        return np.abs(now.qpos[:, 9:11] - panda.PLACE).max(axis=1) >= 0.15
 
     def reward(self, now: Any) -> Any:
         """Reward for fingers near the cube, a grasped cube and its height, less a cost of the motion."""

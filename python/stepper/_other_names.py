@@ -26,7 +26,7 @@ _ENVIRONMENT = _by_name(
         "sim, as env.unwrapped.sim.qpos": "data",
         "sim": "physics",
         "sim.model.qpos0": "init_qpos",
-        "task.sample_state(...), which sets velocities of a new episode": "init_qvel",
+        "task.reset, which sets velocities of a new episode": "init_qvel",
         "task.frame_skip": "frame_skip",
         "sim.qpos and sim.qvel": "state_vector",
         "sim.read('xpos', name)": "get_body_com",
@@ -46,7 +46,7 @@ _ENVIRONMENT = _by_name(
         "the info dict that reset and step return": "_get_info _get_reset_info get_info extras buf_infos",
         "the reward that step returns": "_get_rew rew_buf buf_rews",
         "the info dict, which has terms of the reward": "control_cost contact_cost healthy_cost impact_cost forward_reward",
-        "now.healthy": "is_healthy",
+        "task.terminated(env.unwrapped.now)": "is_healthy",
         "stepper.envs.contact_forces(env.unwrapped.now, geoms)": "contact_forces",
         "observation_structure": "observation_names obs_names observation_keys observation_layout",
         "observation_space": "observation_spec obs_space",
@@ -65,9 +65,9 @@ _METHODS_OF_TASKS = _by_name(
         "terminated": (
             "done dones is_done _is_done get_done get_dones _get_done _get_dones compute_done compute_dones termination terminations "
             "terminate terminates is_terminated is_terminal terminal get_termination get_terminated _get_terminated _get_termination "
-            "compute_terminated compute_termination check_termination should_terminate should_terminate_episode unhealthy is_unhealthy"
+            "compute_terminated compute_termination check_termination should_terminate should_terminate_episode unhealthy is_unhealthy "
+            "healthy is_healthy _is_healthy get_healthy is_alive alive"
         ),
-        "healthy": "is_healthy _is_healthy get_healthy is_alive alive",
         "truncated": (
             "truncate truncates truncation truncations is_truncated get_truncated _get_truncated compute_truncated check_truncation "
             "time_out timeout is_timeout"
@@ -81,12 +81,10 @@ _METHODS_OF_TASKS = _by_name(
             "_get_observation _get_observations compute_obs compute_observation compute_observations make_observation "
             "get_state_observation observation_spec get_observation_space"
         ),
-        "sample_state": (
-            "start reset _reset reset_model reset_idx _reset_idx reset_state reset_states reset_task reset_env initialize initialise "
+        "reset": (
+            "start _reset reset_model reset_idx _reset_idx reset_state reset_states reset_task reset_env initialize initialise "
             "initialize_episode initialise_episode initialize_state init_state initial_state get_initial_state sample_initial_state "
-            "sample_init_state _get_reset_state reset_robot reset_root_state"
-        ),
-        "on_reset": (
+            "sample_init_state _get_reset_state reset_robot reset_root_state "
             "prepare randomize randomise randomization randomize_domain domain_randomization apply_randomization apply_randomizations "
             "randomize_parameters events after_reset post_reset pre_reset on_episode_start on_episode_begin begin_episode start_episode "
             "resample_commands"
@@ -132,13 +130,13 @@ PARTS_OF_OTHER_TASKS = _by_name(
             "critic_observations critic_obs privileged_observations privileged_obs get_privileged_observations get_critic_observations "
             "compute_critic_observations get_states states"
         ),
-        "keep commands in episode_state(self, num_envs), draw them in on_reset, and change them in advance(self, now)": (
+        "keep commands in episode_state(self, num_envs), draw them in reset, and change them in advance(self, now)": (
             "commands command command_manager get_commands sample_command sample_commands update_command update_commands"
         ),
         "change levels in on_end(self, now, envs), in an array of episode_state that `carried` names": (
             "curriculum curriculums curricula update_curriculum update_terrain_curriculum update_command_curriculum"
         ),
-        "set parameters once by env.unwrapped.sim.randomize(...), or in on_reset for each episode": (
+        "set parameters once by env.unwrapped.sim.randomize(...), or in reset(self, reset) for each episode": (
             "startup on_startup at_startup setup prestartup"
         ),
         "push in advance(self, now) by now.sim.set_state(qvel=...), at times that are in an array of episode_state": (
@@ -173,7 +171,7 @@ RENAMED = {
             "task.reward(now)": "reward rewards reward_terms",
             "task.terminated(now)": "done dones is_terminated",
             "rng(name)": "np_random random generator",
-            "an array of episode_state, which on_reset draws": "command commands target goal",
+            "an array of episode_state, which reset draws": "command commands target goal",
         }
     ),
     "stepper.envs": {"Quantity": "Observation", "Draws": "Rng"},
@@ -185,7 +183,7 @@ _DRIVES = "actuators=stepper.ActuatorModel(...), for drives that stepper.Stepper
 _READINGS = "stepper.Stepper(model, sensors=stepper.SensorModel(...)): errors of sensors are settings of a stepper"
 _SEGMENTS = "stepper.recording.segments(path)"
 _OWN_TASK = "stepper.envs.Task, whose subclass StepperEnv(task) and StepperVectorEnv(task, num_envs) take"
-_METHOD_OF_A_TASK = "a method of stepper.envs.Task, as reward(self, now), terminated(self, now) and on_reset(self, ...)"
+_METHOD_OF_A_TASK = "a method of stepper.envs.Task, as reward(self, now), terminated(self, now) and reset(self, reset)"
 
 NEW_NAMES: dict[str, dict[str, str]] = RENAMED | _by_name_in(
     {

@@ -62,7 +62,7 @@ SCRIPTS = {
         (lambda: ENV.unwrapped.data.qpos, "use sim, as env.unwrapped.sim.qpos"),
         (lambda: ENV.unwrapped.model.body_mass, "sim.model"),
         (lambda: ENV.unwrapped.init_qpos, "sim.model.qpos0"),
-        (lambda: ENV.unwrapped.init_qvel, "task.sample_state(...)"),
+        (lambda: ENV.unwrapped.init_qvel, "task.reset,"),
         (lambda: ENV.unwrapped.frame_skip, "task.frame_skip"),
         (lambda: ENV.unwrapped.state_vector, "use sim.qpos and sim.qvel"),
         (lambda: ENV.unwrapped.get_body_com("block"), "sim.read('xpos', name)"),

@@ -17,7 +17,7 @@ from stepper._options import Options, Precision, precision_of
 from stepper._quantities import output_array
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.envs.hooks import call_hook, check_rows_of_others, episode_state_of
+from stepper.envs.hooks import EpisodeState, call_hook, episode_state_of
 from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.task import Array, Contact, Moment, Reset, Task, Terms, with_zero_rows
 from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of, table_of
@@ -87,8 +87,7 @@ class Batch:
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
         self._default_qpos, self._episode_state = model.qpos0, episode_state_of(task, num_envs, task.carried)
         self._initial = {name: np.array(values) for name, values in self._episode_state.items()}
-        self._seeded, self._tested_resets = np.ones(num_envs, dtype=bool), False
-        self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
+        self._seeded = np.ones(num_envs, dtype=bool)
         low, high = bounds_of(task, model)
         if not len(low):
             _warn_without_actions(task, model)
@@ -149,7 +148,7 @@ class Batch:
         envs = np.flatnonzero(mask)
         self._end(envs)
         self.streams.ages[envs] += 1
-        self._place(mask, envs)
+        self._start(envs)
         self._reread(mask)
 
     def _end(self, envs: Array) -> None:
@@ -157,59 +156,20 @@ class Batch:
         if type(self.task).on_end is not Task.on_end and len(stepped := envs[self.lengths[envs] > 0]):
             call_hook(self.task, "on_end", self.now, stepped)
 
-    def _place(self, mask: Array, envs: Array) -> None:
-        """Resets some environments and calls the hooks `Task.place` and `Task.on_reset`. The view `now` is not updated.
-
-        Args:
-            mask: Mask of the environments, (num_envs,) bool.
-            envs: Indices of the same environments, (n,).
-        """
-        self._begin_episode_state(envs)
-        qpos, qvel = np.empty((len(envs), len(self._default_qpos))), np.zeros((len(envs), self._qvel.shape[1]))
-        qpos[:] = self._default_qpos
-        rng = Rng(self.streams, envs)
-        call_hook(self.task, "place", Reset(self.sim, envs, qpos, qvel, self._episode_state, rng))
-        self._qpos[envs], self._qvel[envs] = qpos, qvel
-        new = mask & self._new_seeds
-        if new.any():
-            self.sim.reset(new, qpos=self._qpos, qvel=self._qvel, seed=self._noise_seeds)
-            self._new_seeds[envs] = False
-        others = mask & ~new
-        if others.any():
-            self.sim.reset(others, qpos=self._qpos, qvel=self._qvel)
-        self._on_reset(mask, rng)
-        self.returns[envs], self.lengths[envs] = 0.0, 0
-
-    def _on_reset(self, mask: Array, rng: Rng) -> None:
-        """Calls the hook `Task.on_reset` for environments that start an episode.
-
-        The hook must not change other environments. The first call in which only some environments start an episode checks this.
-
-        Args:
-            mask: Environments that start an episode, (num_envs,) bool.
-            rng: Random number generator of these environments.
-
-        Raises:
-            ValueError: The hook returned a value, removed an array from `episode_state`, or changed values in `episode_state` of
-                environments outside the mask.
-        """
-        first = not self._tested_resets and not mask.all()
-        before = {name: np.array(self._episode_state[name]) for name in self._initial} if first else {}
-        call_hook(self.task, "on_reset", self.sim, self._episode_state, mask, rng)
-        if first:
-            self._tested_resets = True
-            check_rows_of_others(self.task, before, self._episode_state, ~mask)
-
-    def _begin_episode_state(self, envs: Array) -> None:
-        """Sets the rows of the task's `episode_state` to their initial values for new episodes in the environments `envs`, indices (n,).
-
-        Arrays named in `task.carried` are only reset in environments with a new seed.
-        """
-        seeded = envs[self._seeded[envs]]
-        for name, values in self._initial.items():
-            rows = seeded if name in self.task.carried else envs
-            self._episode_state[name][rows] = values[rows]
+    def _start(self, envs: Array) -> None:
+        """Starts episodes in the environments `envs`, indices (n,), and calls the hook `Task.reset`. The view `now` is not updated."""
+        state = {name: values[envs] for name, values in self._initial.items()}
+        for name in self.task.carried:
+            running = ~self._seeded[envs]
+            state[name][running] = self._episode_state[name][envs[running]]
         self._seeded[envs] = False
+        reset = Reset(self.sim, envs, EpisodeState(type(self.task).__name__, state), Rng(self.streams, envs))
+        call_hook(self.task, "reset", reset)
+        for name, rows in reset.episode_state.items():
+            self._episode_state[name][envs] = rows
+        reset.apply(self._noise_seeds[envs], self._new_seeds[envs])
+        self._new_seeds[envs] = False
+        self.returns[envs], self.lengths[envs] = 0.0, 0
 
     def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array, envs: Array | None = None) -> None:
         """Sets positions (m, rad) and velocities (m/s, rad/s) of some environments; see `Stepper.set_state`.
@@ -298,7 +258,7 @@ class Batch:
         if begins is not None:
             for name, values in carried.items():  # Environments that are reset ignore this action.
                 self._episode_state[name][begins] = values
-            self._place(begins, np.flatnonzero(begins))
+            self._start(np.flatnonzero(begins))
             self._reread(begins)
         now = self._now
         if before is not None:

@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, ParamSpec, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,15 @@ from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.envs.absent import missing_from_now, missing_from_task
-from stepper.envs.assets import load_quietly, model_file
-from stepper.envs.hooks import call_hook, in_words
+from stepper.envs.assets import cache_per_model, load_quietly, model_file
+from stepper.envs.hooks import in_words
 from stepper.envs.members import TaskType, check_members
 from stepper.sensors import SensorModel
 from stepper.shared.arguments import check_number
 from stepper.shared.functions import check_takes
 from stepper.shared.streams import Rng, Streams
 
+P = ParamSpec("P")
 Array = NDArray[Any]
 Terms: TypeAlias = dict[str, Array]
 """Arrays (num_envs, ...) by name, such as terms of a reward or entries of an info dict."""
@@ -122,32 +123,12 @@ class Moment:
         if self._expired:
             raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
 
-    @property
-    def healthy(self) -> Any:
-        """Result of the task's method `healthy`, (num_envs,) bool or None."""
-        values = self._stored()
-        if "healthy" not in values:
-            self._check_present("healthy")
-            values["healthy"] = self._healthy()
-        return values["healthy"]
-
     if not TYPE_CHECKING:
 
         def __getitem__(self, name: Any) -> Any:
             raise TypeError(
                 f"now[{name!r}] is not defined: quantities are attributes, as now.qpos, and now.read(name, of) selects elements"
             )
-
-    def _healthy(self) -> Any:
-        """Result of the task's method `healthy`, (num_envs,) bool or None; a ValueError if it is anything else."""
-        found, expected = self.task.healthy(self), (self.sim.num_envs,)
-        if found is not None and not (isinstance(found, np.ndarray) and found.dtype == np.bool_ and found.shape == expected):
-            described = f"{in_words(found)} of {found.dtype}" if isinstance(found, np.ndarray) else in_words(found)
-            raise ValueError(
-                f"{type(self.task).__name__}.healthy returns {described}, must be an array {expected} of bool: one value for each "
-                "environment, or None"
-            )
-        return found
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> Array:
         """Returns values of a quantity for all or some elements, by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
@@ -325,31 +306,82 @@ class Observation:
         return flat + now.rng(self.name).uniform(-self.noise, self.noise, flat.shape[1]) if self.noise else flat
 
 
-@dataclass(frozen=True)
 class Reset:
-    """Environments that start a new episode: the argument of `Task.place`.
+    """Environments that start a new episode: the argument of `Task.reset`.
+
+    All arrays have one row for each of the n environments, and so have the draws of `rng`. Write to the arrays, or assign to them:
+    `reset.qpos[:, 2] += 0.1` and `reset.qpos = poses` both set initial positions.
 
     Attributes:
-        sim: The stepper. These environments still have the state in which their last episode ended.
+        sim: The stepper. These environments still have the state in which their last episode ended. `sim.randomize(..., envs=reset.envs)`
+            sets parameters.
         envs: Indices of the environments, (n,).
-        qpos: Initial positions, (n, nq), m and rad: the model's reference, to be changed in place.
-        qvel: Initial velocities, (n, nv), m/s and rad/s: zero, to be changed in place.
-        episode_state: Arrays (num_envs, ...) of `Task.episode_state`, already with the initial rows of the new episodes. Change
-            only the rows `episode_state[name][reset.envs]`.
-        rng: Random number generator of these environments.
+        qpos: Initial positions, (n, nq), m and rad: the model's reference.
+        qvel: Initial velocities, (n, nv), m/s and rad/s: zero.
+        act: Initial activations, (n, na): zero.
+        mocap_pos: Initial positions of the mocap bodies, (n, nmocap, 3), m: those of the model.
+        mocap_quat: Initial orientations of the mocap bodies, (n, nmocap, 4): those of the model.
+        episode_state: Arrays (n, ...) by name: the rows of `Task.episode_state` with the initial values of the new episodes.
+        rng: Random number generator of these environments: `rng.uniform(low, high, size)` returns an array (n, size).
     """
 
     sim: Stepper
     envs: Array
     qpos: Array
     qvel: Array
+    act: Array
+    mocap_pos: Array
+    mocap_quat: Array
     episode_state: Terms
     rng: Rng
+
+    def __init__(self, sim: Stepper, envs: Array, episode_state: Terms, rng: Rng):
+        qpos, qvel = np.tile(np.asarray(sim.model.qpos0), (len(envs), 1)), np.zeros((len(envs), sim.model.nv))
+        vars(self).update(sim=sim, envs=envs, qpos=qpos, qvel=qvel, episode_state=episode_state, rng=rng)
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            raise no_attribute(Reset, name, self.__dataclass_fields__)
+            if name not in ("act", "mocap_pos", "mocap_quat"):
+                raise no_attribute(Reset, name, list(inspect.get_annotations(Reset)))
+            # Few tasks use these arrays, which are therefore created at the first read.
+            initial = np.zeros(self.sim.act.shape[1]) if name == "act" else _mocap_poses(self.sim.model)[name]
+            vars(self)[name] = np.tile(initial, (len(self.envs), *[1] * initial.ndim))
+            return vars(self)[name]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        array = getattr(self, name)
+        if not isinstance(array, np.ndarray):
+            raise AttributeError(f"{name} of a reset cannot be assigned: write to its arrays, or call its methods")
+        if value is not array:  # As in `reset.qpos += 0.1`.
+            array[...] = value
+
+    def apply(self, seeds: Array, is_new: Array) -> None:
+        """Starts the episodes in the stepper.
+
+        Args:
+            seeds: Seeds of the sensor errors, (n,) uint64.
+            is_new: Environments whose sensor errors get their seed, (n,) bool. Those of the others go on.
+        """
+        for rows in (is_new, ~is_new):
+            if rows.any():
+                given = seeds[rows] if rows is is_new else None
+                self.sim.reset(self.envs[rows], qpos=self.qpos[rows], qvel=self.qvel[rows], seed=given)
+        if "act" in vars(self):
+            self.sim.set_state(act=self.act, envs=self.envs)
+        for name in ("mocap_pos", "mocap_quat"):
+            if name in vars(self):
+                getattr(self.sim, name)[self.envs] = vars(self)[name]
+
+
+@cache_per_model
+def _mocap_poses(model: Model) -> Terms:
+    """Poses of the mocap bodies in the model: "mocap_pos" (nmocap, 3), m, and "mocap_quat" (nmocap, 4)."""
+    bodies = sorted((body for body in map(model.body, range(model.nbody)) if body.mocapid >= 0), key=lambda body: body.mocapid)
+    pos, quat = np.zeros((len(bodies), 3)), np.zeros((len(bodies), 4))
+    for k, body in enumerate(bodies):
+        pos[k], quat[k] = body.pos, body.quat
+    return {"mocap_pos": pos, "mocap_quat": quat}
 
 
 class Task(metaclass=TaskType):
@@ -417,41 +449,22 @@ class Task(metaclass=TaskType):
             now: View of the batch after the step.
         """
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Samples initial states of n episodes.
+    def reset(self, reset: Reset) -> None:
+        """Sets the beginning of new episodes: initial states, commands and other values of `episode_state`, parameters.
 
         Args:
-            qpos: Positions, (n, nq), m and rad: the reference positions (`qpos0`), to be changed in place.
-            qvel: Velocities, (n, nv), m/s and rad/s: zero, to be changed in place.
-            rng: Random number generator of these environments: `rng.uniform(low, high, size)` returns an array (n, size).
+            reset: Environments that start an episode, with arrays of one row for each of them. Initial states are written to
+                `reset.qpos` and `reset.qvel`, values of the episode to `reset.episode_state`.
         """
-
-    def place(self, reset: Reset) -> None:
-        """Sets the initial states in `reset.qpos` and `reset.qvel`. The default calls `sample_state`.
-
-        Override this method if initial states depend on `episode_state` or the simulation, for example on the level of a terrain. An
-        override can first call `super().place(reset)`, and then move the sampled states.
-        """
-        call_hook(self, "sample_state", reset.qpos, reset.qvel, reset.rng)
 
     def episode_state(self, num_envs: int) -> Terms:
         """Returns the initial values of data of the episodes that the stepper does not store, such as commands and previous actions.
 
         Returns:
-            Arrays (num_envs, ...) by name, the initial `now.episode_state`. `place`, `on_reset`, `advance` and `on_end` write to them. Each
-            episode starts with the rows returned here, except for names in `carried`.
+            Arrays (num_envs, ...) by name, the initial `now.episode_state`. `reset`, `advance` and `on_end` write to them. Each episode
+            starts with the rows returned here, except for names in `carried`.
         """
         return {}
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Hook that is called after the initial states are set, for example to draw commands or parameters (`sim.randomize`).
-
-        Args:
-            sim: The stepper.
-            episode_state: Arrays (num_envs, ...) of `Task.episode_state`.
-            mask: Environments that start an episode, (num_envs,) bool. Change only these, in the stepper and in `episode_state`.
-            rng: Random number generator of these environments.
-        """
 
     def on_end(self, now: Moment, envs: Array) -> None:
         """Hook that is called before environments start their next episode, even if `reset` ends the current episode early.
@@ -464,16 +477,9 @@ class Task(metaclass=TaskType):
             envs: Indices of the environments, (n,).
         """
 
-    def healthy(self, now: Moment) -> Array | None:
-        """Whether the episode of each environment may continue, (num_envs,) bool. None means that all episodes may continue.
-
-        Other methods of a task read the result as `now.healthy`, so that it is computed only once.
-        """
-        return None
-
     def terminated(self, now: Moment) -> Array | None:
-        """Whether each episode is terminated, (num_envs,) bool. None means that no episode is terminated. The default negates `healthy`."""
-        return None if now.healthy is None else ~now.healthy
+        """Whether each episode ends with a failure, (num_envs,) bool. None means that no episode fails."""
+        return None
 
     def truncated(self, now: Moment) -> Array | None:
         """Whether the task truncates each episode, (num_envs,) bool, for example because the robot left the terrain without a failure.
@@ -519,15 +525,16 @@ class MujocoTask(Task):
         return load_quietly(model_file(self.xml_file))
 
 
-def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:
-    """Decorator for a function of a `Moment`: the result is computed at the first call for a moment, and stored for later calls."""
+def per_moment(function: Callable[P, Array]) -> Callable[P, Array]:
+    """Decorator for a function of a `Moment`, or a method of a task: the result is computed once per moment, and stored for later calls."""
+    name = f"of {function.__module__}.{function.__qualname__}"
 
     @functools.wraps(function)
-    def quantity(now: Moment) -> Array:
-        name = f"of {function.__qualname__}"
+    def quantity(*arguments: P.args, **named: P.kwargs) -> Array:
+        now: Any = arguments[-1]
         values = now._stored()
         if name not in values:
-            values[name] = function(now)
+            values[name] = function(*arguments, **named)
         value: Array = values[name]
         return value
 

@@ -8,14 +8,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model
 from stepper.envs.assets import cache_model, cache_per_model
 from stepper.envs.locomotion.mjlab import PLAIN_REACH, ROUGH_REACH, Ground, Servo, plain_ground, scene, tiled_ground
 from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask, command
-from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
+from stepper.envs.task import Camera, Moment, Terms, square_sum
 from stepper.envs.terrain import Terrain
-from stepper.shared.streams import Rng
 
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
 _HEIGHT = 0.278
@@ -64,12 +63,6 @@ class Go1Velocity(VelocityTask):
     def terms(self, now: Moment) -> Terms:
         """Terms of `VelocityTask`, and the term "stride", which is 0 while the command is to stand."""
         return super().terms(now) | {"stride": now.episode_state["stride"] * (square_sum(command(now)) > _STANDING_COMMAND**2)}
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws commands, pushes, latency and parameters, and clears the air times of the feet."""
-        super().on_reset(sim, episode_state, mask, rng)
-        episode_state["air"][mask] = 0.0
-        episode_state["stride"][mask] = 0.0
 
     def advance(self, now: Moment) -> None:
         """Steps the simulation by one action as in `VelocityTask`, detects landings of feet, and computes the reward term "stride"."""

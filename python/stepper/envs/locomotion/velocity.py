@@ -10,16 +10,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, DCMotor, Drive
 from stepper.envs.assets import cache_per_model
 from stepper.envs.locomotion import terrain
 from stepper.envs.locomotion.base import check_sizes, check_weights, frame, linear_velocity, stance
-from stepper.envs.task import Array, Moment, Observation, Task, Terms, per_moment, square_sum
+from stepper.envs.task import Array, Moment, Observation, Reset, Task, Terms, per_moment, square_sum
 from stepper.sensors import SensorModel, SensorSpec, Transfer
 from stepper.shared.arguments import check_fields
 from stepper.shared.rotations import about_vertical
-from stepper.shared.streams import Rng
 
 _COMMANDS, _PUSHES = 2, 3
 """Number of commands per episode, one after the other; number of pushes per episode."""
@@ -221,11 +220,11 @@ class VelocityTask(Task):
         total: Array = sum(terms.values(), np.zeros(len(error)))
         return np.maximum(total, 0.0), {"tracking_error": error} | terms
 
-    def healthy(self, now: Moment) -> Array:
-        """Whether the base is upright enough (`steepest`) and high enough above the ground (`lowest`), (num_envs,)."""
+    def terminated(self, now: Moment) -> Array:
+        """Whether the base is too far from upright (`steepest`) or too low above the ground (`lowest`), (num_envs,)."""
         above = now.qpos[:, 2] - self.ground(now.qpos[:, :2])
-        healthy: Array = (vertical(now)[:, 2] > self.steepest) & (above > self.lowest)
-        return healthy
+        fallen: Array = ~((vertical(now)[:, 2] > self.steepest) & (above > self.lowest))
+        return fallen
 
     def ground(self, xy: Array) -> Array:
         """Height of the ground, m, at points (..., 2), m."""
@@ -236,8 +235,12 @@ class VelocityTask(Task):
         """Info: current velocity command."""
         return {"command": command(now)}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: the stance with noise, random heading and velocity; on bumpy ground at a random position above the surface."""
+    def reset(self, reset: Reset) -> None:
+        """Draws initial states, and commands, pushes, latency and model parameters of the new episodes.
+
+        Initial states are the stance with noise, random heading and velocity; on bumpy ground at a random position above the surface.
+        """
+        qpos, qvel, rng = reset.qpos, reset.qvel, reset.rng
         turn = rng.uniform(-np.pi, np.pi, 1)[:, 0]
         qpos[:] = self.model().keyframe("stance").qpos
         qpos[:, 3:7] = about_vertical(turn)
@@ -246,10 +249,7 @@ class VelocityTask(Task):
         if self.roughness:
             qpos[:, :2] = rng.uniform(-_START_RANGE, _START_RANGE, 2)
             qpos[:, 2] += self.ground(qpos[:, None, :2] + _FOOTPRINT).max(axis=1)
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws commands, pushes, latency and model parameters of the new episodes."""
-        count, model = len(rng.envs), sim.model
+        count, model = len(rng.envs), reset.sim.model
         commands = rng.uniform(-1.0, 1.0, 3 * _COMMANDS).reshape(count, _COMMANDS, 3) * self.max_command
         commands[rng.uniform(0.0, 1.0, _COMMANDS) < _STANDING_SHARE] = 0.0
         spread = (np.arange(_PUSHES) + rng.uniform(0.2, 0.8, _PUSHES)) * (self.episode_steps / _PUSHES)
@@ -263,7 +263,7 @@ class VelocityTask(Task):
             "before": stance(model),
         }
         for name, values in initial.items():
-            episode_state[name][mask] = values
+            reset.episode_state[name][:] = values
         varied = ("geom_friction", "body_mass", "body_ipos", "actuator_gainprm", "actuator_biasprm")
         rows = {name: np.repeat(np.asarray(getattr(model, name))[None], count, axis=0) for name in varied}
         rows["geom_friction"][:, [k for k, name in enumerate(model.geom_names) if "foot" in name], 0] = rng.uniform(*self.friction, 1)
@@ -272,10 +272,7 @@ class VelocityTask(Task):
         gains = rng.uniform(*self.gain_scale, model.nu)[:, :, None]
         rows["actuator_gainprm"] *= gains
         rows["actuator_biasprm"] *= gains
-        fields = {name: np.zeros((len(mask), *values.shape[1:])) for name, values in rows.items()}
-        for name, values in rows.items():
-            fields[name][mask] = values
-        sim.randomize(mask, **fields)
+        reset.sim.randomize(envs=reset.envs, **rows)
 
     def advance(self, now: Moment) -> None:
         """Pushes the base in environments whose push is due, and steps the simulation by one action.

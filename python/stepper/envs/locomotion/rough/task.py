@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model
 from stepper.envs.locomotion.base import check_sizes, check_weights, in_base, linear_velocity, stance
 from stepper.envs.locomotion.rough.commands import (
     STAGES,
@@ -26,7 +26,6 @@ from stepper.envs.task import Array, Moment, Observation, Reset, Task, Terms, sq
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain, TerrainCurriculum, Wave
 from stepper.shared.arguments import check_fields
 from stepper.shared.rotations import about_vertical
-from stepper.shared.streams import Rng
 
 ROUGH = Terrain(
     sub_terrains={
@@ -176,12 +175,12 @@ class RoughTask(Task):
         total: Array = now.dt * sum(terms.values(), np.zeros(len(error)))
         return total, {"tracking_error": error} | {f"reward_{name}": term for name, term in terms.items()}
 
-    def healthy(self, now: Moment) -> Array:
-        """Whether no geom of `THIGHS` collides with the terrain, and the tilt of the base is allowed (`steepest`), (num_envs,)."""
-        safe: Array = ~touches_terrain(now, self.THIGHS)
+    def terminated(self, now: Moment) -> Array:
+        """Whether a geom of `THIGHS` collides with the terrain, or the tilt of the base is too large (`steepest`), (num_envs,)."""
+        fallen: Array = touches_terrain(now, self.THIGHS)
         if self.steepest is not None:
-            safe &= -in_base(now, np.tile([0.0, 0.0, -1.0], (len(safe), 1)))[:, 2] > self.steepest
-        return safe
+            fallen |= ~(-in_base(now, np.tile([0.0, 0.0, -1.0], (len(fallen), 1)))[:, 2] > self.steepest)
+        return fallen
 
     def truncated(self, now: Moment) -> Array:
         """Whether the base is outside the terrain or within 0.3 m of the terrain's edge, (num_envs,) bool."""
@@ -199,30 +198,25 @@ class RoughTask(Task):
         swings["air_time"] = np.zeros((num_envs, feet))
         return command_state(num_envs) | self.levels.episode_state(num_envs) | joints | swings
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: the stance with a random heading, 0.01 to 0.05 m above the ground."""
+    def reset(self, reset: Reset) -> None:
+        """Draws initial states, commands, the time of the first push, encoder errors, friction of the feet and centre of mass of the base.
+
+        Initial states are the stance with a random heading, 0.01 to 0.05 m above the ground, near the middle of the environment's tile.
+        """
+        qpos, rng, state = reset.qpos, reset.rng, reset.episode_state
         qpos[:] = self.model().keyframe("stance").qpos
         qpos[:, 2] += rng.uniform(*_INITIAL_LIFT, 1)[:, 0]
         qpos[:, 3:7] = about_vertical(rng.uniform(-np.pi, np.pi, 1)[:, 0])
-
-    def place(self, reset: Reset) -> None:
-        """Samples initial states, and moves each one near the middle of the environment's tile."""
-        super().place(reset)
         self.levels.place(reset)
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws commands, the time of the first push, encoder errors, friction of the feet and the centre of mass of the base."""
-        model, envs, dt = sim.model, rng.envs, sim.timestep * self.frame_skip
-        draw_commands(episode_state, envs, rng, dt, self.stages)
-        draw_push_times(episode_state, envs, rng, dt)
-        episode_state["encoder_bias"][envs] = self.noise * rng.uniform(-_MAX_ENCODER_BIAS, _MAX_ENCODER_BIAS, model.nu)
-        rows = {name: np.zeros((len(mask), *getattr(model, name).shape)) for name in ("geom_friction", "body_ipos")}
-        for name, values in rows.items():
-            values[envs] = getattr(model, name)
+        model, envs, dt = reset.sim.model, np.arange(len(reset.envs)), reset.sim.timestep * self.frame_skip
+        draw_commands(state, envs, rng, dt, self.stages)
+        draw_push_times(state, envs, rng, dt)
+        state["encoder_bias"][:] = self.noise * rng.uniform(-_MAX_ENCODER_BIAS, _MAX_ENCODER_BIAS, model.nu)
+        rows = {name: np.tile(getattr(model, name), (len(envs), 1, 1)) for name in ("geom_friction", "body_ipos")}
         feet = [model.geom(name).id for names in self.FEET.values() for name in names]
         rows["geom_friction"][envs[:, None], feet, 0] = rng.uniform(*self.friction, 1)
         rows["body_ipos"][envs, 1] += _MAX_COM_SHIFT * rng.uniform(-1.0, 1.0, 3)
-        sim.randomize(mask, **rows)
+        reset.sim.randomize(envs=reset.envs, **rows)
 
     def advance(self, now: Moment) -> None:
         """Replaces expired commands, applies pushes, steps the simulation by one action, and records swings and landings of the feet."""

@@ -22,7 +22,8 @@ SCENE = """<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="
   <freejoint/><geom name="palm" size=".1" mass="1"/><site name="tip" pos=".1 0 0"/><body name="finger" pos=".1 0 0">
   <joint name="j" axis="0 1 0" damping=".1"/>
   <geom name="f" type="capsule" fromto="0 0 0 .2 0 0" size=".02" mass=".2"/></body></body></worldbody>
-  <actuator><motor name="m" joint="j" gear="2"/></actuator><sensor><framepos objtype="site" objname="tip"/><jointpos joint="j"/></sensor>
+  <actuator><motor name="m" joint="j" gear="2" ctrlrange="-1 1"/></actuator>
+  <sensor><framepos objtype="site" objname="tip"/><jointpos joint="j"/></sensor>
   <keyframe><key name="home" qpos="0 0 .5 1 0 0 0 .3" qvel="0 0 0 0 0 .1 .2" ctrl=".4" time="2"/></keyframe></mujoco>"""
 
 

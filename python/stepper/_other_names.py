@@ -73,7 +73,7 @@ _METHODS_OF_TASKS = _by_name(
             "time_out timeout is_timeout"
         ),
         "reward": (
-            "rewards reward_fn reward_function get_reward get_rewards _get_rew _get_reward _get_rewards _reward compute_reward "
+            "reward_fn reward_function get_reward get_rewards _get_rew _get_reward _get_rewards _reward compute_reward "
             "compute_rewards _compute_reward calculate_reward calc_reward evaluate_reward"
         ),
         "observations": (
@@ -86,7 +86,7 @@ _METHODS_OF_TASKS = _by_name(
             "initialize_episode initialise_episode initialize_state init_state initial_state get_initial_state sample_initial_state "
             "sample_init_state _get_reset_state reset_robot reset_root_state "
             "prepare randomize randomise randomization randomize_domain domain_randomization apply_randomization apply_randomizations "
-            "randomize_parameters events after_reset post_reset pre_reset on_episode_start on_episode_begin begin_episode start_episode "
+            "randomize_parameters after_reset post_reset pre_reset on_episode_start on_episode_begin begin_episode start_episode "
             "resample_commands"
         ),
         "on_end": "on_episode_end episode_end end_episode after_episode on_done finish_episode",
@@ -130,19 +130,14 @@ PARTS_OF_OTHER_TASKS = _by_name(
             "critic_observations critic_obs privileged_observations privileged_obs get_privileged_observations get_critic_observations "
             "compute_critic_observations get_states states"
         ),
-        "keep commands in episode_state(self, num_envs), draw them in reset, and change them in advance(self, now)": (
-            "commands command command_manager get_commands sample_command sample_commands update_command update_commands"
+        "define `commands`, a dictionary of stepper.envs.commands": (
+            "command command_manager get_commands sample_command sample_commands update_command update_commands"
         ),
         "change levels in on_end(self, now, envs), in an array of episode_state that `carried` names": (
             "curriculum curriculums curricula update_curriculum update_terrain_curriculum update_command_curriculum"
         ),
-        "set parameters once by env.unwrapped.sim.randomize(...), or in reset(self, reset) for each episode": (
-            "startup on_startup at_startup setup prestartup"
-        ),
-        "push in advance(self, now) by now.sim.set_state(qvel=...), at times that are in an array of episode_state": (
-            "interval push push_robot push_robots"
-        ),
-        "define action_bounds(self, model), and convert now.action to controls in advance(self, now)": "actions",
+        "return at_start(selector, uniform(low, high)) in events(self)": "startup on_startup at_startup setup prestartup",
+        "return every(seconds, push(body, x=(-1, 1))) in events(self)": "interval push push_robot push_robots",
     }
 )
 """Advice on methods and tables of a task that other libraries read and environments do not, by name."""
@@ -158,20 +153,19 @@ RENAMED = {
                 "prev_position last_qpos last_qvel last_xpos last_position previous_qpos previous_qvel previous_xpos previous_position "
                 "old_qpos old_qvel old_xpos old_position"
             ),
-            "action, that of the step, or an array of episode_state that advance(self, now) sets, for the action before it": (
-                "last_action last_actions prev_action prev_actions previous_action previous_actions"
-            ),
+            "previous_action, that of the step before, or action": "last_action last_actions prev_action prev_actions previous_actions",
             "action": "actions",
             "the quantities of which the observation consists, as now.qpos": "obs observation observations obs_buf state",
             "now.qpos, now.xpos, now.sensordata and others": "data physics mj_data",
             "sim": "env envs",
             "time, in s since the episode began; now.time / now.dt is the number of actions": (
-                "step_count steps num_steps elapsed_steps episode_length episode_length_buf progress_buf t"
+                "step_count num_steps elapsed_steps episode_length episode_length_buf progress_buf t"
             ),
-            "task.reward(now)": "reward rewards reward_terms",
+            "task.reward(now)": "reward rewards",
             "task.terminated(now)": "done dones is_terminated",
             "rng(name)": "np_random random generator",
-            "an array of episode_state, which reset draws": "command commands target goal",
+            "command(name)": "commands",
+            "an array of episode_state, which reset draws": "target goal",
         }
     ),
     "stepper.envs": {"Quantity": "Observation", "Draws": "Rng"},

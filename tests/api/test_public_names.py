@@ -31,6 +31,7 @@ MODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", "pol
 ROOT = {
     *("load", "Model", "Stepper", "Options", "Status", "State", "ModelError", "ModelWarning", "SensorModel", "Transfer"),
     *("ActuatorModel", "Drive", "Recorder", "replay", "__version__"),
+    *("add", "log_uniform", "scale", "uniform"),
 }
 """Names of the engine, in `stepper` itself."""
 

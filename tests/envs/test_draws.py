@@ -1,7 +1,6 @@
 """Draws of `Rng`: shapes of tuples, and errors for the arguments and methods of NumPy's generators."""
 
 import copy
-import inspect
 import pickle
 
 import numpy as np
@@ -10,7 +9,7 @@ from cases import Slide
 from hypothesis import given
 from hypothesis import strategies as st
 from stepper._other_names import NEW_NAMES
-from stepper.envs import Observation, Rng, StepperVectorEnv, Task
+from stepper.envs import Observation, Rng, StepperVectorEnv
 from stepper.shared.streams import Streams
 
 

@@ -9,7 +9,7 @@ import stepper
 from stepper.envs import Observation, StepperVectorEnv, Task
 
 CART = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
-  <actuator><motor joint="x"/></actuator></mujoco>"""
+  <actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
 
 
 class Cart(Task):

@@ -151,7 +151,7 @@ def _width(kind: str, row: Observation, now: Moment) -> int:
     expected = len(now.qpos)
     if row.func is None:
         try:
-            value = getattr(now, row.name)
+            value = getattr(now, row.name) if row.name.isidentifier() and hasattr(type(now), row.name) else row.read(now)
         except AttributeError as error:
             raise AttributeError(
                 f"{kind}.observations has the row {row.name!r} without func, so that it must be a quantity of the stepper: "

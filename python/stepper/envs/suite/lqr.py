@@ -55,6 +55,10 @@ class LQR(SuiteTask):
         reward: Array = 1.0 - 0.5 * (norm(now.qpos) ** 2 + _CONTROL_COST * norm(now.action) ** 2)
         return reward
 
+    def action_bounds(self, model: Model) -> tuple[Array, Array]:
+        """No bounds, as in dm_control: minus and plus infinity, (nu,) each."""
+        return np.full(model.nu, -np.inf), np.full(model.nu, np.inf)
+
     def terminated(self, now: Moment) -> Array:
         """Whether positions and velocities are practically zero, (num_envs,)."""
         at_rest: Array = norm(np.hstack([now.qpos, now.qvel])) < _AT_REST

@@ -183,7 +183,7 @@ def test_methods_with_defaults_and_other_names_are_accepted():
 @pytest.mark.parametrize(("given", "message"), [
     ({"name": "speed", "func": lambda: 0}, r"func of Observation 'speed' is <lambda>\(\), must take 1 argument, now: write lambda now"),
     ({"name": "speed", "func": "qvel"}, "func of Observation 'speed' is 'qvel', must be a function of now, or None"),
-    ({"name": lambda now: now.qvel}, r"the name of an Observation is a function, must be a text: Observation\(name, func=...\)"),
+    ({"name": 3}, r"the name of an Observation is 3, must be a text: Observation\(name, func=...\)"),
 ])  # fmt: skip
 def test_wrong_rows_of_observations_are_refused_at_once(given, message):
     with pytest.raises(TypeError, match=message):

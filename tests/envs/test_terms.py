@@ -61,7 +61,7 @@ class Robot(Task):
 
     def observations(self):
         return (
-            *(Observation(function.__name__, func=function) for function in (base_linvel, gravity, joint_pos, joint_vel)),
+            *map(Observation, (base_linvel, gravity, joint_pos, joint_vel)),
             Observation("twist", func=lambda now: now.command("twist")),
             Observation("action"),
             Observation("body_mass[trunk]"),

@@ -111,7 +111,7 @@ def _scale(servo: Servo, model: Model, where: str) -> Array:
     chosen = rows_of(model, "actuator", parse(f"actuator_kp[{servo.actuators}]", where).elements, where)
     if missing := [model.actuator_names[k] for k in chosen if np.isnan(scales[k])]:
         raise ValueError(f"{where}: scale has no pattern that fits {missing[0]!r}: add one, such as '*'")
-    return np.nan_to_num(scales)
+    return np.where(np.isnan(scales), 0.0, scales)
 
 
 def actions_of(task: Any, model: Model) -> ServoActions | None:

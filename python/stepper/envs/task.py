@@ -328,8 +328,8 @@ class Observation:
     """One observed quantity of a task, a row in the table that `Task.observations` returns. The observation concatenates all rows.
 
     Attributes:
-        name: Name of the row. Without `func` it is the name of a quantity of `Stepper`, such as "qpos", "qvel" or "xpos", or a selector of
-            parameters, such as "geom_friction[*_foot][0]".
+        name: Name of the row, a text. Without `func` it is the name of a quantity of `Stepper`, such as "qpos", "qvel" or "xpos", or a selector of
+            parameters, such as "geom_friction[*_foot][0]". A function in this place is `func`, and its name that of the row.
         func: Function of a `Moment` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
         columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
         clip: Lower and upper bound of the observed values; None means no bound.
@@ -337,7 +337,7 @@ class Observation:
         unit: Unit of the values of `func`, for documentation; empty for numbers without a unit, and for quantities of `Stepper`.
     """
 
-    name: str
+    name: Any
     func: Callable[[Any], Array] | None = None
     columns: slice | None = None
     clip: tuple[float, float] | None = None
@@ -345,6 +345,9 @@ class Observation:
     unit: str = ""
 
     def __post_init__(self) -> None:
+        if callable(self.name) and self.func is None:
+            object.__setattr__(self, "func", self.name)
+            object.__setattr__(self, "name", getattr(self.name, "__name__", "").strip("_<>"))
         if not isinstance(self.name, str):
             raise WrongArgumentError(f"the name of an Observation is {in_words(self.name)}, must be a text: Observation(name, func=...)")
         if self.func is not None and not callable(self.func):

@@ -302,7 +302,7 @@ class Batch:
 
         `begins` are environments that are reset in this step, (num_envs,) bool; None means no environment.
         """
-        self.terms.make_events(begins)
+        self.terms.make_events(self.sim, begins)
         # A new view, because the caller may have changed the stepper since the last step.
         before = self.task.position(self._moment(action, self._now.action))
         self._now.expire()
@@ -370,7 +370,7 @@ class Batch:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state
-        self.terms.reattach()
+        self.terms.reattach(self.sim.model)
         self._rows = table_of(self.task, self._now)
 
 

@@ -328,8 +328,8 @@ class Observation:
     """One observed quantity of a task, a row in the table that `Task.observations` returns. The observation concatenates all rows.
 
     Attributes:
-        name: Name of the row, a text. Without `func` it is the name of a quantity of `Stepper`, such as "qpos", "qvel" or "xpos", or a selector of
-            parameters, such as "geom_friction[*_foot][0]". A function in this place is `func`, and its name that of the row.
+        name: Name of the row, a text. Without `func` it is the name of a quantity of `Stepper`, such as "qpos", "qvel" or "xpos", or a
+            selector of parameters, such as "geom_friction[*_foot][0]". A function in this place is `func`, and its name that of the row.
         func: Function of a `Moment` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
         columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
         clip: Lower and upper bound of the observed values; None means no bound.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._stepper import Stepper
+from stepper._stepper import Model, Stepper
 from stepper.envs.actions import actions_of
 from stepper.envs.commands import commands_of
 from stepper.envs.events import Events
@@ -38,7 +38,7 @@ class TaskTerms:
 
     def __init__(self, task: Task, sim: Stepper, streams: Streams, dt: float, weights: Mapping[str, float] | None):
         num_envs, kind = sim.num_envs or 1, type(task).__name__
-        self._task, self._sim, self._streams, self._dt = task, sim, streams, dt
+        self._task, self._streams, self._dt = task, streams, dt
         self.rewards = RewardTerms(kind, task.rewards(), weights, dt=dt, num_envs=num_envs)
         self.events = Events(kind, task.events(), sim, dt)
         self.actions = actions_of(task, sim.model)
@@ -94,14 +94,16 @@ class TaskTerms:
                 seconds = rng.uniform(*command.every, 1)[:, 0]
                 self._left[name][envs] = np.maximum(1, np.round(seconds / self._dt)).astype(np.int64)
 
-    def make_events(self, begins: Array | None) -> bool:
+    def make_events(self, sim: Stepper, begins: Array | None) -> bool:
         """Makes the events that are due before an action, and returns whether there was one.
 
-        `begins` are environments that are reset in this step, (num_envs,) bool; None means no environment.
+        Args:
+            sim: The stepper.
+            begins: Environments that are reset in this step, (num_envs,) bool; None means no environment.
         """
         if not self.events.left:
             return False
-        present = lambda envs: Reset(self._sim, envs, {}, Rng(self._streams, envs), present=True)  # noqa: E731
+        present = lambda envs: Reset(sim, envs, {}, Rng(self._streams, envs), present=True)  # noqa: E731
         return self.events.advance(present, lambda: self._streams.fork("interval"), begins)
 
     def redraw_commands(self, over: Array, begins: Array | None) -> bool:
@@ -130,25 +132,25 @@ class TaskTerms:
             frame_skip: Number of time steps.
         """
         if self.actions is None:
-            self._sim.step(action, frame_skip)
+            now.sim.step(action, frame_skip)
             return
         controls = self.actions.controls(now, action)
         if not self.actions.delays[1]:
-            self._sim.step(controls, frame_skip)
+            now.sim.step(controls, frame_skip)
             return
         held = self.actions.controls(now, before)
         status = np.zeros(len(action), dtype=np.uint32)
         for k in range(frame_skip):
-            self._sim.step(np.where((self.delay > k)[:, None], held, controls))
-            status |= self._sim.status
+            now.sim.step(np.where((self.delay > k)[:, None], held, controls))
+            status |= now.sim.status
         now.keep("status", status)
 
     def __getstate__(self) -> dict[str, Any]:
         # Functions of the task may not pickle; `reattach` reads them again.
         return {name: value for name, value in self.__dict__.items() if name not in ("actions", "commands")}
 
-    def reattach(self) -> None:
+    def reattach(self, model: Model) -> None:
         """Reads functions of the task again after unpickling."""
         self.rewards.reattach(self._task.rewards())
-        self.events.reattach(self._task.events(), self._sim.model)
-        self.actions, self.commands = actions_of(self._task, self._sim.model), commands_of(self._task)
+        self.events.reattach(self._task.events(), model)
+        self.actions, self.commands = actions_of(self._task, model), commands_of(self._task)

@@ -21,7 +21,7 @@ import numpy as np  # noqa: E402
 import panda  # type: ignore[import-not-found]  # noqa: E402
 import panda_hand as lab  # type: ignore[import-not-found]  # noqa: E402
 import stepper  # noqa: E402
-from stepper.envs.task import Observation, Task  # noqa: E402
+from stepper.envs import Observation, Task, at_reset, uniform  # noqa: E402
 
 LENGTH = 80
 """Number of actions in an episode of 4 s."""
@@ -73,11 +73,13 @@ class PandaPick(Task):
         return {"target": np.zeros((num_envs, 3)), "closed": np.zeros(num_envs)}
 
     def reset(self, reset: Any) -> None:
-        """Place the fingers above the nominal position and the cube within ±4 cm of it, and draw the friction of both."""
+        """Place the fingers above the nominal position and the cube at random within ±4 cm of it."""
         lab.ready(reset.qpos, reset.rng.uniform(-lab.SPREAD, lab.SPREAD, 2))
         reset.episode_state["target"][:] = [*panda.PLACE, panda.HALF + lab.ABOVE]
-        friction = reset.rng.uniform(*self.friction, 1)[:, 0]
-        reset.sim.randomize({"geom_friction[cube,hand_finger*][0]": friction}, envs=reset.envs)
+
+    def events(self) -> Any:
+        """Friction of cube and fingers, one number for all."""
+        return (at_reset("geom_friction[cube,hand_finger*][0]", uniform(*self.friction, shared=True)),)
 
     def advance(self, now: Any) -> None:
         """Move the target by the action, and step while the servos follow it."""

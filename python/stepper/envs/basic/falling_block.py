@@ -73,7 +73,7 @@ class FallingBlock(Task):
         return {"restitution": now.episode_state["restitution"]}
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Array for the restitution of each episode, which `on_reset` draws."""
+        """Array for the restitution of each episode, which `reset` draws."""
         return {"restitution": np.zeros(num_envs)}
 
     def reset(self, reset: Reset) -> None:

@@ -10,7 +10,9 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
+from stepper.envs.events import Event, at_reset
 from stepper.envs.task import Array, Camera, Moment, Observation, Reset, Task, Terms, square_sum
+from stepper.shared.draws import scale, uniform
 
 GRAVITY, MASS, FRICTION = 9.81, 0.8, 0.6
 FORCE, STEPS = 20.0, 50
@@ -84,18 +86,15 @@ class Grasp(Task):
         return reward, {"rise": now.qpos[:, 4]}
 
     def reset(self, reset: Reset) -> None:
-        """Initial states: the box within 5 mm of the middle, each finger up to 5 mm farther from the middle than in the model.
-
-        Draws friction of all geoms and mass of the box, each only if the two bounds of its range differ.
-        """
+        """Initial states: the box within 5 mm of the middle, each finger up to 5 mm farther from the middle than in the model."""
         reset.qpos[:, 3] += reset.rng.uniform(-0.005, 0.005, 1)[:, 0]
         reset.qpos[:, 1:3] -= reset.rng.uniform(0.0, 0.005, 2)
-        values = {}
-        if self.friction[0] != self.friction[1]:
-            values["geom_friction[*][0]"] = reset.rng.uniform(*self.friction, 1)[:, 0]
-        if self.mass_scale[0] != self.mass_scale[1]:
-            values["body_mass[box]"] = MASS * reset.rng.uniform(*self.mass_scale, 1)[:, 0]
-        reset.sim.randomize(values, envs=reset.envs)
+
+    def events(self) -> tuple[Event, ...]:
+        """Friction of all geoms and mass of the box, each only if the two bounds of its range differ."""
+        friction = at_reset("geom_friction[*][0]", uniform(*self.friction, shared=True))
+        mass = at_reset("body_mass[box]", scale(*self.mass_scale))
+        return (friction,) * (self.friction[0] != self.friction[1]) + (mass,) * (self.mass_scale[0] != self.mass_scale[1])
 
 
 @cache_model

@@ -949,7 +949,7 @@ NEW_KEYWORDS_OF = _by_name_in(
             "func=lambda now: now.read('xpos', 'torso') for elements by name": (
                 "names of body bodies joint joints site sites geom geoms sensor sensors body_name joint_names sensor_name asset_cfg"
             ),
-            "func=lambda now: 0.5 * now.qvel for scaled values": "scale scales factor gain",
+            "scale": "scales factor gain",
             "func=lambda now: now.qpos - now.default_qpos for shifted values": "offset mean normalize",
             "func, a function of now": "fn function f callable compute value quantity",
             "columns, as columns=slice(0, 3)": "index indices idx slice column cols ids",

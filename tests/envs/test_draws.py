@@ -107,7 +107,6 @@ def test_a_draw_of_a_wrong_shape_has_a_note_with_the_right_one():
 
 
 @pytest.mark.parametrize(("make", "message"), [
-    (lambda: Observation("qpos", scale=2.0), "takes no 'scale': use func=lambda now: 0.5 * now.qvel for scaled values"),
     (lambda: Observation("xpos", body="box"), "takes no 'body': use func=lambda now: now.read('xpos', 'torso') for elements by name"),
     (lambda: Observation("qpos", colums=slice(3)), "takes no 'colums'; did you mean columns?"),
     (lambda: Observation("sensordata", name="acc"), "takes one name, not 'sensordata' and 'acc': use func=lambda now: now.read("),

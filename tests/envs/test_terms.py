@@ -338,6 +338,19 @@ def test_wrong_arguments_are_errors(make, error, message):
         make()
 
 
+def test_an_observation_is_scaled_after_it_is_clipped():
+    class Scaled(Robot):
+        def observations(self):
+            return (Observation("qpos", scale=0.5), Observation("clipped", func=lambda now: now.qpos, clip=(-0.1, 0.3), scale=10.0))
+
+    envs = StepperVectorEnv(Scaled(), 3)
+    observation = envs.reset(seed=0)[0]
+    np.testing.assert_array_equal(observation[:, :9], 0.5 * envs.sim.qpos)
+    np.testing.assert_allclose(observation[:, 9:], 10.0 * np.clip(envs.sim.qpos, -0.1, 0.3))
+    with pytest.raises(ValueError, match="scale of Observation 'qpos' is nan"):
+        Observation("qpos", scale=np.nan)
+
+
 def test_a_function_at_the_start_gets_seeded_environments_alone():
     seen = []
 

@@ -362,6 +362,8 @@ class Batch:
                 out[:, columns] = value
             else:
                 np.clip(value, *row.clip, out=out[:, columns], casting="same_kind")
+            if row.scale != 1.0:
+                out[:, columns] *= row.scale
         return out
 
     def __getstate__(self) -> dict[str, Any]:

@@ -334,6 +334,7 @@ class Observation:
         columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
         clip: Lower and upper bound of the observed values; None means no bound.
         noise: Half width of the uniform noise that is added before `clip`, in the unit of the quantity. `Moment.rng` draws the noise.
+        scale: Factor of the observed values, after `clip`.
         unit: Unit of the values of `func`, for documentation; empty for numbers without a unit, and for quantities of `Stepper`.
     """
 
@@ -342,6 +343,7 @@ class Observation:
     columns: slice | None = None
     clip: tuple[float, float] | None = None
     noise: float = 0.0
+    scale: float = 1.0
     unit: str = ""
 
     def __post_init__(self) -> None:
@@ -359,6 +361,7 @@ class Observation:
         if self.func is not None:
             check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
         check_number(f"noise of Observation {self.name!r}", self.noise, least=0.0)
+        check_number(f"scale of Observation {self.name!r}", self.scale)
         if self.clip is not None and np.shape(self.clip)[:1] != (2,):
             one = isinstance(self.clip, int | float)
             size = abs(self.clip) if one else 1.0  # type: ignore[arg-type]

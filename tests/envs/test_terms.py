@@ -188,6 +188,51 @@ def test_pushes_change_velocities_in_the_world_at_their_times():
         other.reset(seed=0), other.step(np.zeros((1, 2)))
 
 
+CART = """<mujoco><worldbody><body name="cart" quat=".7071067811865476 0 0 .7071067811865476"><joint name="x" type="slide" axis="1 0 0"/>
+  <geom size=".1" mass="1"/><body name="pole"><joint name="hinge" axis="0 1 0"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 0 0 .5" mass=".1"/>
+  </body></body></worldbody><actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CartPole(Task):
+    """Balance a pole on a cart of random mass, which is pushed."""
+
+    episode_seconds: float = 2.0
+    frame_skip: int = 5
+
+    def model(self):
+        return stepper.load(CART)
+
+    def observations(self):
+        return Observation("qpos"), Observation("qvel", noise=0.01)
+
+    def rewards(self):
+        return {"upright": Reward(lambda now: np.cos(now.qpos[:, 1])), "effort": Reward(lambda now: now.action[:, 0] ** 2, -0.1)}
+
+    def events(self):
+        return (at_reset("body_mass[pole]", scale(0.5, 2.0)), every((0.1, 0.1), push("cart", y=(1.0, 1.0))))
+
+    def reset(self, reset):
+        reset.qpos[:, 1] = reset.rng.uniform(-0.1, 0.1, 1)[:, 0]
+
+    def terminated(self, now):
+        return np.abs(now.qpos[:, 1]) > 1.5
+
+
+def test_a_cart_is_pushed_along_its_slide():
+    """A push of 1 m/s along y changes the slide's velocity by 1 m/s, because its axis x is turned to y."""
+    envs = StepperVectorEnv(CartPole(), 3)
+    envs.reset(seed=0)
+    rates = [np.array(envs.sim.qvel[:, 0])]
+    for _ in range(10):
+        envs.step(np.zeros((3, 1)))
+        rates.append(np.array(envs.sim.qvel[:, 0]))
+    changes = np.diff(rates, axis=0)
+    np.testing.assert_allclose(changes[9], 1.0, atol=0.1)
+    assert np.abs(changes[:9]).max() < 0.1
+
+
 def test_commands_are_those_of_the_observation_that_the_action_follows():
     """The reward of an action uses the command that its policy saw, because commands are drawn again after the reward."""
     seen = []

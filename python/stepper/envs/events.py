@@ -98,10 +98,10 @@ _ZERO = (0.0, 0.0)
 def push(
     body: str, *, x: Range = _ZERO, y: Range = _ZERO, z: Range = _ZERO, roll: Range = _ZERO, pitch: Range = _ZERO, yaw: Range = _ZERO
 ) -> Callable[[Reset], None]:
-    """Function for `every` that changes the velocity of a body with a free joint by random amounts, along axes of the world.
+    """Function for `every` that changes the velocity of a body by random amounts, along axes of the world.
 
     Args:
-        body: Name of the body.
+        body: Name of a body with a free joint; or of a child of the world with slides, along which the changes act.
         x: Lowest and highest change of the velocity along x, m/s.
         y: The same along y, m/s.
         z: The same along z, m/s.
@@ -112,8 +112,14 @@ def push(
     low, high = np.array([x, y, z, roll, pitch, yaw], dtype=np.float64).T
 
     def pushes(reset: Reset) -> None:
-        joint = free_joint(reset.sim.model, body)
+        model = reset.sim.model
         changes = low + (high - low) * reset.rng.uniform(0.0, 1.0, 6)
+        joint, *others = _pushed_joints(model, body)
+        if joint.type == "slide":
+            for slide in (joint, *others):
+                axis = matrices(np.asarray(model.body(body).quat)) @ slide.axis
+                reset.qvel[:, slide.dofadr] += changes[:, :3] @ axis
+            return
         at, place = joint.dofadr, joint.qposadr
         reset.qvel[:, at : at + 3] += changes[:, :3]
         if low[3:].any() or high[3:].any():
@@ -124,13 +130,13 @@ def push(
     return pushes
 
 
-def free_joint(model: Model, body: str) -> Any:
-    """Free joint of a body by name; a ValueError if the body has none."""
+def _pushed_joints(model: Model, body: str) -> list[Any]:
+    """Free joint of a body, or slides of a child of the world; a ValueError for another body."""
     owner = model.body(body)
-    for joint in map(model.joint, range(model.njnt)):
-        if joint.type == "free" and joint.bodyid == owner.id:
-            return joint
-    raise ValueError(f"push: body {body!r} has no free joint; push a body with one, or set velocities in a function")
+    joints = [joint for joint in map(model.joint, range(model.njnt)) if joint.bodyid == owner.id and joint.type in ("free", "slide")]
+    if not joints or (joints[0].type == "slide" and owner.parentid != 0):
+        raise ValueError(f"push: body {body!r} has no free joint, and no slide from the world; set velocities in a function of a Reset")
+    return joints
 
 
 class Events:

@@ -23,14 +23,15 @@ import mujoco
 import mujoco_vector
 import numpy as np
 from sections import write_section
-from stepper import Options, Stepper
+from stepper import Options
 from stepper.envs import StepperVectorEnv
+from stepper.envs.commands import VelocityCommand
 from stepper.envs.locomotion import Go1Rough
+from stepper.envs.locomotion.velocity import ROUGH
 from stepper.envs.task import Array, Moment, Terms
 from stepper.envs.terrain import PyramidStairs, Terrain
 from stepper.loading import origin_of
 from stepper.policies import Evaluation, evaluate, load
-from stepper.shared.streams import Rng
 
 PAGE = Path(__file__).parents[1] / "docs/benchmarks/training.md"
 HEIGHTS = (0.05, 0.1, 0.15, 0.2)
@@ -62,6 +63,12 @@ def simulators() -> dict[str, tuple[str, dict[str, Any]]]:
     }
 
 
+ALONG_X = VelocityCommand(x=(SPEED, SPEED), yaw=(-0.5, 0.5), turning=1.0, heading=(0.0, 0.0))
+"""Command to turn to the x axis and to walk along it for the whole episode."""
+EPISODE_STEPS = 1000
+"""Number of actions of an episode."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Go1Climb(Go1Rough):
     """Task in which the quadruped starts in a pit, turns to the x axis and walks along it.
@@ -69,13 +76,7 @@ class Go1Climb(Go1Rough):
     An episode is truncated when the robot has left the pit.
     """
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw the parameters of `Go1Rough`, and command all robots to walk along x for the whole episode."""
-        super().on_reset(sim, episode_state, mask, rng)
-        episode_state["velocity_command"][mask] = [SPEED, 0.0, 0.0]
-        episode_state["stands"][mask], episode_state["turns_to_heading"][mask] = False, True
-        episode_state["heading_command"][mask] = 0.0
-        episode_state["command_left"][mask] = self.episode_steps + 1
+    twist: VelocityCommand = ALONG_X
 
     def truncated(self, now: Moment) -> Array:
         """Whether a robot has climbed all steps, (num_envs,)."""
@@ -103,7 +104,7 @@ def climbs(policy: Any, episodes: int) -> Iterator[str]:
     gymnasium.register(
         "stepper/Go1Climb-v0",
         vector_entry_point="stepper.envs:StepperVectorEnv",
-        max_episode_steps=Go1Climb.episode_steps,
+        max_episode_steps=EPISODE_STEPS,
         kwargs={"task": Go1Climb},
     )
     mujoco_vector.register("Go1Climb-v0")
@@ -135,8 +136,8 @@ def returns(policy: Any, episodes: int) -> Iterator[str]:
     mujoco_vector.register("Go1Rough-v0")
     yield "| simulator | mean return | 95 % confidence | velocity error, m/s | ended early |"
     yield "|---" * 5 + "|"
-    weights = policy.environment.get("task", {}).get("weights")
-    levels = {"max_init_level": Go1Rough().terrain.num_rows - 1}
+    weights = policy.environment.get("rewards")
+    levels = {"max_init_level": ROUGH.num_rows - 1}
     for name, (space, given) in simulators().items():
         found: Evaluation = evaluate(
             policy,
@@ -144,12 +145,12 @@ def returns(policy: Any, episodes: int) -> Iterator[str]:
             episodes=episodes,
             seed=2**32,
             infos=("tracking_error",),
-            weights=weights,
+            rewards=weights,
             **levels,
             **given,
         )
         low, high = found.interval()
-        early = f"{np.sum(found.lengths < Go1Rough.episode_steps)} of {episodes}"
+        early = f"{np.sum(found.lengths < EPISODE_STEPS)} of {episodes}"
         error = found.infos["tracking_error"].mean()
         yield f"| {name} | {found.mean:.1f} | {low:.1f} to {high:.1f} | {error:.3f} | {early} |"
 
@@ -161,7 +162,7 @@ def contact_normals(policy: Any, episodes: int) -> Iterator[str]:
     with a smaller component than `STEEP` are at no face.
     """
     task = Go1Climb(terrain=pit(0.15), noise=0.0, push=0.0)
-    envs = StepperVectorEnv(task, min(episodes, 16), max_episode_steps=Go1Climb.episode_steps, autoreset_mode="SameStep", contact="mujoco")
+    envs = StepperVectorEnv(task, min(episodes, 16), max_episode_steps=EPISODE_STEPS, autoreset_mode="SameStep", contact="mujoco")
     origin = origin_of(task.model())
     assert origin is not None
     model = mujoco.MjModel.from_xml_string(origin.source)

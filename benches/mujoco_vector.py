@@ -12,6 +12,7 @@ from __future__ import annotations
 import copy
 import importlib
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -20,9 +21,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stepper import Model
 from stepper.envs import StepperVectorEnv, Task
-from stepper.envs.locomotion.rough import RoughTask
+from stepper.envs.locomotion import RoughTask
 from stepper.lab.engines import MujocoFields
 from stepper.loading import compile_source, origin_of
+from stepper.shared.selectors import randomized_fields
 
 Array = NDArray[Any]
 
@@ -183,18 +185,24 @@ class MujocoSim(MujocoFields):
         if not keep_warmstart:
             self._batch.forward(ids)
 
-    def randomize(self, envs: Array | None = None, **fields: Array) -> None:
+    def randomize(self, values: Mapping[str, Any] | None = None, /, envs: Array | None = None, **fields: Array) -> None:
         """Set model parameters of the environments `envs` (None selects all).
 
         Args:
+            values: Values by selector, as in `Stepper.randomize`; None if there are none.
             envs: Boolean mask (num_envs,), or indices.
-            **fields: Arrays (num_envs, ...) by the name of the model's field, in the field's unit.
+            **fields: Arrays (num_envs, ...), or with a row for each index, by the name of the model's field, in the field's unit.
         """
+        if values is not None:
+            sim: Any = self
+            fields = randomized_fields(sim, values, envs, fields)
         ids = self._indices(envs)
         self._arrays.clear()
-        for name, values in fields.items():
-            self._batch.expand(name)[ids] = values[ids]
-            self.randomized.setdefault(name, np.array(values))[ids] = values[ids]
+        for name, given in fields.items():
+            rows = given if len(given) == len(ids) else given[ids]
+            self._batch.expand(name)[ids] = rows
+            own = np.asarray(getattr(self.model, name))
+            self.randomized.setdefault(name, np.array(np.broadcast_to(own, (self.num_envs, *own.shape))))[ids] = rows
         if _DERIVED & set(fields):
             self._batch.set_const(ids)
 

@@ -215,9 +215,9 @@ def table_of_following(page: Path, runs: Path, episodes: int, only: str) -> str:
     for name, task in VELOCITY_TASKS.items():
         if only not in name:
             continue
-        env, stance = f"stepper/{name}", task().episode_state(episodes)["last"]
+        env, still = f"stepper/{name}", np.zeros((episodes, task().model().nu))
         rows: list[tuple[list[str], Any, str]] = [
-            ([name, "stands still", _LAWS["hard"], "", "", ""], lambda observation, act=stance: act, "hard")
+            ([name, "stands still", _LAWS["hard"], "", "", ""], lambda observation, act=still: act, "hard")
         ]
         for file in sorted(runs.glob(f"stepper_{name}/seed*/policy.npz")):
             policy = load(file)

@@ -25,18 +25,15 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import torch
-from stepper import Stepper
+from stepper.envs import Rng
+from stepper.envs.commands import VelocityCommand
 from stepper.envs.locomotion import Go1Rough
-from stepper.envs.locomotion.base import linear_velocity, stance
-from stepper.envs.locomotion.rough.commands import command
-from stepper.envs.locomotion.rough.state import action_scale
-from stepper.envs.locomotion.velocity import vertical
-from stepper.envs.task import Array, Moment, Terms
+from stepper.envs.quantities import base_angvel, base_linvel, gravity, joint_pos, joint_vel
+from stepper.envs.task import Array, Moment
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain
 from stepper.policies import Policy, load
 from stepper.policies.ppo import Run, train
 from stepper.policies.ppo_settings import Settings
-from stepper.shared.streams import Rng
 
 TEACHER = Path(__file__).parent / "policies/go1_velocity.npz"
 WEIGHTS: Mapping[str, float] = {
@@ -75,31 +72,46 @@ PASSES, MINIBATCH = 4, 4096
 
 
 @dataclass(frozen=True, kw_only=True)
+class StraightCommand(VelocityCommand):
+    """Velocity that is kept for the whole episode: straight ahead at a heading in most episodes, and as in `Go1Rough` in the others.
+
+    Attributes:
+        straight: Fraction of the episodes with a command straight ahead.
+    """
+
+    every: tuple[float, float] | None = None
+    straight: float = 0.85
+
+    def draw(self, rng: Rng, steps: Array) -> Array:
+        """Numbers of commands, (n, 5), as in `VelocityCommand`."""
+        drawn, numbers = super().draw(rng, steps), rng.uniform(0.0, 1.0, 3)
+        straight = numbers[:, 0] < self.straight
+        low, high = SPEEDS
+        drawn[straight, 0] = (low + (high - low) * numbers[:, 1])[straight]
+        drawn[straight, 1:3] = 0.0
+        drawn[straight, 3] = np.pi * (2.0 * numbers[straight, 2] - 1.0)
+        return drawn
+
+
+@dataclass(frozen=True, kw_only=True)
 class Go1Stairs(Go1Rough):
     """`Go1Rough` on `STAIRS`, with commands straight ahead in most episodes. An episode is truncated at the edge of its tile.
 
     Attributes:
         terrain: Terrain of all environments.
-        episode_steps: Number of actions per episode.
+        episode_seconds: Time limit of an episode, s.
         straight: Fraction of the episodes with a command straight ahead. The others have commands as in `Go1Rough`.
     """
 
-    terrain: Terrain = STAIRS
-    episode_steps: int = 600
+    terrain: Terrain | None = STAIRS
+    episode_seconds: float = 12.0
     straight: float = 0.85
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw the parameters of `Go1Rough`, and in most episodes a speed and a heading that are commanded to the end."""
-        super().on_reset(sim, episode_state, mask, rng)
-        drawn = rng.uniform(0.0, 1.0, 3)
-        straight = drawn[:, 0] < self.straight
-        envs = rng.envs[straight]
-        low, high = SPEEDS
-        episode_state["velocity_command"][envs] = 0.0
-        episode_state["velocity_command"][envs, 0] = (low + (high - low) * drawn[:, 1])[straight]
-        episode_state["heading_command"][envs] = np.pi * (2.0 * drawn[straight, 2] - 1.0)
-        episode_state["stands"][envs], episode_state["turns_to_heading"][envs] = False, True
-        episode_state["command_left"][envs] = self.episode_steps + 1
+    @property
+    def commands(self) -> Mapping[str, VelocityCommand]:
+        """The command "twist", which is kept for the whole episode."""
+        ranges = {name: getattr(self.twist, name) for name in ("x", "y", "yaw", "standing", "turning", "forward")}
+        return {"twist": StraightCommand(straight=self.straight, **ranges)}
 
     def truncated(self, now: Moment) -> Array:
         """Whether the robot has left its tile, (num_envs,)."""
@@ -114,7 +126,7 @@ if ENVIRONMENT not in gymnasium.registry:
         ENVIRONMENT,
         entry_point="stepper.envs:StepperEnv",
         vector_entry_point="stepper.envs:StepperVectorEnv",
-        max_episode_steps=Go1Stairs.episode_steps,
+        max_episode_steps=600,
         kwargs={"task": Go1Stairs},
     )
 
@@ -122,20 +134,10 @@ if ENVIRONMENT not in gymnasium.registry:
 def teacher_actions(teacher: Policy, now: Moment) -> Array:
     """Actions of the task on stairs, (num_envs, nu), that the policy of `Go1Velocity` chooses in the states of all environments (`now`).
 
-    The function builds the observations of `Go1Velocity`. Actions of this policy are joint angles; actions of the task on stairs are their
-    differences from the stance, divided by `action_scale`.
+    The function builds the observations of `Go1Velocity`. Both tasks have the same actions, within other bounds.
     """
-    model = now.sim.model
-    parts = (
-        linear_velocity(now),
-        now.qvel[:, 3:6],
-        vertical(now),
-        command(now),
-        now.qpos[:, 7:] - stance(model),
-        now.qvel[:, 6:],
-        action_scale(model) * now.episode_state["last"],
-    )
-    actions: Array = (teacher(np.hstack(parts)) - stance(model)) / action_scale(model)
+    parts = (base_linvel(now), base_angvel(now), gravity(now), joint_pos(now), joint_vel(now), now.action, now.command())
+    actions: Array = teacher(np.hstack(parts))
     return actions
 
 
@@ -201,7 +203,7 @@ def settings(seed: int, steps: Sequence[int]) -> tuple[Settings, Settings]:
     stairs = dataclasses.replace(task, env=ENVIRONMENT)
     plain, noisy = {"noise": 0.0, "push": 0.0}, {"straight": 0.6, "max_init_level": STAIRS.num_rows - 1}
     second, third = (
-        dataclasses.replace(stairs, steps=count, values={"weights": dict(WEIGHTS), **values})
+        dataclasses.replace(stairs, steps=count, values={"rewards": dict(WEIGHTS), **values})
         for count, values in zip(steps, (plain, noisy), strict=True)
     )
     return second, third

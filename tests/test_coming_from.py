@@ -22,7 +22,8 @@ SCENE = """<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="
   <freejoint/><geom name="palm" size=".1" mass="1"/><site name="tip" pos=".1 0 0"/><body name="finger" pos=".1 0 0">
   <joint name="j" axis="0 1 0" damping=".1"/>
   <geom name="f" type="capsule" fromto="0 0 0 .2 0 0" size=".02" mass=".2"/></body></body></worldbody>
-  <actuator><motor name="m" joint="j" gear="2"/></actuator><sensor><framepos objtype="site" objname="tip"/><jointpos joint="j"/></sensor>
+  <actuator><motor name="m" joint="j" gear="2" ctrlrange="-1 1"/></actuator>
+  <sensor><framepos objtype="site" objname="tip"/><jointpos joint="j"/></sensor>
   <keyframe><key name="home" qpos="0 0 .5 1 0 0 0 .3" qvel="0 0 0 0 0 .1 .2" ctrl=".4" time="2"/></keyframe></mujoco>"""
 
 
@@ -224,8 +225,8 @@ class Reach(Task):
     def reward(self, now):
         return np.zeros(len(now.qpos)), {"height": now.qpos[:, 2]}
 
-    def sample_state(self, qpos, qvel, rng):
-        qpos[:, 2] = 0.5
+    def reset(self, reset):
+        reset.qpos[:, 2] = 0.5
 
 
 def noise_of_an_observation(*_):
@@ -306,10 +307,10 @@ ISAAC = {
     "noise of an observation term": noise_of_an_observation,
     "noise, bias, delay and dropout of a sensor": noise_of_a_sensor,
     "reward manager, terms with weights": reward_terms,
-    "termination manager": methods("healthy", "terminated"),
-    "event manager: startup, reset, interval": methods("sample_state", "on_reset", "advance"),
-    "command manager": methods("episode_state"),
-    "action manager, joint position actions with scale and offset": methods("action_bounds", "advance"),
+    "termination manager": methods("terminated"),
+    "event manager: startup, reset, interval": methods("events"),
+    "command manager": methods("commands"),
+    "action manager, joint position actions with scale and offset": methods("actions"),
     "actuator configs: delayed PD, DC motor": methods("actuators"),
     "decimation": decimation,
     "`env_ids`": selection,

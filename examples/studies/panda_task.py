@@ -21,7 +21,7 @@ import numpy as np  # noqa: E402
 import panda  # type: ignore[import-not-found]  # noqa: E402
 import panda_hand as lab  # type: ignore[import-not-found]  # noqa: E402
 import stepper  # noqa: E402
-from stepper.envs.task import Observation, Task  # noqa: E402
+from stepper.envs import Observation, Task, at_reset, uniform  # noqa: E402
 
 LENGTH = 80
 """Number of actions in an episode of 4 s."""
@@ -72,20 +72,14 @@ class PandaPick(Task):
         """Target of the hand (num_envs, 3), m, and closing command of the fingers (num_envs,), 0 or 1."""
         return {"target": np.zeros((num_envs, 3)), "closed": np.zeros(num_envs)}
 
-    def sample_state(self, qpos: Any, qvel: Any, rng: Any) -> None:
-        """Place the fingers above the nominal position, and the cube at random within ±4 cm of it."""
-        lab.ready(qpos, rng.uniform(-lab.SPREAD, lab.SPREAD, 2))
+    def reset(self, reset: Any) -> None:
+        """Place the fingers above the nominal position and the cube at random within ±4 cm of it."""
+        lab.ready(reset.qpos, reset.rng.uniform(-lab.SPREAD, lab.SPREAD, 2))
+        reset.episode_state["target"][:] = [*panda.PLACE, panda.HALF + lab.ABOVE]
 
-    def on_reset(self, sim: Any, episode_state: Any, mask: Any, rng: Any) -> None:
-        """Reset the target, and draw the friction of cube and fingers."""
-        episode_state["target"][mask], episode_state["closed"][mask] = np.array([*panda.PLACE, panda.HALF + lab.ABOVE]), 0.0
-        model = sim.model
-        grips = [k for k, name in enumerate(model.geom_names) if name == "cube" or name.startswith("hand_finger")]
-        rows = np.tile(np.asarray(model.geom_friction), (len(mask), 1, 1))
-        drawn = np.zeros((len(mask), 1))
-        drawn[mask] = rng.uniform(*self.friction, 1)
-        rows[:, grips, 0] = drawn
-        sim.randomize(mask, geom_friction=rows)
+    def events(self) -> Any:
+        """Friction of cube and fingers, one number for all."""
+        return (at_reset("geom_friction[cube,hand_finger*][0]", uniform(*self.friction, shared=True)),)
 
     def advance(self, now: Any) -> None:
         """Move the target by the action, and step while the servos follow it."""
@@ -94,9 +88,9 @@ class PandaPick(Task):
         episode_state["closed"][:] = now.action[:, 3] > 0.0
         now.sim.step(lab.controls(episode_state["target"], episode_state["closed"]), self.frame_skip)
 
-    def healthy(self, now: Any) -> Any:
-        """Whether the cube is within reach, (num_envs,)."""
-        return np.abs(now.qpos[:, 9:11] - panda.PLACE).max(axis=1) < 0.15
+    def terminated(self, now: Any) -> Any:
+        """Whether the cube is out of reach, (num_envs,)."""
+        return np.abs(now.qpos[:, 9:11] - panda.PLACE).max(axis=1) >= 0.15
 
     def reward(self, now: Any) -> Any:
         """Reward for fingers near the cube, a grasped cube and its height, less a cost of the motion."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from stepper.loading import ModelWarning, load
     from stepper.recording import Recorder
     from stepper.sensors import SensorModel, Transfer
+    from stepper.shared.draws import add, log_uniform, scale, uniform
 
 __all__ = [
     "ActuatorModel",
@@ -34,16 +35,20 @@ __all__ = [
     "__version__",
     "actuators",
     "adapters",
+    "add",
     "derivatives",
     "doctor",
     "elements",
     "envs",
     "lab",
     "load",
+    "log_uniform",
     "policies",
     "recording",
+    "scale",
     "sensors",
     "sysid",
+    "uniform",
     "viewer",
 ]
 
@@ -57,6 +62,7 @@ _MODULE_OF = {
     **dict.fromkeys(("ModelWarning", "load"), "loading"),
     "Recorder": "recording",
     **dict.fromkeys(("SensorModel", "Transfer"), "sensors"),
+    **dict.fromkeys(("add", "log_uniform", "scale", "uniform"), "shared.draws"),
 }
 """Submodule of each name that is imported at its first use."""
 

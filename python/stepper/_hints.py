@@ -15,14 +15,10 @@ from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
-
 from stepper import _stepper
 from stepper._stepper import Model, Stepper
 
 C = TypeVar("C", bound=Callable[..., Any])
-Contacts = np.ndarray
-"""Type of the array of `Stepper.contacts`, for the binding."""
 _PREFIXES = {"jnt": "joint", "dof": "joint", "ten": "tendon", "key": "keyframe"}
 """Kind of element of MuJoCo's names of arrays, by prefix, where the two differ."""
 _IN_FILE = "it is defined in the model's file: change the file, and load it again"
@@ -153,14 +149,6 @@ def _field_setter(field: str) -> str:
     """Calls that set a field of the model."""
     per_environment = f", sim.randomize({field}=...) sets values per environment" if field in _randomized() else ""
     return f"model.replace({field}=...) makes a model with other values{per_environment}"
-
-
-def kind(_field: str) -> type[np.ndarray[Any, Any]]:
-    """Type of the read-only array of an attribute, for the binding."""
-    return np.ndarray
-
-
-kind_of_environments = kind
 
 
 def raise_error_of_property(instance: Any, name: str) -> None:

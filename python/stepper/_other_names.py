@@ -18,15 +18,15 @@ _METHODS_OF_TASKS = _by_name(
         "terminated": (
             "done dones is_done _is_done get_done get_dones _get_done _get_dones compute_done compute_dones termination terminations "
             "terminate terminates is_terminated is_terminal terminal get_termination get_terminated _get_terminated _get_termination "
-            "compute_terminated compute_termination check_termination should_terminate should_terminate_episode unhealthy is_unhealthy"
+            "compute_terminated compute_termination check_termination should_terminate should_terminate_episode unhealthy is_unhealthy "
+            "healthy is_healthy _is_healthy get_healthy is_alive alive"
         ),
-        "healthy": "is_healthy _is_healthy get_healthy is_alive alive",
         "truncated": (
             "truncate truncates truncation truncations is_truncated get_truncated _get_truncated compute_truncated check_truncation "
             "time_out timeout is_timeout"
         ),
         "reward": (
-            "rewards reward_fn reward_function get_reward get_rewards _get_rew _get_reward _get_rewards _reward compute_reward "
+            "reward_fn reward_function get_reward get_rewards _get_rew _get_reward _get_rewards _reward compute_reward "
             "compute_rewards _compute_reward calculate_reward calc_reward evaluate_reward"
         ),
         "observations": (
@@ -34,14 +34,12 @@ _METHODS_OF_TASKS = _by_name(
             "_get_observation _get_observations compute_obs compute_observation compute_observations make_observation "
             "get_state_observation observation_spec get_observation_space"
         ),
-        "sample_state": (
-            "start reset _reset reset_model reset_idx _reset_idx reset_state reset_states reset_task reset_env initialize initialise "
+        "reset": (
+            "start _reset reset_model reset_idx _reset_idx reset_state reset_states reset_task reset_env initialize initialise "
             "initialize_episode initialise_episode initialize_state init_state initial_state get_initial_state sample_initial_state "
-            "sample_init_state _get_reset_state reset_robot reset_root_state"
-        ),
-        "on_reset": (
+            "sample_init_state _get_reset_state reset_robot reset_root_state "
             "prepare randomize randomise randomization randomize_domain domain_randomization apply_randomization apply_randomizations "
-            "randomize_parameters events after_reset post_reset pre_reset on_episode_start on_episode_begin begin_episode start_episode "
+            "randomize_parameters after_reset post_reset pre_reset on_episode_start on_episode_begin begin_episode start_episode "
             "resample_commands"
         ),
         "on_end": "on_episode_end episode_end end_episode after_episode on_done finish_episode",
@@ -85,19 +83,14 @@ PARTS_OF_OTHER_TASKS = _by_name(
             "critic_observations critic_obs privileged_observations privileged_obs get_privileged_observations get_critic_observations "
             "compute_critic_observations get_states states"
         ),
-        "keep commands in episode_state(self, num_envs), draw them in on_reset, and change them in advance(self, now)": (
-            "commands command command_manager get_commands sample_command sample_commands update_command update_commands"
+        "define `commands`, a dictionary of stepper.envs.commands": (
+            "command command_manager get_commands sample_command sample_commands update_command update_commands"
         ),
         "change levels in on_end(self, now, envs), in an array of episode_state that `carried` names": (
             "curriculum curriculums curricula update_curriculum update_terrain_curriculum update_command_curriculum"
         ),
-        "set parameters once by env.unwrapped.sim.randomize(...), or in on_reset for each episode": (
-            "startup on_startup at_startup setup prestartup"
-        ),
-        "push in advance(self, now) by now.sim.set_state(qvel=...), at times that are in an array of episode_state": (
-            "interval push push_robot push_robots"
-        ),
-        "define action_bounds(self, model), and convert now.action to controls in advance(self, now)": "actions",
+        "return at_start(selector, uniform(low, high)) in events(self)": "startup on_startup at_startup setup prestartup",
+        "return every(seconds, push(body, x=(-1, 1))) in events(self)": "interval push push_robot push_robots",
     }
 )
 """Advice on methods and tables of a task that other libraries read and environments do not, by name."""

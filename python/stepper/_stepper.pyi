@@ -1199,7 +1199,7 @@ class Stepper:
     def record(self, path: str | PathLike[str], *, chunk: int = 64 << 20, note: str = "") -> Recorder:  # noqa: D417
         """Starts a recording of all further calls in a new folder, until the `Recorder` is closed.
 
-        `stepper.replay` repeats the recorded calls.
+        `stepper.recording.verify` repeats the recorded calls.
 
         Args:
             path: New or empty folder.

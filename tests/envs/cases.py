@@ -44,6 +44,9 @@ class Strong(Task):
     def model(self):
         return stepper.load(SLIDER)
 
+    def action_bounds(self, model):
+        return np.array([-np.inf]), np.array([np.inf])
+
     def observations(self):
         return (Observation("qpos"),)
 

@@ -79,7 +79,9 @@ def test_attributes_of_the_parts_of_an_environment_are_found(owner):
 
 
 @pytest.mark.parametrize("owner", OWNERS)
-@pytest.mark.parametrize(("name", "place"), [("healthy", "now.healthy"), ("reward", "task.reward(env.unwrapped.now)")])
+@pytest.mark.parametrize(
+    ("name", "place"), [("terminated", "task.terminated(env.unwrapped.now)"), ("reward", "task.reward(env.unwrapped.now)")]
+)
 def test_a_method_of_the_task_is_named_with_its_argument(owner, name, place):
     with pytest.raises(AttributeError, match=rf"; use env\.unwrapped\.{re.escape(place)}$"):
         getattr(OWNERS[owner].unwrapped, name)
@@ -163,7 +165,7 @@ def test_an_attribute_that_a_reset_has_not_has_a_hint(name):
     found = []
 
     class Own(Slide):
-        def place(self, reset):
+        def reset(self, reset):
             found.append(eval(hint if "(" in hint else f"reset.{hint.partition(',')[0]}"))
             getattr(reset, name)
 
@@ -173,7 +175,7 @@ def test_an_attribute_that_a_reset_has_not_has_a_hint(name):
     assert len(found) == 1
 
 
-@pytest.mark.parametrize("method", ["reward", "advance", "on_reset", "sample_state"])
+@pytest.mark.parametrize("method", ["reward", "advance", "reset"])
 def test_a_task_that_assigns_to_itself_has_a_note_with_the_place_of_data(method):
     def assigns(self, *arguments):
         self.last = 1.0

@@ -108,7 +108,8 @@ def test_an_unknown_argument_is_named_with_the_present_one(call, name, hint):
     assert re.fullmatch(rf"Stepper(Vector)?Env\(\) {re.escape(hint)}.*", str(error.value))
 
 
-METHODS = [name for name, method in vars(Task).items() if inspect.isfunction(method) and name[0] != "_" and name not in VECTOR_SETTINGS]
+_METHODS = [name for name, method in vars(Task).items() if inspect.isfunction(method) and name[0] != "_"]
+METHODS = [name for name in _METHODS if name not in (*SETTINGS, *VECTOR_SETTINGS)]
 
 
 @pytest.mark.parametrize("call", CALLS)

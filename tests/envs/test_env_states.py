@@ -57,15 +57,12 @@ class Everything(Task):
             Observation("step", func=lambda now: np.column_stack([now.action, now.velocity])),
         )
 
-    def sample_state(self, qpos, qvel, rng):
-        qpos += rng.uniform(-1.0, 1.0, 1)
-
-    def on_reset(self, sim, episode_state, mask, rng):
-        episode_state["drawn"][mask] = rng.normal(1)[:, 0]
-        masses = np.tile(sim.model.body_mass, (len(mask), 1))
-        masses[mask, 1] *= rng.uniform(0.5, 2.0, 1)[:, 0]
-        sim.randomize(mask, body_mass=masses)
-        sim.mocap_pos[mask, 0, 2] = rng.uniform(0.5, 1.0, 1)[:, 0]
+    def reset(self, reset):
+        reset.qpos += reset.rng.uniform(-1.0, 1.0, 1)
+        reset.episode_state["drawn"] = reset.rng.normal(1)[:, 0]
+        mass = reset.sim.model.body_mass[1] * reset.rng.uniform(0.5, 2.0, 1)[:, 0]
+        reset.sim.randomize({"body_mass[1]": mass}, envs=reset.envs)
+        reset.mocap_pos[:, 0, 2] = reset.rng.uniform(0.5, 1.0, 1)[:, 0]
 
     def advance(self, now):
         now.episode_state["last"][:] = now.action
@@ -73,8 +70,8 @@ class Everything(Task):
         now.keep("xpos", now.sim.xpos)
         now.sim.step(now.action)
 
-    def healthy(self, now):
-        return np.abs(now.velocity) < 1.5
+    def terminated(self, now):
+        return np.abs(now.velocity) >= 1.5
 
     def reward(self, now):
         return now.velocity + now.episode_state["drawn"], {"x_velocity": now.velocity}

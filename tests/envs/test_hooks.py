@@ -42,12 +42,9 @@ class Levels(Task):
     def reward(self, now):
         return now.qpos[:, 0], {}
 
-    def sample_state(self, qpos, qvel, rng):
-        qpos += rng.uniform(0.0, 0.5, 1)
-
-    def place(self, reset):
-        super().place(reset)
-        reset.qpos[:, 0] += 10.0 * reset.episode_state["level"][reset.envs]
+    def reset(self, reset):
+        reset.qpos += reset.rng.uniform(0.0, 0.5, 1)
+        reset.qpos[:, 0] += 10.0 * reset.episode_state["level"]
 
     def advance(self, now):
         now.episode_state["steps"] += 1.0
@@ -103,11 +100,11 @@ def test_an_episode_without_a_step_has_no_end_and_a_seed_restores_what_is_carrie
     np.testing.assert_array_equal(envs.reset(seed=0)[0], first)
 
 
-def test_the_place_sees_the_simulation_before_the_reset():
+def test_the_reset_hook_sees_the_simulation_before_the_reset():
     seen = []
 
     class Sees(Levels):
-        def place(self, reset):
+        def reset(self, reset):
             seen.append((reset.envs.copy(), np.array(reset.sim.qpos[reset.envs, 0])))
 
     envs = StepperVectorEnv(Sees(), 3)
@@ -197,11 +194,8 @@ def test_contact_forces_are_those_of_each_geom():
         def model(self):
             return stepper.load(LEG)
 
-        def sample_state(self, qpos, qvel, rng):
-            qpos[:] = 0.0 if len(qpos) == 1 else np.array([[0.0], [5.0], [0.0]])[: len(qpos)]
-
-        def place(self, reset):
-            self.sample_state(reset.qpos, reset.qvel, reset.rng)
+        def reset(self, reset):
+            reset.qpos = np.array([[0.0], [5.0], [0.0]])[reset.envs]
 
     envs = StepperVectorEnv(Leg(), 3)
     envs.reset(seed=0)

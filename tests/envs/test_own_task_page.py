@@ -11,7 +11,7 @@ from stepper.policies import is_native, make
 
 DOCS = Path(__file__).parents[2] / "docs"
 FILE, MEASURED_ENVS = (block.text for block in blocks((DOCS / "tutorials/first_task.md").read_text()) if block.language == "python")
-(SERVOS,) = (block.text for block in blocks((DOCS / "how-to/write_a_task.md").read_text()) if block.language == "python")
+SERVOS, *_ = (block.text for block in blocks((DOCS / "how-to/write_a_task.md").read_text()) if block.language == "python")
 
 
 @pytest.fixture

@@ -26,7 +26,6 @@ def tip(now):
 QUANTITIES = {
     **{name: name for name in ("qpos", "qvel", "time", "ctrl", "status", "xpos", "xipos", "qacc_smooth", "sensordata", "xfrc_applied")},
     "tip": tip,
-    "healthy": "healthy",
 }
 
 
@@ -34,7 +33,7 @@ def fresh(now, name):
     """A quantity as the stepper has it now, without the view."""
     if name == "tip":
         return now.sim.xipos[:, 1, 2]
-    return now.sim.qpos[:, 0] < 0.1 if name == "healthy" else getattr(now.sim, name)
+    return getattr(now.sim, name)
 
 
 def check(now, name):
@@ -82,12 +81,6 @@ class Script(Task):
 
     def observations(self):
         return (Observation("qpos"), Observation("tip", func=tip))
-
-    def healthy(self, now):
-        return now.qpos[:, 0] < 0.1
-
-    def terminated(self, now):
-        return None
 
     def advance(self, now):
         for word, envs in self.script:

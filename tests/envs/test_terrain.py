@@ -209,11 +209,17 @@ def test_stages_that_are_no_pairs_are_errors(stages):
 
 GROUND = Terrain(sub_terrains={"flat": terrain.Flat(proportion=3.0), "rough": terrain.RandomRough()}, num_rows=4, border_width=1.0)
 
+BALL = stepper.Stepper(stepper.load('<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'))
+
 
 def begin(levels, state, streams, envs):
     """Initial states of environments on their tiles."""
-    reset = Reset(None, envs, np.zeros((len(envs), 7)), np.zeros((len(envs), 6)), state, Rng(streams, envs))
+    rows = {name: values[envs] for name, values in state.items()}
+    reset = Reset(BALL, envs, rows, Rng(streams, envs))
+    reset.qpos = 0.0
     levels.place(reset)
+    for name, values in state.items():
+        values[envs] = rows[name]
     return reset.qpos
 
 

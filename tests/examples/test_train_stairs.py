@@ -67,11 +67,12 @@ def test_robots_on_stairs_go_straight_and_end_at_the_edge_of_their_tile():
     envs = StepperVectorEnv(train_stairs.Go1Stairs(noise=0.0, push=0.0), 64, max_episode_steps=600, autoreset_mode="Disabled")
     envs.reset(seed=1)
     state = envs.now.episode_state
-    straight = state["command_left"] > 600
+    drawn = envs._batch.terms.drawn["twist"]
+    straight = (drawn[:, 0] >= train_stairs.SPEEDS[0]) & (drawn[:, 1] == 0.0) & np.isfinite(drawn[:, 3])
     # The share is 0.85: 54 of 64, and 40 or fewer happen once in 1e5 times.
     assert straight.sum() > 40
     low, high = train_stairs.SPEEDS
-    speeds = state["velocity_command"][straight]
+    speeds = drawn[straight, :3]
     assert ((speeds[:, 0] >= low) & (speeds[:, 0] <= high)).all()
     assert not speeds[:, 1:].any()
     qpos = np.array(envs.sim.qpos)

@@ -85,7 +85,7 @@ def observation_rows(env: StepperEnv) -> list[tuple[int, int, str, str, str]]:
     """Rows of the observation: one for each number of qpos and qvel, one for each other quantity."""
     rows, at = [], 0
     for row, width in zip(env.task.observations(), env.observation_structure.values(), strict=True):
-        bounds = "any" if row.clip is None else f"{row.clip[0]:g} to {row.clip[1]:g}"
+        bounds = "any" if row.clip is None else f"{row.scale * row.clip[0]:g} to {row.scale * row.clip[1]:g}"
         if row.func is None and row.name in ("qpos", "qvel"):
             labels = coordinates(env.sim.model, row.name)[row.columns or slice(None)]
             rows += [(at + k, 1, f"{row.name}: {label}", unit, bounds) for k, (label, unit) in enumerate(labels)]

@@ -46,6 +46,7 @@ def run_of(learner):
         def __init__(self, settings):
             self.settings = settings
             self.steps, self.iteration, self.seconds, self.processor, self.episodes, self.recent = 0, 0, 0.0, 0.0, 0, []
+            self.terms = {}
 
         def collect(self):
             if self.steps == getattr(learner, "interrupted_at", -1):

@@ -135,7 +135,7 @@ def test_an_argument_that_an_environment_does_not_have_is_an_error_without_a_tra
     """Of an environment on stepper and of Gymnasium's; and a text for a number."""
     policy = str(ROOT / "examples/policies/reacher.npz")
     for env, value, message in (
-        (REACHER, "reward_dist=2", "takes no 'reward_dist'; did you mean reward_dist_weight"),
+        (REACHER, "reward_dist=2", "takes no 'reward_dist'; did you mean rewards or reward_dist_weight"),
         (REACHER, "frame_skip=two", "frame_skip of Reacher is 'two', must be a number, as the default 2"),
         ("Reacher-v5", "reward_dist=2", "got an unexpected keyword argument 'reward_dist'"),
     ):

@@ -11,7 +11,7 @@ from typing import Any
 
 from stepper.lab.progress import ProgressCallback, show_progress
 from stepper.lab.study import Study
-from stepper.shared.name_values import literal, name_values
+from stepper.shared.name_values import argument_values, name_values
 
 OUT = "Output folder."
 STUDY = "Study: a .toml file, or a .py file with a variable study of type stepper.lab.Study."
@@ -30,8 +30,8 @@ VALUES = (
 
 
 ARGUMENTS = (
-    "Argument of the environment, NAME=VALUE, such as a field of its task: roughness=0.1. Repeat the option for more. The error for an "
-    "unknown name lists all names."
+    "Argument of the environment, NAME=VALUE, such as a field of its task: roughness=0.1, or a weight of a term of the reward: "
+    "rewards.pose=0.5. Repeat the option for more. The error for an unknown name lists all names."
 )
 
 
@@ -83,7 +83,7 @@ def values_of(texts: Sequence[str]) -> dict[str, float | str]:
 
 def arguments_of(texts: Sequence[str]) -> dict[str, Any]:
     """Arguments of an environment by name, from the option --values; a ValueError for a text that is not NAME=VALUE."""
-    return name_values(texts, "--values", literal)
+    return argument_values(texts, "--values")
 
 
 def number_or_text(text: str) -> float | str:

@@ -55,9 +55,7 @@ def missing_from_environment(owner: type, env: Any, name: str) -> AttributeError
         for place, thing in (("task", env.task), ("sim", env.sim), ("sim.model", env.sim.model), ("now", env.now)):
             if name in vars(type(thing)) or name in dir(thing):
                 found = f"{place}.{name}"
-                if name == "healthy":
-                    found = "now.healthy"
-                elif place == "task" and name not in IN_PLACE and _takes_now(getattr(env.task, name)):
+                if place == "task" and name not in IN_PLACE and _takes_now(getattr(env.task, name)):
                     found += "(env.unwrapped.now)"
                 return AttributeError(f"a stepper.envs.{owner.__name__} has no attribute {name!r}; use env.unwrapped.{found}")
     return no_attribute(owner, name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from numbers import Real
 from typing import Any
@@ -17,10 +17,11 @@ from stepper._options import Options, Precision, precision_of
 from stepper._quantities import output_array
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.envs.hooks import call_hook, check_rows_of_others, episode_state_of
+from stepper.envs.hooks import EpisodeState, call_hook, episode_state_of
 from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.task import Array, Contact, Moment, Reset, Task, Terms, with_zero_rows
 from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of, table_of
+from stepper.envs.terms import TaskTerms
 from stepper.loading import ModelWarning
 from stepper.shared.arguments import check_fields, check_number, check_whole
 from stepper.shared.streams import Rng, Streams
@@ -39,7 +40,8 @@ class Batch:
         precision: "f64" or "f32".
         threads: Number of threads; 0 uses all cores that this process may use. The results are the same, bit for bit, for any number.
         dtype: Scalar type of observations; None selects the type that `precision` names.
-        max_episode_steps: Number of actions after which an episode is truncated; None means no limit.
+        max_episode_steps: Number of actions after which an episode is truncated; None selects `task.episode_seconds`.
+        rewards: Weights that replace those of terms of the reward, by name; None replaces none.
         model: Model of the scene; None calls `task.model()`.
 
     Raises:
@@ -58,6 +60,7 @@ class Batch:
         threads: int = 1,
         dtype: Any = None,
         max_episode_steps: int | None = None,
+        rewards: Mapping[str, float] | None = None,
         model: Model | None = None,
     ):
         self.task = task
@@ -82,13 +85,17 @@ class Batch:
         self.dtype = _dtype_of(precision if dtype is None else dtype)
         if max_episode_steps is not None:
             check_whole("max_episode_steps", max_episode_steps, least=1)
+        if max_episode_steps is None and task.episode_seconds is not None:
+            check_number(f"episode_seconds of {type(task).__name__}", task.episode_seconds, above=0.0)
+            max_episode_steps = max(1, round(task.episode_seconds / self.dt))
         self._limit = max_episode_steps
         self.streams = Streams(num_envs, _hashed_seed())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
-        self._default_qpos, self._episode_state = model.qpos0, episode_state_of(task, num_envs, task.carried)
+        self._default_qpos = _default_qpos(task, model)
+        self._episode_state = episode_state_of(task, num_envs, task.carried)
+        self.terms = TaskTerms(task, self.sim, self.streams, self.dt, rewards)
         self._initial = {name: np.array(values) for name, values in self._episode_state.items()}
-        self._seeded, self._tested_resets = np.ones(num_envs, dtype=bool), False
-        self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
+        self._seeded = np.ones(num_envs, dtype=bool)
         low, high = bounds_of(task, model)
         if not len(low):
             _warn_without_actions(task, model)
@@ -105,17 +112,18 @@ class Batch:
 
     def clear_last_step(self) -> None:
         """Replaces the view `now` of all environments by one in which actions and `velocity` are zero, as before the first step."""
-        self._now = self._moment(np.zeros((self.num_envs, self._actions)))
+        none = np.zeros((self.num_envs, self._actions))
+        self._now = self._moment(none, none)
         position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)
 
-    def _moment(self, action: Array) -> Moment:
-        """New view (`Moment`) of all environments after a step with these actions, (num_envs, n).
+    def _moment(self, action: Array, previous_action: Array) -> Moment:
+        """New view (`Moment`) of all environments after steps with these actions, (num_envs, n) each.
 
         A view stores the quantities that it has read.
         """
-        shared: dict[str, Any] = {"episode_state": self._episode_state, "streams": self.streams}
-        return Moment(self.sim, self.task, self.dt, action, self._default_qpos, **shared)
+        shared = {"default_qpos": self._default_qpos, "episode_state": self._episode_state, "terms": self.terms, "streams": self.streams}
+        return Moment(self.sim, self.task, self.dt, (action, previous_action), **shared)
 
     def _reread(self, changed: Array) -> None:
         """Replaces the view `now` after a reset or change of some environments, so that quantities are read again.
@@ -149,7 +157,7 @@ class Batch:
         envs = np.flatnonzero(mask)
         self._end(envs)
         self.streams.ages[envs] += 1
-        self._place(mask, envs)
+        self._start(envs)
         self._reread(mask)
 
     def _end(self, envs: Array) -> None:
@@ -157,59 +165,23 @@ class Batch:
         if type(self.task).on_end is not Task.on_end and len(stepped := envs[self.lengths[envs] > 0]):
             call_hook(self.task, "on_end", self.now, stepped)
 
-    def _place(self, mask: Array, envs: Array) -> None:
-        """Resets some environments and calls the hooks `Task.place` and `Task.on_reset`. The view `now` is not updated.
-
-        Args:
-            mask: Mask of the environments, (num_envs,) bool.
-            envs: Indices of the same environments, (n,).
-        """
-        self._begin_episode_state(envs)
-        qpos, qvel = np.empty((len(envs), len(self._default_qpos))), np.zeros((len(envs), self._qvel.shape[1]))
-        qpos[:] = self._default_qpos
-        rng = Rng(self.streams, envs)
-        call_hook(self.task, "place", Reset(self.sim, envs, qpos, qvel, self._episode_state, rng))
-        self._qpos[envs], self._qvel[envs] = qpos, qvel
-        new = mask & self._new_seeds
-        if new.any():
-            self.sim.reset(new, qpos=self._qpos, qvel=self._qvel, seed=self._noise_seeds)
-            self._new_seeds[envs] = False
-        others = mask & ~new
-        if others.any():
-            self.sim.reset(others, qpos=self._qpos, qvel=self._qvel)
-        self._on_reset(mask, rng)
-        self.returns[envs], self.lengths[envs] = 0.0, 0
-
-    def _on_reset(self, mask: Array, rng: Rng) -> None:
-        """Calls the hook `Task.on_reset` for environments that start an episode.
-
-        The hook must not change other environments. The first call in which only some environments start an episode checks this.
-
-        Args:
-            mask: Environments that start an episode, (num_envs,) bool.
-            rng: Random number generator of these environments.
-
-        Raises:
-            ValueError: The hook returned a value, removed an array from `episode_state`, or changed values in `episode_state` of
-                environments outside the mask.
-        """
-        first = not self._tested_resets and not mask.all()
-        before = {name: np.array(self._episode_state[name]) for name in self._initial} if first else {}
-        call_hook(self.task, "on_reset", self.sim, self._episode_state, mask, rng)
-        if first:
-            self._tested_resets = True
-            check_rows_of_others(self.task, before, self._episode_state, ~mask)
-
-    def _begin_episode_state(self, envs: Array) -> None:
-        """Sets the rows of the task's `episode_state` to their initial values for new episodes in the environments `envs`, indices (n,).
-
-        Arrays named in `task.carried` are only reset in environments with a new seed.
-        """
-        seeded = envs[self._seeded[envs]]
-        for name, values in self._initial.items():
-            rows = seeded if name in self.task.carried else envs
-            self._episode_state[name][rows] = values[rows]
+    def _start(self, envs: Array) -> None:
+        """Starts episodes in the environments `envs`, indices (n,), and calls the hook `Task.reset`. The view `now` is not updated."""
+        state = {name: values[envs] for name, values in self._initial.items()}
+        for name in self.task.carried:
+            running = ~self._seeded[envs]
+            state[name][running] = self._episode_state[name][envs[running]]
+        is_seeded = self._seeded[envs]
         self._seeded[envs] = False
+        episode_state = EpisodeState(type(self.task).__name__, state)
+        reset = Reset(self.sim, envs, episode_state, Rng(self.streams, envs), default_qpos=self._default_qpos)
+        self.terms.begin(reset, is_seeded)
+        call_hook(self.task, "reset", reset)
+        for name, rows in reset.episode_state.items():
+            self._episode_state[name][envs] = rows
+        reset.apply(self._noise_seeds[envs], self._new_seeds[envs])
+        self._new_seeds[envs] = False
+        self.returns[envs], self.lengths[envs] = 0.0, 0
 
     def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array, envs: Array | None = None) -> None:
         """Sets positions (m, rad) and velocities (m/s, rad/s) of some environments; see `Stepper.set_state`.
@@ -225,8 +197,8 @@ class Batch:
 
     def get_state(self) -> EnvState:
         """State of all environments, which together with later actions determines all later observations and rewards."""
-        now = self.now
-        return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
+        now, weights = self.now, self.terms.rewards.weights
+        return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()}, weights)
 
     def restore(self, state: EnvState, mask: Array) -> None:
         """Restores the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings.
@@ -235,7 +207,7 @@ class Batch:
             ValueError: The state is from another model, task, precision or number of environments, or from other arguments of the task or
                 options of the step. Nothing is changed.
         """
-        check_settings(self.sim, self.task, state)
+        check_settings(self.sim, self.task, state, self.terms.rewards.weights)
         mine, theirs = self._episodes(), state.episodes
         for name, values in mine.items():
             if name not in theirs or theirs[name].shape != values.shape:
@@ -249,6 +221,7 @@ class Batch:
         for name, values in mine.items():
             if name not in last:
                 values[mask] = theirs[name][mask]
+        self.terms.events.read_parameters(self.sim)
         self._now = self._now.restored({name: theirs[name] for name in last}, kept, mask)
 
     def _episodes(self) -> dict[str, Array]:
@@ -258,7 +231,7 @@ class Batch:
         """
         values = {"returns": self.returns, "lengths": self.lengths, "rng": self.streams.state, "ages": self.streams.ages}
         values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now.step_values()
-        return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
+        return values | self.terms.state() | {f"episode_state {name}": value for name, value in self._episode_state.items()}
 
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
         """Advances all environments by one action, which is `task.frame_skip` time steps.
@@ -285,26 +258,19 @@ class Batch:
         if begins is not None:
             self._end(np.flatnonzero(begins))
             carried = {name: self._episode_state[name][begins] for name in task.carried}
-        # A new view, because the caller may have changed the stepper since the last step.
-        before = task.position(self._moment(action))
-        self._now.expire()
-        self._now = self._moment(action)
-        self._now.velocity = None if before is None else np.zeros_like(before)
-        call_hook(task, "advance", self._now)
-        self._now.end_step()
+        before = self._advance(action, begins)
         status: Array = self._now.status
-        self.lengths += 1
-        self.streams.ages += np.uint64(1)
         if begins is not None:
             for name, values in carried.items():  # Environments that are reset ignore this action.
                 self._episode_state[name][begins] = values
-            self._place(begins, np.flatnonzero(begins))
+            self._start(np.flatnonzero(begins))
             self._reread(begins)
         now = self._now
         if before is not None:
             now.velocity = (task.position(now.without_kept()) - before) / self.dt
             if begins is not None:
                 now.velocity[begins] = 0.0
+        now.reward_terms = self.terms.rewards.values(now)
         reward, terms = rewards_of(task, now, self.num_envs)
         ends = task.terminated(now)
         terminated = np.zeros(self.num_envs, dtype=bool) if ends is None else rows_of(task, "terminated", ends, bool, self.num_envs)
@@ -325,7 +291,43 @@ class Batch:
                 ended[begins] = 0
         self._check_rewards(reward, action)
         self.returns += reward
+        if now.reward_terms:
+            terms = terms | self._sum_terms(begins)
+        if self.terms.redraw_commands(terminated | truncated, begins):
+            now.forget()
         return reward, terminated, truncated, terms
+
+    def _advance(self, action: Array, begins: Array | None) -> Array | None:
+        """Makes the events that are due and steps the simulation by actions, (num_envs, n). Returns `Task.position` before these steps.
+
+        `begins` are environments that are reset in this step, (num_envs,) bool; None means no environment.
+        """
+        self.terms.make_events(self.sim, begins)
+        # A new view, because the caller may have changed the stepper since the last step.
+        before = self.task.position(self._moment(action, self._now.action))
+        self._now.expire()
+        self._now = self._moment(action, self._now.action)
+        self._now.velocity = None if before is None else np.zeros_like(before)
+        call_hook(self.task, "advance", self._now)
+        self._now.end_step()
+        self.lengths += 1
+        self.streams.ages += np.uint64(1)
+        return before
+
+    def _sum_terms(self, begins: Array | None) -> Terms:
+        """Adds the weighted reward terms of a step to their sums, and returns both as entries for the info dict.
+
+        `begins` are environments that were reset in this step, (num_envs,) bool; None means no environment.
+        """
+        infos: Terms = {}
+        for name, term in self._now.reward_terms.items():
+            # Terms of environments whose next state would not have been finite can be NaN.
+            value = term if _all_finite(term) else np.where(np.isfinite(term), term, 0.0)
+            value = value if begins is None else with_zero_rows(value, begins)
+            total = self.terms.rewards.sums[name]
+            total += value
+            infos[f"reward_{name}"], infos[f"return_{name}"] = value, total.copy()
+        return infos
 
     def _check_rewards(self, reward: Array, action: Array) -> None:
         """Raises ValueError if a reward (num_envs,) is not finite. The message contains the environment and its action.
@@ -360,6 +362,8 @@ class Batch:
                 out[:, columns] = value
             else:
                 np.clip(value, *row.clip, out=out[:, columns], casting="same_kind")
+            if row.scale != 1.0:
+                out[:, columns] *= row.scale
         return out
 
     def __getstate__(self) -> dict[str, Any]:
@@ -368,7 +372,21 @@ class Batch:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state
+        self.terms.reattach(self.sim.model)
         self._rows = table_of(self.task, self._now)
+
+
+def _default_qpos(task: Task, model: Model) -> Array:
+    """Reference configuration of a task, (nq,), m and rad: that of its keyframe, or of the model; a ValueError for an unknown keyframe."""
+    if task.keyframe is None:
+        return np.asarray(model.qpos0)
+    if task.keyframe not in model.keyframe_names:
+        known = ", ".join(model.keyframe_names) or "none"
+        raise ValueError(
+            f"{type(task).__name__}.keyframe is {task.keyframe!r}, which the model has not (it has {known}): give it "
+            f'<key name="{task.keyframe}" qpos="..."/>'
+        )
+    return np.array(model.keyframe(task.keyframe).qpos)
 
 
 def _check_ranges(task: Any) -> None:

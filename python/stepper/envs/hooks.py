@@ -1,4 +1,4 @@
-"""Checks of a task's hooks (`on_reset`, `advance` and others), which return nothing and change arrays in place."""
+"""Checks of a task's hooks (`reset`, `advance` and others), which return nothing and change arrays in place."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from stepper._hints import did_you_mean_or_all
 
 Array = NDArray[Any]
 IN_PLACE = {
-    "sample_state": "write to its arguments, as in qpos[:, :2] += rng.uniform(-0.1, 0.1, 2)",
-    "place": "write to reset.qpos and reset.qvel",
-    "on_reset": "write rows of the mask, as in episode_state[name][mask] = ..., and call methods of sim",
+    "reset": "write to arrays of reset, as in reset.qpos[:, :2] += reset.rng.uniform(-0.1, 0.1, 2)",
     "on_end": "write rows of envs, as in now.episode_state[name][envs] = ...",
     "advance": "step now.sim, and write to arrays of now.episode_state",
 }
@@ -42,7 +40,7 @@ def call_hook(task: Any, hook: str, *arguments: Any) -> None:
     try:
         result = getattr(task, hook)(*arguments)
     except ValueError as error:
-        if "broadcast" in str(error) and hook in ("sample_state", "place", "on_reset") and _SHAPES not in getattr(error, "__notes__", ()):
+        if "broadcast" in str(error) and hook == "reset" and _SHAPES not in getattr(error, "__notes__", ()):
             error.add_note(_SHAPES)
         raise
     except FrozenInstanceError as error:
@@ -92,7 +90,7 @@ class EpisodeState(dict[str, Array]):
         if np.shape(value) != self[name].shape:
             raise ValueError(
                 f"episode_state[{name!r}] of {self._task} is set to {in_words(value)}, must have the shape {self[name].shape}: set rows in "
-                f"place, as episode_state[{name!r}][mask] = ..."
+                f"place, as episode_state[{name!r}][envs] = ..."
             )
         super().__setitem__(name, np.asarray(value))
 
@@ -133,22 +131,3 @@ def episode_state_of(task: Any, num_envs: int, carried: Collection[str]) -> Epis
             f"{', '.join(values) or 'nothing'}"
         )
     return EpisodeState(kind, {name: np.asarray(value) for name, value in values.items()})
-
-
-def check_rows_of_others(task: Any, before: Mapping[str, Array], after: Mapping[str, Array], others: Array) -> None:
-    """Raises ValueError if `Task.on_reset` removed arrays of `episode_state`, or changed rows of environments that were not reset.
-
-    Args:
-        task: The task.
-        before: Arrays (num_envs, ...) by name before the hook, in their units.
-        after: Arrays (num_envs, ...) by name after the hook, in their units.
-        others: Environments that were not reset, (num_envs,) bool.
-    """
-    for name, own in before.items():
-        if name not in after:
-            raise ValueError(f"{type(task).__name__}.on_reset removes episode_state[{name!r}]: keep all arrays of the method episode_state")
-        if not np.array_equal(own[others], after[name][others], equal_nan=own.dtype.kind == "f"):
-            raise ValueError(
-                f"{type(task).__name__}.on_reset changed episode_state[{name!r}] of environments that were not reset: set rows of the mask "
-                f"alone, as episode_state[{name!r}][mask] = ..."
-            )

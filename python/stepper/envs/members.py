@@ -19,7 +19,7 @@ _SKELETON = {
     "frame_skip": "frame_skip: int = 1",
     "model": 'def model(self): return stepper.load("robot.xml")',
     "observations": 'def observations(self): return stepper.envs.Observation("qpos"), stepper.envs.Observation("qvel")',
-    "reward": "def reward(self, now): return now.qpos[:, 0], {}",
+    "reward": "def reward(self, now): return now.qpos[:, 0]",
 }
 """Members that every task needs, as lines of code."""
 
@@ -91,8 +91,8 @@ def check_environment(env: type, base: type) -> None:
     inherited = {name for kind in env.__mro__[1:] for name in _names_of(kind)}
     for name, member in vars(env).items():
         method = name if name in _methods_of(base) else RENAMED["Task"].get(name)
-        # Hindsight experience replay calls `compute_reward` of environments.
-        if method and name != "compute_reward" and inspect.isfunction(member) and name not in inherited:
+        # Environments have a method `reset`, and hindsight experience replay calls their `compute_reward`.
+        if method and name not in ("reset", "compute_reward") and inspect.isfunction(member) and name not in inherited:
             remedy = f"define {_signature(base, method)} in a subclass of stepper.envs.Task, and give that to {env.__mro__[1].__name__}"
             _warn(env, f"{env.__name__} defines {name}, which environments ignore: {remedy}")
 
@@ -174,7 +174,10 @@ def _one_edit_apart(one: str, other: str) -> bool:
 
 def _check_complete(task: type) -> None:
     """Raises TypeError with a skeleton if a class of tasks lacks methods that every task defines."""
-    if missing := sorted(getattr(task, "__abstractmethods__", ())):
+    missing = sorted(getattr(task, "__abstractmethods__", ()))
+    if not any({"reward", "rewards"} & vars(kind).keys() for kind in task.__mro__ if not _is_abstract(kind)):
+        missing.append("reward")
+    if missing:
         names = [*missing, *([] if hasattr(task, "frame_skip") else ["frame_skip"])]
         lines = [f"\n    {_SKELETON[name]}" for name in _SKELETON if name in names]
         if not set(missing) <= _SKELETON.keys():

@@ -40,10 +40,10 @@ def register_tasks() -> None:
     _register("stepper/FallingBlock-v0", falling_block.STEPS, {"task": FallingBlock, "options": falling_block.OPTIONS})
     _register("stepper/Grasp-v0", grasp.STEPS, {"task": Grasp, "options": grasp.OPTIONS})
     for name, robot in (("G1Velocity", G1Velocity), ("Go1Velocity", Go1Velocity)):
-        _register(f"stepper/{name}-v0", robot.episode_steps, {"task": robot})
-        _register(f"stepper/{name}Real-v0", robot.episode_steps, {"task": robot, "noise": 1.0, "motors": True})
+        _register(f"stepper/{name}-v0", 1000, {"task": robot})
+        _register(f"stepper/{name}Real-v0", 1000, {"task": robot, "noise": 1.0, "motors": True})
     for name, rough in (("G1Rough", G1Rough), ("Go1Rough", Go1Rough)):
-        _register(f"stepper/{name}-v0", rough.episode_steps, {"task": rough})
+        _register(f"stepper/{name}-v0", 1000, {"task": rough})
     for name, (kind, arguments) in SUITE.items():
         _register(f"stepper/dm_control.{name}-v0", kind.episode_steps, {"task": kind, **arguments})
 

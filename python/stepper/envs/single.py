@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -36,6 +37,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         dtype: Scalar type of observations, float64 or float32; None selects the type that `precision` names.
         max_episode_steps: Number of actions after which an episode is truncated; None means no limit. With `gymnasium.make`, the wrapper
             `TimeLimit` truncates instead.
+        rewards: Weights that replace those of terms of the reward (`Task.rewards`), by name, as {"action_rate": -0.2}.
         render_mode: "rgb_array" for pictures by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists the requirements.
         width: Width of a picture in pixels.
         height: Height of a picture in pixels.
@@ -62,6 +64,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         precision: Precision = "f64",
         dtype: Any = None,
         max_episode_steps: int | None = None,
+        rewards: Mapping[str, float] | None = None,
         render_mode: RenderMode | None = None,
         width: int = 480,
         height: int = 480,
@@ -71,7 +74,8 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         **arguments: Any,
     ):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "dtype": dtype}
-        self._batch = Batch(make_task(task, arguments, vector=False), 1, max_episode_steps=max_episode_steps, **settings)
+        settings |= {"max_episode_steps": max_episode_steps, "rewards": rewards}
+        self._batch = Batch(make_task(task, arguments, vector=False), 1, **settings)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
         self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
         self.metadata = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / self._batch.dt)}
@@ -93,6 +97,11 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
     def task(self) -> Task:
         """Task that defines scene, observations and rewards."""
         return self._batch.task
+
+    @property
+    def reward_weights(self) -> dict[str, float]:
+        """Weight of each term of the reward (`Task.rewards`), by name."""
+        return dict(self._batch.terms.rewards.weights)
 
     @property
     def dt(self) -> float:

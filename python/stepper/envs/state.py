@@ -41,13 +41,14 @@ class EnvState:
     settings: dict[str, Any]
 
 
-def save(sim: Stepper, task: Task, episodes: dict[str, Array]) -> EnvState:
+def save(sim: Stepper, task: Task, episodes: dict[str, Array], weights: Mapping[str, float]) -> EnvState:
     """State of all environments of a stepper, for `restore`.
 
     Args:
         sim: The stepper.
         task: The task of the environments.
         episodes: Arrays (num_envs, ...) of the running episodes, by name, which are copied.
+        weights: Weights of the reward terms, by name.
     """
     pickled = sim.__getstate__()
     # These arrays are not read as attributes: the first access to sim.xfrc_applied etc. creates an array that every later step must read.
@@ -60,11 +61,11 @@ def save(sim: Stepper, task: Task, episodes: dict[str, Array]) -> EnvState:
         parameters=parameters,
         applied=applied,
         episodes={name: np.array(values) for name, values in episodes.items()},
-        settings=_settings(sim, task),
+        settings=_settings(sim, task, weights),
     )
 
 
-def check_settings(sim: Stepper, task: Task, state: EnvState) -> None:
+def check_settings(sim: Stepper, task: Task, state: EnvState, weights: Mapping[str, float]) -> None:
     """Checks that a state was saved with the same task, arguments of the task, precision and options of the step.
 
     Otherwise the saved returns, episode_state and random numbers would belong to another reward or another motion.
@@ -72,7 +73,7 @@ def check_settings(sim: Stepper, task: Task, state: EnvState) -> None:
     Raises:
         ValueError: The settings differ; the message lists the differences.
     """
-    present, saved = _settings(sim, task), state.settings
+    present, saved = _settings(sim, task, weights), state.settings
     absent = object()
     names = [name for name in {**saved, **present} if not _equal(saved.get(name, absent), present.get(name, absent))]
     if not names:
@@ -92,8 +93,8 @@ def _shown(settings: dict[str, Any], name: str) -> str:
     return repr(settings[name]) if name in settings else "absent"
 
 
-def _settings(sim: Stepper, task: Task) -> dict[str, Any]:
-    """Settings that a saved state depends on, by name: task, its arguments, precision and options of the step.
+def _settings(sim: Stepper, task: Task, weights: Mapping[str, float]) -> dict[str, Any]:
+    """Settings that a saved state depends on, by name: task, its arguments, weights of the reward, precision and options of the step.
 
     Values that cannot be compared, such as functions, are left out.
     """
@@ -101,7 +102,7 @@ def _settings(sim: Stepper, task: Task) -> dict[str, Any]:
     names = [field.name for field in fields(task)] if is_dataclass(task) else [name for name in vars(task) if name[0] != "_"]
     arguments = {name: getattr(task, name) for name in names}
     found = {"task": type(task).__qualname__, "precision": sim.precision, **options}
-    return found | dict(_plain(f"{type(task).__name__}.", arguments))
+    return found | dict(_plain(f"{type(task).__name__}.", arguments)) | {f"rewards.{name}": weight for name, weight in weights.items()}
 
 
 def _plain(prefix: str, values: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:

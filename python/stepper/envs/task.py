@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, ParamSpec, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,19 @@ from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.envs.absent import missing_from_now, missing_from_task
-from stepper.envs.assets import load_quietly, model_file
-from stepper.envs.hooks import call_hook, in_words
+from stepper.envs.actions import Servo, actions_of
+from stepper.envs.assets import cache_per_model, load_quietly, model_file
+from stepper.envs.events import Event
+from stepper.envs.hooks import in_words
 from stepper.envs.members import TaskType, check_members
+from stepper.envs.rewards import Reward
 from stepper.sensors import SensorModel
 from stepper.shared.arguments import check_number
+from stepper.shared.fields import COMPOUNDS, RANDOMIZED
 from stepper.shared.functions import check_takes
-from stepper.shared.streams import Rng, Streams
+from stepper.shared.streams import Rng
 
+P = ParamSpec("P")
 Array = NDArray[Any]
 Terms: TypeAlias = dict[str, Array]
 """Arrays (num_envs, ...) by name, such as terms of a reward or entries of an info dict."""
@@ -36,7 +41,10 @@ Camera: TypeAlias = Mapping[str, Any]
 """Settings of a free camera: distance (m), azimuth, elevation (degrees), lookat (3,) in m, trackbodyid; see `stepper.viewer.Renderer`."""
 
 
-_OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocity", "_streams", "_kept", "_end", "_expired", "_revision_of")
+_OWN = (
+    *("sim", "task", "dt", "action", "previous_action", "reward_terms", "default_qpos", "episode_state", "velocity"),
+    *("_terms", "_streams", "_kept", "_end", "_expired", "_revision_of"),
+)
 """Names of the attributes of a `Moment` that are pickled. Other attributes are quantities, which can be read from the stepper again."""
 
 
@@ -61,17 +69,22 @@ class Moment:
         task: The task.
         dt: Time between two observations, s.
         action: Actions of the last step, (num_envs, n); zero in environments that were just reset. n is nu, unless the task defines
-            `action_bounds`.
-        default_qpos: The model's reference configuration, (nq,), m and rad.
+            `action_bounds` or `actions`.
+        previous_action: Actions of the step before the last one, in the format of `action`.
+        reward_terms: Weighted terms of the last step (`Task.rewards`), (num_envs,) by name, when `Task.reward` is called.
+        default_qpos: Reference configuration, (nq,), m and rad: that of the keyframe `Task.keyframe`, or `qpos0` of the model.
         episode_state: Arrays (num_envs, ...) by name with data of the episodes that the stepper does not store; see `Task.episode_state`.
         velocity: Mean rate of change of `Task.position` over the last action, in the unit of the position per s. It is zero in
             environments that were just reset, and None for tasks without a position.
     """
 
-    def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, default_qpos: Array, *, episode_state: Terms, streams: Streams):
-        self.sim, self.task, self.dt, self.action, self.default_qpos = sim, task, dt, action, default_qpos
-        self.episode_state, self._streams = episode_state, streams
+    def __init__(self, sim: Stepper, task: Any, dt: float, actions: tuple[Array, Array], **parts: Any):
+        self.sim, self.task, self.dt = sim, task, dt
+        self.action, self.previous_action = actions
+        self.default_qpos, self.episode_state = parts["default_qpos"], parts["episode_state"]
+        self._terms, self._streams = parts["terms"], parts["streams"]
         self.velocity: Any = None
+        self.reward_terms: Terms = {}
         # Values that `keep` has fixed, and the final qpos and qvel of the step that they belong to.
         self._kept: Terms = {}
         self._end: tuple[Array, Array] | None = None
@@ -80,7 +93,7 @@ class Moment:
         self._revision: Array | None = None
         self._values: dict[str, Any] = {}
 
-    def _forget(self) -> None:
+    def forget(self) -> None:
         """Drops the stored values, so that quantities are read again."""
         self._revision, self._values = None, {}
 
@@ -122,32 +135,12 @@ class Moment:
         if self._expired:
             raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
 
-    @property
-    def healthy(self) -> Any:
-        """Result of the task's method `healthy`, (num_envs,) bool or None."""
-        values = self._stored()
-        if "healthy" not in values:
-            self._check_present("healthy")
-            values["healthy"] = self._healthy()
-        return values["healthy"]
-
     if not TYPE_CHECKING:
 
         def __getitem__(self, name: Any) -> Any:
             raise TypeError(
                 f"now[{name!r}] is not defined: quantities are attributes, as now.qpos, and now.read(name, of) selects elements"
             )
-
-    def _healthy(self) -> Any:
-        """Result of the task's method `healthy`, (num_envs,) bool or None; a ValueError if it is anything else."""
-        found, expected = self.task.healthy(self), (self.sim.num_envs,)
-        if found is not None and not (isinstance(found, np.ndarray) and found.dtype == np.bool_ and found.shape == expected):
-            described = f"{in_words(found)} of {found.dtype}" if isinstance(found, np.ndarray) else in_words(found)
-            raise ValueError(
-                f"{type(self.task).__name__}.healthy returns {described}, must be an array {expected} of bool: one value for each "
-                "environment, or None"
-            )
-        return found
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> Array:
         """Returns values of a quantity for all or some elements, by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
@@ -164,6 +157,54 @@ class Moment:
         """
         return Rng(self._streams.fork(name), np.arange(len(self._streams.state)))
 
+    @property
+    def steps(self) -> Array:
+        """Number of actions and resets of each environment since it was seeded, (num_envs,) uint64, for curricula."""
+        ages: Array = self._streams.ages
+        return ages
+
+    def command(self, name: str | None = None) -> Array:
+        """Returns the present commands of a `Command` of the task, (num_envs, n), in its unit.
+
+        Args:
+            name: Name of the command in `Task.commands`. None selects the only one.
+
+        Raises:
+            KeyError: The task has no such command.
+        """
+        commands = self._terms.commands
+        if name is None and len(commands) == 1:
+            name = next(iter(commands))
+        if name not in commands:
+            raise KeyError(f"{type(self.task).__name__}.commands has no {name!r}, it has {', '.join(commands) or 'none'}")
+        values, key = self._stored(), f"command {name}"
+        if key not in values:
+            values[key] = commands[name].value(self, self._terms.drawn[name])
+        value: Array = values[key]
+        return value
+
+    def parameter(self, selector: str) -> Array:
+        """Returns the present values of parameters, (num_envs, n), in their unit, by a selector such as "geom_friction[*_foot][0]".
+
+        Raises:
+            ValueError: An unknown field or element.
+        """
+        values, key = self._stored(), f"parameter {selector}"
+        if key not in values:
+            values[key] = self._terms.events.parameter(self.sim, selector)
+        value: Array = values[key]
+        return value
+
+    def step(self, action: Array | None = None, nstep: int | None = None) -> None:
+        """Steps the simulation by the actions of this step, converted to controls by `Task.actions`. For `Task.advance`.
+
+        Args:
+            action: Actions in place of `action`, (num_envs, n).
+            nstep: Number of time steps; None selects `Task.frame_skip`.
+        """
+        action = self.action if action is None else action
+        self._terms.step(self, action, self.previous_action, self.task.frame_skip if nstep is None else nstep)
+
     def keep(self, name: str, value: Array) -> None:
         """Fixes the value of a quantity in this view of the batch, for example a value from the middle of the step.
 
@@ -176,19 +217,21 @@ class Moment:
     def end_step(self) -> None:
         """Ends the steps of an action: drops values that were read between them, and notes the state that kept values belong to."""
         self._end = (self.sim.qpos, self.sim.qvel) if self._kept else None
-        self._forget()
+        self.forget()
 
     def without_kept(self) -> Moment:
         """Returns a view of the batch after the same step, without the values that `keep` has fixed."""
-        return self._same_step(self.action) if self._kept else self
+        return self._same_step(self.action, self.previous_action) if self._kept else self
 
-    def _same_step(self, action: Array) -> Moment:
+    def _same_step(self, action: Array, previous_action: Array) -> Moment:
         """New view of all environments after the same step, without the values that `keep` has fixed.
 
-        `action` are the actions of the step, (num_envs, n).
+        Args:
+            action: Actions of the step, (num_envs, n).
+            previous_action: Actions of the step before, (num_envs, n).
         """
-        shared: dict[str, Any] = {"episode_state": self.episode_state, "streams": self._streams}
-        return Moment(self.sim, self.task, self.dt, action, self.default_qpos, **shared)
+        shared = {"default_qpos": self.default_qpos, "episode_state": self.episode_state, "terms": self._terms, "streams": self._streams}
+        return Moment(self.sim, self.task, self.dt, (action, previous_action), **shared)
 
     def reread(self, changed: Array) -> Moment:
         """Returns a new view of all environments after a reset or change of some of them. This view ends.
@@ -197,7 +240,7 @@ class Moment:
             changed: Environments that were reset or set, (num_envs,) bool. Their action and velocity become zero. In the other
                 environments, values that `keep` has fixed remain, unless qpos or qvel differs from that at the end of the step.
         """
-        made = self._same_step(with_zero_rows(self.action, changed))
+        made = self._same_step(with_zero_rows(self.action, changed), with_zero_rows(self.previous_action, changed))
         made.velocity = None if self.velocity is None else with_zero_rows(self.velocity, changed)
         if self._end is not None and not changed.all():
             nowhere = np.where(changed, np.nan, 0.0)[:, None]  # NaN equals no state.
@@ -211,8 +254,8 @@ class Moment:
         return {name: getattr(self, name) for name in self._kept}
 
     def step_values(self) -> Terms:
-        """Returns the arrays of the last step that a saved state contains, by name: "action", and "velocity" for tasks with a position."""
-        return {name: value for name in ("action", "velocity") if (value := getattr(self, name)) is not None}
+        """Returns the arrays of the last step that a saved state contains, by name: actions, and "velocity" for tasks with a position."""
+        return {name: value for name in ("action", "previous_action", "velocity") if (value := getattr(self, name)) is not None}
 
     def restored(self, step_values: Terms, kept: Terms, mask: Array) -> Moment:
         """Returns a new view of the batch after some environments were restored from a saved state.
@@ -274,28 +317,39 @@ def with_zero_rows(values: Array, mask: Array) -> Array:
     return made
 
 
+def _is_parameter(name: str) -> bool:
+    """Whether the name of an observed quantity is a field of `Stepper.randomize`, or a selector of one."""
+    return name.partition("[")[0].strip() in {**RANDOMIZED, **COMPOUNDS}
+
+
 @hint_keywords("stepper.envs.Observation")
 @dataclass(frozen=True)
 class Observation:
     """One observed quantity of a task, a row in the table that `Task.observations` returns. The observation concatenates all rows.
 
     Attributes:
-        name: Name of the row. Without `func` it is the name of a quantity of `Stepper`, such as "qpos", "qvel" or "xpos".
+        name: Name of the row, a text. Without `func` it is the name of a quantity of `Stepper`, such as "qpos", "qvel" or "xpos", or a
+            selector of parameters, such as "geom_friction[*_foot][0]". A function in this place is `func`, and its name that of the row.
         func: Function of a `Moment` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
         columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
         clip: Lower and upper bound of the observed values; None means no bound.
         noise: Half width of the uniform noise that is added before `clip`, in the unit of the quantity. `Moment.rng` draws the noise.
+        scale: Factor of the observed values, after `clip`.
         unit: Unit of the values of `func`, for documentation; empty for numbers without a unit, and for quantities of `Stepper`.
     """
 
-    name: str
+    name: Any
     func: Callable[[Any], Array] | None = None
     columns: slice | None = None
     clip: tuple[float, float] | None = None
     noise: float = 0.0
+    scale: float = 1.0
     unit: str = ""
 
     def __post_init__(self) -> None:
+        if callable(self.name) and self.func is None:
+            object.__setattr__(self, "func", self.name)
+            object.__setattr__(self, "name", getattr(self.name, "__name__", "").strip("_<>"))
         if not isinstance(self.name, str):
             raise WrongArgumentError(f"the name of an Observation is {in_words(self.name)}, must be a text: Observation(name, func=...)")
         if self.func is not None and not callable(self.func):
@@ -307,6 +361,7 @@ class Observation:
         if self.func is not None:
             check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
         check_number(f"noise of Observation {self.name!r}", self.noise, least=0.0)
+        check_number(f"scale of Observation {self.name!r}", self.scale)
         if self.clip is not None and np.shape(self.clip)[:1] != (2,):
             one = isinstance(self.clip, int | float)
             size = abs(self.clip) if one else 1.0  # type: ignore[arg-type]
@@ -319,37 +374,125 @@ class Observation:
 
     def read(self, now: Moment) -> Array:
         """Returns the values of this row of the observation table, (num_envs, n), in its unit, with noise and before `clip`."""
-        value: Array = getattr(now, self.name) if self.func is None else self.func(now)
+        if self.func is not None:
+            value: Array = self.func(now)
+        else:
+            value = now.parameter(self.name) if _is_parameter(self.name) else getattr(now, self.name)
         flat = value.reshape(len(value), -1)
         flat = flat if self.columns is None else flat[:, self.columns]
         return flat + now.rng(self.name).uniform(-self.noise, self.noise, flat.shape[1]) if self.noise else flat
 
 
-@dataclass(frozen=True)
 class Reset:
-    """Environments that start a new episode: the argument of `Task.place`.
+    """Environments that start a new episode, or have an event: the argument of `Task.reset` and of functions of events.
+
+    All arrays have one row for each of the n environments, and so have the draws of `rng`. Write to the arrays, or assign to them:
+    `reset.qpos[:, 2] += 0.1` and `reset.qpos = poses` both set initial positions. In an event within an episode, the arrays have the
+    present values, and `episode_state` is empty.
 
     Attributes:
-        sim: The stepper. These environments still have the state in which their last episode ended.
+        sim: The stepper. These environments still have the state in which their last episode ended. `sim.randomize(..., envs=reset.envs)`
+            sets parameters.
         envs: Indices of the environments, (n,).
-        qpos: Initial positions, (n, nq), m and rad: the model's reference, to be changed in place.
-        qvel: Initial velocities, (n, nv), m/s and rad/s: zero, to be changed in place.
-        episode_state: Arrays (num_envs, ...) of `Task.episode_state`, already with the initial rows of the new episodes. Change
-            only the rows `episode_state[name][reset.envs]`.
-        rng: Random number generator of these environments.
+        qpos: Initial positions, (n, nq), m and rad: those of the keyframe `Task.keyframe`, or `qpos0` of the model.
+        qvel: Initial velocities, (n, nv), m/s and rad/s: zero.
+        act: Initial activations, (n, na): zero.
+        mocap_pos: Initial positions of the mocap bodies, (n, nmocap, 3), m: those of the model.
+        mocap_quat: Initial orientations of the mocap bodies, (n, nmocap, 4): those of the model.
+        episode_state: Arrays (n, ...) by name: the rows of `Task.episode_state` with the initial values of the new episodes.
+        rng: Random number generator of these environments: `rng.uniform(low, high, size)` returns an array (n, size).
     """
 
     sim: Stepper
     envs: Array
     qpos: Array
     qvel: Array
+    act: Array
+    mocap_pos: Array
+    mocap_quat: Array
     episode_state: Terms
     rng: Rng
+    _default_qpos: Array
+    _present: bool
+
+    def __init__(
+        self, sim: Stepper, envs: Array, episode_state: Terms, rng: Rng, *, default_qpos: Array | None = None, present: bool = False
+    ):
+        default_qpos = np.asarray(sim.model.qpos0) if default_qpos is None else default_qpos
+        vars(self).update(sim=sim, envs=envs, episode_state=episode_state, rng=rng, _default_qpos=default_qpos, _present=present)
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            raise no_attribute(Reset, name, self.__dataclass_fields__)
+            if name not in _INITIAL:
+                raise no_attribute(Reset, name, [name for name in inspect.get_annotations(Reset) if name[0] != "_"])
+            # Arrays are created at the first read, because few tasks use all of them.
+            if self._present:
+                vars(self)[name] = np.array(getattr(self.sim, name)[self.envs], dtype=np.float64)
+            else:
+                initial = self._default_qpos if name == "qpos" else _INITIAL[name](self.sim.model)
+                vars(self)[name] = np.tile(initial, (len(self.envs), *[1] * initial.ndim))
+            return vars(self)[name]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        array = getattr(self, name)
+        if not isinstance(array, np.ndarray):
+            raise AttributeError(f"{name} of a reset cannot be assigned: write to its arrays, or call its methods")
+        if value is not array:  # As in `reset.qpos += 0.1`.
+            array[...] = value
+
+    def apply(self, seeds: Array, is_new: Array) -> None:
+        """Starts the episodes in the stepper.
+
+        Args:
+            seeds: Seeds of the sensor errors, (n,) uint64.
+            is_new: Environments whose sensor errors get their seed, (n,) bool. Those of the others go on.
+        """
+        for rows in (is_new, ~is_new):
+            if rows.any():
+                given = seeds[rows] if rows is is_new else None
+                self.sim.reset(self.envs[rows], qpos=self.qpos[rows], qvel=self.qvel[rows], seed=given)
+        self.apply_state(("act", "mocap_pos", "mocap_quat"))
+
+    def apply_state(self, names: Sequence[str] = ("qpos", "qvel", "act", "mocap_pos", "mocap_quat")) -> None:
+        """Writes those of the arrays `names` that were read or set to the stepper."""
+        made = vars(self)
+        if state := {name: made[name] for name in names if name in made and name[:5] != "mocap"}:
+            self.sim.set_state(**state, envs=self.envs, keep_warmstart=self._present)
+        for name in names:
+            if name in made and name[:5] == "mocap":
+                getattr(self.sim, name)[self.envs] = made[name]
+
+    def call(self, function: Callable[[Reset], None], rows: Array) -> None:
+        """Calls a function for some of these environments, given by a mask (n,)."""
+        if rows.all():
+            function(self)
+        elif rows.any():
+            state = {name: values[rows] for name, values in self.episode_state.items()}
+            some = Reset(self.sim, self.envs[rows], state, self.rng.of(rows), default_qpos=self._default_qpos, present=self._present)
+            for name in _INITIAL.keys() & vars(self).keys():
+                vars(some)[name] = vars(self)[name][rows]
+            function(some)
+            for name in _INITIAL.keys() & vars(some).keys():
+                getattr(self, name)[rows] = vars(some)[name]
+            for name, values in state.items():
+                self.episode_state[name][rows] = values
+
+
+@cache_per_model
+def _mocap_bodies(model: Model) -> list[Any]:
+    """Mocap bodies of a model, in the order of their poses."""
+    return sorted((body for body in map(model.body, range(model.nbody)) if body.mocapid >= 0), key=lambda body: body.mocapid)
+
+
+_INITIAL: dict[str, Callable[[Model], Array]] = {
+    "qpos": lambda model: np.asarray(model.qpos0),
+    "qvel": lambda model: np.zeros(model.nv),
+    "act": lambda model: np.zeros(model.na),
+    "mocap_pos": lambda model: np.array([body.pos for body in _mocap_bodies(model)]).reshape(-1, 3),
+    "mocap_quat": lambda model: np.array([body.quat for body in _mocap_bodies(model)]).reshape(-1, 4),
+}
+"""Functions of the model that return the initial values of the arrays of a `Reset`, by name."""
 
 
 class Task(metaclass=TaskType):
@@ -367,8 +510,22 @@ class Task(metaclass=TaskType):
     """Whether pictures of a scene without a light get an added light. False in Gymnasium's tasks, to reproduce Gymnasium's pictures."""
     carried: ClassVar[tuple[str, ...]] = ()
     """Names in `episode_state` whose values persist into the next episode, such as the level of a curriculum, until a reset with a seed."""
+    keyframe: ClassVar[str | None] = None
+    """Name of the keyframe with the reference configuration, in which episodes begin; None selects `qpos0` of the model."""
+    episode_seconds: float | None = None
+    """Time after which an episode is truncated, s, if the environment has no `max_episode_steps`; None means no limit."""
     frame_skip: int
     """Number of time steps per action."""
+
+    @property
+    def actions(self) -> Servo | tuple[Servo, ...] | None:
+        """Conversion of actions to controls by a `Servo`, or several. None means that actions are controls."""
+        return None
+
+    @property
+    def commands(self) -> Mapping[str, Any]:
+        """Commands by name, of `stepper.envs.commands`; `now.command(name)` has their values."""
+        return {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -398,60 +555,70 @@ class Task(metaclass=TaskType):
         return None
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
-        """Returns lower and upper bounds of the actions, (n,) each, in the units of the task. The default is the control ranges.
+        """Returns lower and upper bounds of the actions, (n,) each, in the units of the task.
 
-        A task with other actions, such as motions of a hand, converts them to controls in `advance`.
+        The default is the bounds of `actions`, or the control ranges. A task with other actions, such as motions of a hand, converts them
+        to controls in `advance`.
+
+        Raises:
+            ValueError: An actuator has no control range, and the task has no `actions`.
         """
+        if (servos := actions_of(self, model)) is not None:
+            return -servos.bounds, servos.bounds
         low, high = model.actuator_ctrlrange.T
+        for k, ends in enumerate(zip(low, high, strict=True)):
+            if not np.isfinite(ends).all():
+                name = model.actuator_names[k] or k
+                remedy = 'write actions = Servo("*", scale=..., bound=1.0) in the class, or define action_bounds(self, model)'
+                raise ValueError(
+                    f"actuator {name!r} has no ctrlrange, so the actions of {type(self).__name__} have no bounds, to which learners scale: "
+                    f"give ctrlrange in the file, {remedy}"
+                )
         return low, high
 
     @abstractmethod
     def observations(self) -> tuple[Observation, ...]:
         """Returns the table of the observed quantities. The observation of an environment concatenates the rows of this table."""
 
-    @abstractmethod
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Returns the rewards of the last step, (num_envs,), and entries for the info dict, such as the terms of the reward.
+    def rewards(self) -> Mapping[str, Reward]:
+        """Returns the terms of the reward by name, for tasks without a method `reward`.
+
+        The info dict has each weighted term of a step as "reward_NAME", and its sum over the episode as "return_NAME". The argument
+        `rewards` of an environment replaces weights.
+        """
+        return {}
+
+    def reward(self, now: Moment) -> Array | tuple[Array, Terms]:
+        """Returns the rewards of the last step, (num_envs,), or a pair of them and further entries for the info dict.
+
+        The default is the sum of the weighted terms of `rewards`.
 
         Args:
-            now: View of the batch after the step.
+            now: View of the batch after the step. `now.reward_terms` has the weighted terms of `rewards`.
         """
+        # A loop, because np.sum would add the terms in another order for a single environment, with other rounding.
+        return sum(now.reward_terms.values(), np.zeros(len(now.action)))
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Samples initial states of n episodes.
+    def events(self) -> tuple[Event, ...]:
+        """Returns random events: parameters that are drawn at the start, at resets or at intervals, and pushes."""
+        return ()
+
+    def reset(self, reset: Reset) -> None:
+        """Sets the beginning of new episodes: initial states, commands and other values of `episode_state`, parameters.
 
         Args:
-            qpos: Positions, (n, nq), m and rad: the reference positions (`qpos0`), to be changed in place.
-            qvel: Velocities, (n, nv), m/s and rad/s: zero, to be changed in place.
-            rng: Random number generator of these environments: `rng.uniform(low, high, size)` returns an array (n, size).
+            reset: Environments that start an episode, with arrays of one row for each of them. Initial states are written to
+                `reset.qpos` and `reset.qvel`, values of the episode to `reset.episode_state`.
         """
-
-    def place(self, reset: Reset) -> None:
-        """Sets the initial states in `reset.qpos` and `reset.qvel`. The default calls `sample_state`.
-
-        Override this method if initial states depend on `episode_state` or the simulation, for example on the level of a terrain. An
-        override can first call `super().place(reset)`, and then move the sampled states.
-        """
-        call_hook(self, "sample_state", reset.qpos, reset.qvel, reset.rng)
 
     def episode_state(self, num_envs: int) -> Terms:
         """Returns the initial values of data of the episodes that the stepper does not store, such as commands and previous actions.
 
         Returns:
-            Arrays (num_envs, ...) by name, the initial `now.episode_state`. `place`, `on_reset`, `advance` and `on_end` write to them. Each
-            episode starts with the rows returned here, except for names in `carried`.
+            Arrays (num_envs, ...) by name, the initial `now.episode_state`. `reset`, `advance` and `on_end` write to them. Each episode
+            starts with the rows returned here, except for names in `carried`.
         """
         return {}
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Hook that is called after the initial states are set, for example to draw commands or parameters (`sim.randomize`).
-
-        Args:
-            sim: The stepper.
-            episode_state: Arrays (num_envs, ...) of `Task.episode_state`.
-            mask: Environments that start an episode, (num_envs,) bool. Change only these, in the stepper and in `episode_state`.
-            rng: Random number generator of these environments.
-        """
 
     def on_end(self, now: Moment, envs: Array) -> None:
         """Hook that is called before environments start their next episode, even if `reset` ends the current episode early.
@@ -464,16 +631,9 @@ class Task(metaclass=TaskType):
             envs: Indices of the environments, (n,).
         """
 
-    def healthy(self, now: Moment) -> Array | None:
-        """Whether the episode of each environment may continue, (num_envs,) bool. None means that all episodes may continue.
-
-        Other methods of a task read the result as `now.healthy`, so that it is computed only once.
-        """
-        return None
-
     def terminated(self, now: Moment) -> Array | None:
-        """Whether each episode is terminated, (num_envs,) bool. None means that no episode is terminated. The default negates `healthy`."""
-        return None if now.healthy is None else ~now.healthy
+        """Whether each episode ends with a failure, (num_envs,) bool. None means that no episode fails."""
+        return None
 
     def truncated(self, now: Moment) -> Array | None:
         """Whether the task truncates each episode, (num_envs,) bool, for example because the robot left the terrain without a failure.
@@ -494,8 +654,8 @@ class Task(metaclass=TaskType):
         return {}
 
     def advance(self, now: Moment) -> None:
-        """Steps the simulation by one action, `now.action`. An override can store quantities between time steps with `now.keep`."""
-        now.sim.step(now.action, self.frame_skip)
+        """Steps the simulation by one action: `now.step()`. An override can store quantities between time steps with `now.keep`."""
+        now.step()
 
 
 class MujocoTask(Task):
@@ -519,15 +679,16 @@ class MujocoTask(Task):
         return load_quietly(model_file(self.xml_file))
 
 
-def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:
-    """Decorator for a function of a `Moment`: the result is computed at the first call for a moment, and stored for later calls."""
+def per_moment(function: Callable[P, Array]) -> Callable[P, Array]:
+    """Decorator for a function of a `Moment`, or a method of a task: the result is computed once per moment, and stored for later calls."""
+    name = f"of {function.__module__}.{function.__qualname__}"
 
     @functools.wraps(function)
-    def quantity(now: Moment) -> Array:
-        name = f"of {function.__qualname__}"
+    def quantity(*arguments: P.args, **named: P.kwargs) -> Array:
+        now: Any = arguments[-1]
         values = now._stored()
         if name not in values:
-            values[name] = function(now)
+            values[name] = function(*arguments, **named)
         value: Array = values[name]
         return value
 

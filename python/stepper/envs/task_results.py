@@ -151,7 +151,7 @@ def _width(kind: str, row: Observation, now: Moment) -> int:
     expected = len(now.qpos)
     if row.func is None:
         try:
-            value = getattr(now, row.name)
+            value = getattr(now, row.name) if row.name.isidentifier() and hasattr(type(now), row.name) else row.read(now)
         except AttributeError as error:
             raise AttributeError(
                 f"{kind}.observations has the row {row.name!r} without func, so that it must be a quantity of the stepper: "
@@ -204,17 +204,19 @@ def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
     """Rewards (num_envs,) and entries for the info dict from `Task.reward`, after a check.
 
     Raises:
-        ValueError: `Task.reward` does not return a pair of rewards and entries, or the shape of an array is wrong.
+        ValueError: `Task.reward` returns neither rewards nor a pair of rewards and entries, or the shape of an array is wrong.
     """
     try:
         result: Any = task.reward(now)
     except FrozenInstanceError as error:
         error.add_note(NO_ASSIGNMENT)
         raise
-    if not (isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], Mapping)):
+    if not isinstance(result, tuple):
+        return rows_of(task, "reward", result, np.float64, num_envs), {}
+    if not (len(result) == 2 and isinstance(result[1], Mapping)):
         raise ValueError(
-            f"{type(task).__name__}.reward returns {in_words(result)}, must return two values: rewards (num_envs,), and a dictionary of "
-            "their terms by name, which may be empty, as (rewards, {})"
+            f"{type(task).__name__}.reward returns {in_words(result)}, must return rewards (num_envs,), or two values: rewards, and a "
+            'dictionary of entries for the info dict, as (rewards, {"height": now.qpos[:, 2]})'
         )
     terms = dict(result[1])
     check_terms(task, "reward", terms, num_envs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -48,6 +48,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         dtype: Scalar type of observations, float64 or float32; None selects the type that `precision` names.
         max_episode_steps: Number of actions after which an episode is truncated; None means no limit. `gymnasium.make_vec` passes the
             registered limit.
+        rewards: Weights that replace those of terms of the reward (`Task.rewards`), by name, as {"action_rate": -0.2}.
         episode_statistics: Whether infos of ended episodes have "episode": return "r", length "l" and duration "t" in s, in the format of
             Gymnasium's `RecordEpisodeStatistics`. With "SAME_STEP", "final_info" has it too.
         render_mode: "rgb_array" for a picture of every environment by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists
@@ -82,6 +83,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         threads: int = 1,
         dtype: Any = None,
         max_episode_steps: int | None = None,
+        rewards: Mapping[str, float] | None = None,
         episode_statistics: bool = False,
         render_mode: RenderMode | None = None,
         width: int = 480,
@@ -94,7 +96,9 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
     ):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "threads": threads, "dtype": dtype}
         settings["model"] = model
-        self._batch = Batch(make_task(task, arguments, vector=True), num_envs, max_episode_steps=max_episode_steps, **settings)
+        self._batch = Batch(
+            make_task(task, arguments, vector=True), num_envs, max_episode_steps=max_episode_steps, rewards=rewards, **settings
+        )
         self.num_envs, self.autoreset_mode = num_envs, autoreset(autoreset_mode)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
         self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
@@ -127,6 +131,11 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
     def dt(self) -> float:
         """Simulated time per action, s: the time step times `task.frame_skip`."""
         return self._batch.dt
+
+    @property
+    def reward_weights(self) -> dict[str, float]:
+        """Weight of each term of the reward (`Task.rewards`), by name."""
+        return dict(self._batch.terms.rewards.weights)
 
     @property
     def episode_returns(self) -> Array:

@@ -64,6 +64,7 @@ def _of_stepper(base: Any) -> Description:
             "name": type(task).__name__,
             **(dataclasses.asdict(task) if dataclasses.is_dataclass(task) and not isinstance(task, type) else {}),
         },
+        "rewards": base.reward_weights,
         "model": {"name": sim.model.name, "sha256": sim.model.digest},
         "options": options,
         "frame_skip": task.frame_skip,

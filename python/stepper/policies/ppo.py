@@ -127,6 +127,8 @@ class Run:
         self.observed.update(self.observation)
         self.steps, self.iteration, self.seconds, self.processor = 0, 0, 0.0, 0.0
         self.episodes, self.recent = 0, deque[tuple[float, int]](maxlen=100)
+        weights = getattr(self.envs.unwrapped, "reward_weights", {})
+        self.terms = {f"return_{name}": deque[float](maxlen=100) for name, weight in weights.items() if weight}
 
     def observed_std(self) -> Array:
         """Standard deviations by which the observations are divided, (n,), in their units."""
@@ -183,7 +185,7 @@ class Run:
         return samples
 
     def _count(self, info: dict[str, Any], over: Array) -> None:
-        """Adds returns and lengths of ended episodes to `recent`, and their number to `episodes`.
+        """Adds returns and lengths of ended episodes to `recent`, their number to `episodes`, and returns of reward terms to `terms`.
 
         Args:
             info: Info dict of the step.
@@ -192,6 +194,8 @@ class Run:
         episode = info.get("episode") or info["final_info"]["episode"]
         self.recent += [(float(r), int(n)) for r, n in zip(episode["r"][over], episode["l"][over], strict=True)]
         self.episodes += int(over.sum())
+        for name, recent in self.terms.items():
+            recent.extend(info["final_info"][name][over].tolist())
 
     def update(self, samples: dict[str, Tensor]) -> dict[str, float]:
         """Trains the networks on samples of `collect`, adapts the learning rate, and returns statistics for the learning curve."""
@@ -351,6 +355,7 @@ def _train(settings: Settings, folder: Path, *, every: float, quiet: bool) -> Ru
         returns, length = np.mean(run.recent, axis=0) if run.recent else (float("nan"), float("nan"))
         row = {"iteration": run.iteration, "steps": run.steps, "seconds": round(run.seconds, 2), "processor": round(run.processor, 2)}
         row |= {"episodes": run.episodes, "return": float(returns), "length": float(length)} | losses
+        row |= {name: float(np.mean(recent)) if recent else float("nan") for name, recent in run.terms.items()}
         _append(curve, row)
         if not quiet and (time.perf_counter() - printed > PRINT_INTERVAL or run.steps >= settings.steps):
             printed = time.perf_counter()

@@ -19,7 +19,7 @@ import numpy as np
 from stepper.policies.evaluation import is_native
 from stepper.shared.arguments import check_file_name
 from stepper.shared.files import read_text, write_text
-from stepper.shared.name_values import literal, name_values
+from stepper.shared.name_values import argument_values
 
 ABOUT = """Trains a policy for a task by proximal policy optimisation (PPO), evaluates it, and films it with --film.
 
@@ -58,7 +58,8 @@ class Settings:
         min_std: Least divisor of observed numbers. A number with the standard deviation std is divided by sqrt(std^2 + min_std^2).
             Numbers that hardly vary, such as heights of flat ground, then stay small.
         threads: Number of threads of the physics and of the learner.
-        values: Arguments of the environment by name, such as fields of its task: roughness=0.1. Repeat the option for more.
+        values: Arguments of the environment by name, such as fields of its task, roughness=0.1, or weights of terms of the reward,
+            rewards.pose=0.5. Repeat the option for more.
 
     Raises:
         ValueError: A minibatch has more samples than there are between two updates, or min_std is negative or not finite.
@@ -168,7 +169,10 @@ def default_folder(settings: Settings) -> Path:
     Raises:
         ValueError: The arguments of the task cannot be part of the name of a folder.
     """
-    chosen = [settings.contact] * bool(settings.contact) + [f"{name}={value}" for name, value in settings.values.items()]
+    chosen = [settings.contact] * bool(settings.contact)
+    for argument, value in settings.values.items():
+        values = {f"{argument}.{key}": inner for key, inner in value.items()} if isinstance(value, Mapping) else {argument: value}
+        chosen += [f"{key}={inner}" for key, inner in values.items()]
     name = "_".join([settings.env, *chosen]).replace("/", "_")
     check_file_name("the task with its --values", name, "the folder of the run, unless --out does")
     return Path("out/train", name, f"seed{settings.seed}")
@@ -239,7 +243,7 @@ def settings_of(env: str, given: Mapping[str, Any]) -> Settings:
     """
     options = {name: value for name, value in given.items() if value is not None}
     if "values" in options:
-        options["values"] = name_values(options["values"], "--values", literal)
+        options["values"] = argument_values(options["values"], "--values")
         if own := sorted(options["values"].keys() & {"contact", "precision", "threads", "num_envs"}):
             raise ValueError(f"--values sets {own[0]}: use the option --{own[0].replace('_', '-')} instead")
     return Settings.of_task(env, **options)

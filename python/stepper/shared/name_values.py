@@ -25,6 +25,29 @@ def literal(text: str) -> object:
     return value if isinstance(value, bool | int | float | str | tuple | list | dict | None) else text
 
 
+def argument_values(texts: Sequence[str], option: str) -> dict[str, object]:
+    """Arguments by name from texts NAME=VALUE. A name with a point belongs to a dictionary: rewards.upright=2 gives {"rewards": {...}}.
+
+    Args:
+        texts: Texts of the option, which may be given several times.
+        option: Name of the option, for error messages.
+
+    Raises:
+        ValueError: A text does not have this form, or a name has two values.
+    """
+    found: dict[str, object] = {}
+    for name, value in name_values(texts, option, literal).items():
+        group, point, key = name.partition(".")
+        inner = found.setdefault(group, {}) if point else None
+        if inner is None:
+            found[group] = value
+        elif isinstance(inner, dict):
+            inner[key] = value
+        else:
+            raise ValueError(f"{option} gives {group!r} and {name!r}: give one of them")
+    return found
+
+
 def name_values(texts: Sequence[str], option: str, convert: Callable[[str], T]) -> dict[str, T]:
     """Dictionary of values by name from texts NAME=VALUE of a command-line option.
 

@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._arrays import array_of
 from stepper._hints import unknown, unknown_field
 from stepper._stepper import Model, Stepper, selected
+from stepper.shared.draws import Draw, present_rng
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 
 Array = NDArray[np.float64]
@@ -415,7 +416,14 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
         now = np.asarray(present.get(field, np.broadcast_to(own, (n, *own.shape))), np.float64).reshape(n, own.size)
         return now[rows].reshape(*lead, own.size)
 
-    return _whole("Stepper.randomize", model, values, base, lead=lead, known=RANDOMIZED, fields=fields or {})
+    def draw(text: str, value: Draw, part: Part, own: Array) -> Array:
+        """Random values of the selected numbers, (*lead, ...)."""
+        reference = np.asarray(getattr(model, part.field), np.float64).reshape(-1)[part.index]
+        current = np.ascontiguousarray(own[..., part.index].reshape(len(rows), -1))
+        numbers = value.numbers(present_rng(text, value.seed, rows, current), part.index.shape)
+        return (part.sign * value.values(numbers, part.sign * reference)).reshape(*lead, *part.index.shape)
+
+    return _whole("Stepper.randomize", model, values, base, lead=lead, known=RANDOMIZED, fields=fields or {}, draw=draw)
 
 
 def replaced_fields(model: Model, values: Any, fields: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -452,6 +460,7 @@ def _whole(
     lead: tuple[int, ...],
     known: Collection[str],
     fields: Mapping[str, Any],
+    draw: Callable[[str, Draw, Part, Array], Array] | None = None,
 ) -> dict[str, Any]:
     """Complete arrays of fields, with the numbers that selectors set, for `Stepper.randomize` or `Model.replace`.
 
@@ -463,6 +472,8 @@ def _whole(
         lead: Leading shape of the arrays: (environments,), or () without environments.
         known: Names of the fields that the call takes.
         fields: Fields that the caller gave as complete arrays.
+        draw: Function that returns random values, (*lead, ...), of the numbers of a selector. It takes the selector, its `Draw`, the part
+            of the selector, and the current numbers of the field. None means that the call takes no random values.
     """
     made: dict[str, Array] = {}
     # Position among `values` of the selector that gave each number, by field; -1 is none.
@@ -482,6 +493,10 @@ def _whole(
             used[part.index] = place
             if value is None:
                 own[..., part.index] = np.asarray(getattr(model, part.field), np.float64).reshape(-1)[part.index]
+            elif isinstance(value, Draw):
+                if draw is None:
+                    raise TypeError(f"{where}: {text!r} is random, must be numbers; sim.randomize takes random values")
+                own[..., part.index] = draw(text, value, part, own)
             else:
                 matched = functools.partial(matches, model, selector)
                 own[..., part.index] = part.sign * _numbers(f"{where}: {text!r}", value, lead, part.index.shape, matched)

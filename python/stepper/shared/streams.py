@@ -177,9 +177,10 @@ def _shape_of(size: int | tuple[int, ...]) -> tuple[int, ...]:
 class Rng:
     """Random number generator for n environments. Each environment draws from a stream that depends only on its seed.
 
-    Draws have the shape (n, size): `size` numbers for each environment. In `Task.on_reset`, `array[mask] = rng.uniform(low, high, size)`
-    sets the rows of the reset environments in an array (num_envs, size). `size` may be a tuple: (3, 2) gives (n, 3, 2). The only draws are
-    `uniform` and `normal`. Unlike NumPy's generators, this generator gives each environment the same numbers in batches of every size.
+    Draws have the shape (n, size): `size` numbers for each environment. In `Task.reset`,
+    `reset.episode_state[name] = reset.rng.uniform(low, high, size)` sets the rows of the new episodes. `size` may be a tuple: (3, 2) gives
+    (n, 3, 2). The only draws are `uniform` and `normal`. Unlike NumPy's generators, this generator gives each environment the same
+    numbers in batches of every size.
 
     Args:
         streams: Streams of all environments.

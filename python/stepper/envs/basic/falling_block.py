@@ -8,11 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from stepper._options import Options
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.task import Array, Camera, Moment, Observation, Task, Terms
+from stepper.envs.task import Array, Camera, Moment, Observation, Reset, Task, Terms
 from stepper.sensors import SensorModel, Transfer
-from stepper.shared.streams import Rng
 
 SCENE = """
 <mujoco model="falling block">
@@ -74,17 +73,15 @@ class FallingBlock(Task):
         return {"restitution": now.episode_state["restitution"]}
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Array for the restitution of each episode, which `on_reset` draws."""
+        """Array for the restitution of each episode, which `reset` draws."""
         return {"restitution": np.zeros(num_envs)}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Sets the initial height and velocity of the block, equal in all environments."""
-        qpos[:], qvel[:] = HEIGHT, VELOCITY
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws the restitution of the block. A contact has the larger restitution of its two geoms, and the floor has 0."""
-        episode_state["restitution"][mask] = rng.uniform(*self.restitution, 1)[:, 0]
-        sim.randomize(mask, geom_restitution=np.stack([np.zeros_like(episode_state["restitution"]), episode_state["restitution"]], axis=1))
+        reset.qpos[:], reset.qvel[:] = HEIGHT, VELOCITY
+        restitution = reset.rng.uniform(*self.restitution, 1)[:, 0]
+        reset.episode_state["restitution"] = restitution
+        reset.sim.randomize({"geom_restitution[1]": restitution}, envs=reset.envs)
 
 
 @cache_model

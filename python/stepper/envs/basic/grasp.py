@@ -8,10 +8,11 @@ from typing import ClassVar
 import numpy as np
 
 from stepper._options import Options
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.task import Array, Camera, Moment, Observation, Task, Terms, square_sum
-from stepper.shared.streams import Rng
+from stepper.envs.events import Event, at_reset
+from stepper.envs.task import Array, Camera, Moment, Observation, Reset, Task, Terms, square_sum
+from stepper.shared.draws import scale, uniform
 
 GRAVITY, MASS, FRICTION = 9.81, 0.8, 0.6
 FORCE, STEPS = 20.0, 50
@@ -84,24 +85,16 @@ class Grasp(Task):
         reward: Array = 1.0 - np.square(miss) - self.weight * square_sum(now.action[:, 1:])
         return reward, {"rise": now.qpos[:, 4]}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Random initial state: the box within 5 mm of the middle, each finger up to 5 mm farther from the middle than in the model."""
-        qpos[:, 3] += rng.uniform(-0.005, 0.005, 1)[:, 0]
-        qpos[:, 1:3] -= rng.uniform(0.0, 0.005, 2)
+    def reset(self, reset: Reset) -> None:
+        """Initial states: the box within 5 mm of the middle, each finger up to 5 mm farther from the middle than in the model."""
+        reset.qpos[:, 3] += reset.rng.uniform(-0.005, 0.005, 1)[:, 0]
+        reset.qpos[:, 1:3] -= reset.rng.uniform(0.0, 0.005, 2)
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws the friction coefficient of all geoms and the mass of the box, each only if the two bounds of its range differ."""
-        model, fields = sim.model, {}
-        if self.friction[0] != self.friction[1]:
-            rows = np.tile(model.geom_friction, (len(mask), 1, 1))
-            rows[mask, :, 0] = rng.uniform(*self.friction, 1)
-            fields["geom_friction"] = rows
-        if self.mass_scale[0] != self.mass_scale[1]:
-            masses = np.tile(model.body_mass, (len(mask), 1))
-            masses[mask, model.body("box").id] *= rng.uniform(*self.mass_scale, 1)[:, 0]
-            fields["body_mass"] = masses
-        if fields:
-            sim.randomize(mask, **fields)
+    def events(self) -> tuple[Event, ...]:
+        """Friction of all geoms and mass of the box, each only if the two bounds of its range differ."""
+        friction = at_reset("geom_friction[*][0]", uniform(*self.friction, shared=True))
+        mass = at_reset("body_mass[box]", scale(*self.mass_scale))
+        return (friction,) * (self.friction[0] != self.friction[1]) + (mass,) * (self.mass_scale[0] != self.mass_scale[1])
 
 
 @cache_model

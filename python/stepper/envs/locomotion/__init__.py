@@ -2,7 +2,6 @@
 
 from stepper.envs.locomotion.g1 import G1Rough, G1Velocity
 from stepper.envs.locomotion.go1 import Go1Rough, Go1Velocity
-from stepper.envs.locomotion.rough import RoughTask
-from stepper.envs.locomotion.velocity import VelocityTask
+from stepper.envs.locomotion.velocity import RoughTask, VelocityTask
 
 __all__ = ["G1Rough", "G1Velocity", "Go1Rough", "Go1Velocity", "RoughTask", "VelocityTask"]

@@ -10,9 +10,10 @@ from typing import ClassVar
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model
-from stepper.envs.locomotion.mjlab import PLAIN_REACH, ROUGH_REACH, Ground, Servo, plain_ground, scene, tiled_ground
-from stepper.envs.locomotion.rough import RoughTask
-from stepper.envs.locomotion.velocity import VelocityTask
+from stepper.envs.locomotion import rewards as terms
+from stepper.envs.locomotion.mjlab import Servo, scene
+from stepper.envs.locomotion.velocity import RoughTask, VelocityTask
+from stepper.envs.rewards import Reward
 from stepper.envs.task import Camera
 from stepper.envs.terrain import Terrain
 
@@ -61,44 +62,14 @@ _MOTORS = {
 """Motor of each joint, by a regular expression for the joint's name."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class G1Velocity(VelocityTask):
-    """Velocity task of a humanoid with 29 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
-
-    Only feet collide with the ground.
-    """
-
-    MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {
-        **dict.fromkeys(("hip_roll", "knee"), (139.0, 20.0, 0.5)),
-        **dict.fromkeys(("hip_pitch", "hip_yaw", "waist_yaw"), (88.0, 32.0, 0.5)),
-        **dict.fromkeys(("wrist_pitch", "wrist_yaw"), (5.0, 22.0, 0.05)),
-        **dict.fromkeys(("waist", "ankle"), (50.0, 37.0, 0.2)),
-        "": (25.0, 37.0, 0.2),
-    }
-    imu: ClassVar[str] = "imu_in_pelvis"
-    lowest = 0.45
-    camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 3.0, "azimuth": 120.0, "elevation": -15.0}
-
-    mass_scale: tuple[float, float] = (0.9, 1.1)
-
-    def robot(self) -> Model:
-        """Model of the robot with servos, on a plane or, with `roughness`, on bumpy ground."""
-        return _scene(self.roughness)
-
-
 _FEET = {"left": "left_foot", "right": "right_foot"}
 _ARMS = {"wrist": 0.3, "shoulder_yaw": 0.1, "shoulder|elbow": 0.15}
 _RUNNING_ARMS = {"shoulder_pitch": 0.5, "shoulder_roll": 0.2, "shoulder_yaw": 0.15, "elbow": 0.35, "wrist": 0.3}
 
 
-@dataclass(frozen=True, kw_only=True)
-class G1Rough(RoughTask):
-    """Rough-terrain task of a humanoid with 29 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
+class _G1:
+    """The robot G1, for tasks on any ground. Only feet collide with the ground."""
 
-    Only feet collide with the terrain. The reward leaves out mjlab's terms of angular momentum and self-collisions.
-    """
-
-    WEIGHTS: ClassVar[Mapping[str, float]] = {**RoughTask.WEIGHTS, "body_ang_vel": -0.05}
     FEET: ClassVar[Mapping[str, tuple[str, ...]]] = {
         site: tuple(f"{side}_foot{k}_collision" for k in range(1, 8)) for side, site in _FEET.items()
     }
@@ -111,12 +82,42 @@ class G1Rough(RoughTask):
         **{"hip_pitch": 0.5, "hip": 0.2, "knee": 0.6, "ankle_pitch": 0.35, "ankle_roll": 0.15},
         **{"waist_yaw": 0.3, "waist_roll": 0.08, "waist_pitch": 0.2, **_RUNNING_ARMS},
     }
-    steepest = math.cos(math.radians(70.0))
-    camera: ClassVar[Camera] = G1Velocity.camera
+    MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {
+        **dict.fromkeys(("hip_roll", "knee"), (139.0, 20.0, 0.5)),
+        **dict.fromkeys(("hip_pitch", "hip_yaw", "waist_yaw"), (88.0, 32.0, 0.5)),
+        **dict.fromkeys(("wrist_pitch", "wrist_yaw"), (5.0, 22.0, 0.05)),
+        **dict.fromkeys(("waist", "ankle"), (50.0, 37.0, 0.2)),
+        "": (25.0, 37.0, 0.2),
+    }
+    camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 3.0, "azimuth": 120.0, "elevation": -15.0}
+    ground: Terrain | None
 
     def model(self) -> Model:
-        """Model of the robot G1 with servos on the generated terrain."""
-        return _rough_scene(self.terrain)
+        """Model of the robot G1 with servos on its ground."""
+        return _scene(self.ground)
+
+
+@dataclass(frozen=True, kw_only=True)
+class G1Velocity(_G1, VelocityTask):
+    """Velocity task of a humanoid with 29 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`)."""
+
+    lowest = 0.45
+
+    mass_scale: tuple[float, float] = (0.9, 1.1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class G1Rough(_G1, RoughTask):
+    """Rough-terrain task of a humanoid with 29 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
+
+    The reward leaves out mjlab's terms of angular momentum and self-collisions.
+    """
+
+    steepest = math.cos(math.radians(70.0))
+
+    def rewards(self) -> Mapping[str, Reward]:
+        """Terms of `RoughTask`, with a cost of the rates of turn about x and y."""
+        return {**super().rewards(), "body_ang_vel": Reward(terms.body_ang_vel, -0.05)}
 
 
 def _named(name: str, table: Mapping[str, float]) -> float:
@@ -137,19 +138,5 @@ def _servo(name: str) -> Servo:
 
 
 @cache_model
-def _scene(roughness: float) -> Model:
-    return _model_on(plain_ground(roughness), PLAIN_REACH)
-
-
-@cache_model
-def _rough_scene(terrain: Terrain) -> Model:
-    return _model_on(tiled_ground(terrain), ROUGH_REACH)
-
-
-def _model_on(ground: Ground, reach: float) -> Model:
-    """Model of the robot G1 with servos, on a ground.
-
-    `reach` is the largest distance of a servo's set point from the joint angle of the stance. Its unit is the position error (set point
-    minus joint angle) at which the torque is largest.
-    """
-    return scene(_FILE, "G1", _HEIGHT, reach=reach, ground=ground, geom=_geom, servo=_servo, light={"diffuse": "0.8 0.8 0.8"})
+def _scene(terrain: Terrain | None) -> Model:
+    return scene(_FILE, "G1", _HEIGHT, terrain=terrain, geom=_geom, servo=_servo, light={"diffuse": "0.8 0.8 0.8"})

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from stepper._stepper import Model, Stepper
-from stepper.envs.assets import cache_model, cache_per_model
-from stepper.envs.locomotion.mjlab import PLAIN_REACH, ROUGH_REACH, Ground, Servo, plain_ground, scene, tiled_ground
-from stepper.envs.locomotion.rough import RoughTask
-from stepper.envs.locomotion.velocity import VelocityTask, command
-from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
+from stepper._stepper import Model
+from stepper.envs.assets import cache_model
+from stepper.envs.locomotion import rewards as terms
+from stepper.envs.locomotion.mjlab import Servo, scene
+from stepper.envs.locomotion.velocity import RoughTask, VelocityTask
+from stepper.envs.rewards import Reward
+from stepper.envs.task import Camera, Moment, Terms
 from stepper.envs.terrain import Terrain
-from stepper.shared.streams import Rng
 
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
 _HEIGHT = 0.278
@@ -36,62 +37,12 @@ _FOOT, _CLEARANCE = 0.023, 0.01
 """Radius of a foot, and clearance between foot and ground above which the foot counts as in the air, m."""
 _MIN_AIR_TIME, _MAX_AIR_TIME = 0.1, 0.3
 """Shortest and longest time in the air, s, for the reward of a landing foot: min(time in the air, longest) - shortest."""
-_STANDING_COMMAND = 0.1
-"""Norm of the command (m/s, rad/s) below which it counts as a command to stand."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Go1Velocity(VelocityTask):
-    """Velocity task of a quadruped with 12 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
-
-    Only feet, trunk and head collide with the ground. In addition to the terms of `VelocityTask`, the reward has the
-    term "stride" for the time that a landing foot was in the air.
-    """
-
-    WEIGHTS: ClassVar[Mapping[str, float]] = {**VelocityTask.WEIGHTS, "torque": 1e-4, "change": 0.05, "stride": 3.0}
-    MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {"calf": (35.55, 20.06, 0.2), "": (23.7, 30.1, 0.2)}
-    lowest = 0.15
-    camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 2.0, "azimuth": 120.0, "elevation": -20.0}
-
-    def robot(self) -> Model:
-        """Model of the robot with servos, on a plane or, with `roughness`, on bumpy ground."""
-        return _scene(self.roughness)
-
-    def episode_state(self, num_envs: int) -> Terms:
-        """Episode state of `VelocityTask`, the air time of each foot, s, and the value of the reward term "stride"."""
-        return super().episode_state(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
-
-    def terms(self, now: Moment) -> Terms:
-        """Terms of `VelocityTask`, and the term "stride", which is 0 while the command is to stand."""
-        return super().terms(now) | {"stride": now.episode_state["stride"] * (square_sum(command(now)) > _STANDING_COMMAND**2)}
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws commands, pushes, latency and parameters, and clears the air times of the feet."""
-        super().on_reset(sim, episode_state, mask, rng)
-        episode_state["air"][mask] = 0.0
-        episode_state["stride"][mask] = 0.0
-
-    def advance(self, now: Moment) -> None:
-        """Steps the simulation by one action as in `VelocityTask`, detects landings of feet, and computes the reward term "stride"."""
-        super().advance(now)
-        air, feet = now.episode_state["air"], now.sim.site_xpos[:, _feet(now.sim.model)]
-        stands = feet[..., 2] - self.ground(feet[..., :2]) < _FOOT + _CLEARANCE
-        landed = stands & (air > 0.0)
-        now.episode_state["stride"][:] = np.where(landed, np.minimum(air, _MAX_AIR_TIME) - _MIN_AIR_TIME, 0.0).sum(axis=1)
-        air[:] = np.where(stands, 0.0, air + now.dt)
-
-
 _LEGS = ("FR", "FL", "RR", "RL")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Go1Rough(RoughTask):
-    """Rough-terrain task of a quadruped with 12 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
+class _Go1:
+    """The robot Go1, for tasks on any ground."""
 
-    Feet, shanks, thighs, trunk and head can touch the terrain. There are no self-collisions.
-    """
-
-    WEIGHTS: ClassVar[Mapping[str, float]] = {**RoughTask.WEIGHTS, "shank_collision": -0.1, "trunk_collision": -0.1}
     FEET: ClassVar[Mapping[str, tuple[str, ...]]] = {leg: (f"{leg}_foot_collision",) for leg in _LEGS}
     THIGHS: ClassVar[tuple[str, ...]] = tuple(f"{leg}_thigh_collision{k}" for leg in _LEGS for k in (1, 2, 3))
     SHANKS: ClassVar[tuple[str, ...]] = tuple(f"{leg}_calf_collision{k}" for leg in _LEGS for k in (1, 2))
@@ -99,30 +50,64 @@ class Go1Rough(RoughTask):
     STANDING: ClassVar[Mapping[str, float]] = {"calf": 0.1, "": 0.05}
     WALKING: ClassVar[Mapping[str, float]] = {"calf": 0.6, "": 0.3}
     RUNNING: ClassVar[Mapping[str, float]] = WALKING
-    camera: ClassVar[Camera] = Go1Velocity.camera
+    MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {"calf": (35.55, 20.06, 0.2), "": (23.7, 30.1, 0.2)}
+    camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 2.0, "azimuth": 120.0, "elevation": -20.0}
+    ground: Terrain | None
+
+    def model(self) -> Model:
+        """Model of the robot Go1 with servos on its ground. Feet, trunk and head can touch a plane; on terrain also shanks and thighs."""
+        return _scene(self.ground)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Go1Velocity(_Go1, VelocityTask):
+    """Velocity task of a quadruped with 12 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
+
+    In addition to the terms of `VelocityTask`, the reward has the term "stride" for the time that a landing foot was in the air.
+    """
+
+    lowest = 0.15
+
+    def rewards(self) -> Mapping[str, Reward]:
+        """Terms of `VelocityTask` with other weights, and the term "stride", which is 0 while the command is to stand."""
+        weights = {terms.joint_torques: -1e-4, terms.set_point_rate: -0.05, terms.stride: 3.0}
+        return {**super().rewards(), **{function.__name__: Reward(function, w, per_second=False) for function, w in weights.items()}}
+
+    def episode_state(self, num_envs: int) -> Terms:
+        """Episode state of `VelocityTask`, the air time of each foot, s, and the value of the reward term "stride"."""
+        return super().episode_state(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
+
+    def advance(self, now: Moment) -> None:
+        """Steps the simulation by one action as in `VelocityTask`, detects landings of feet, and computes the reward term "stride"."""
+        super().advance(now)
+        air = now.episode_state["air"]
+        stands = terms.foot_heights(now) < _FOOT + _CLEARANCE
+        landed = stands & (air > 0.0)
+        now.episode_state["stride"][:] = np.where(landed, np.minimum(air, _MAX_AIR_TIME) - _MIN_AIR_TIME, 0.0).sum(axis=1)
+        air[:] = np.where(stands, 0.0, air + now.dt)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Go1Rough(_Go1, RoughTask):
+    """Rough-terrain task of a quadruped with 12 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
+
+    There are no self-collisions.
+    """
 
     friction: tuple[float, float] = (0.3, 1.5)
 
-    def model(self) -> Model:
-        """Model of the robot Go1 with servos on the generated terrain."""
-        return _rough_scene(self.terrain)
+    def rewards(self) -> Mapping[str, Reward]:
+        """Terms of `RoughTask`, with costs of collisions of shanks and trunk."""
+        collisions = {
+            f"{part}_collision": Reward(terms.collision, -0.1, part=name) for part, name in (("shank", "SHANKS"), ("trunk", "TRUNK"))
+        }
+        return {**super().rewards(), **collisions}
 
 
-@cache_per_model
-def _feet(model: Model) -> list[int]:
-    """Indices of the sites in the centres of the feet."""
-    return [k for k, name in enumerate(model.site_names) if name in ("FR", "FL", "RR", "RL")]
-
-
-def _geom(name: str) -> dict[str, str]:
-    """MJCF attributes of a geom of Go1, by the geom's name, for plain ground: only feet, trunk and head collide."""
-    return _geom_attributes(name, name in ("trunk_collision", "head_collision"))
-
-
-def _geom_attributes(name: str, collides: bool) -> dict[str, str]:
-    """MJCF attributes of the geom `name` of Go1. The geom collides with the ground if `collides` is true or the geom is a foot."""
+def _geom(name: str, *, on_terrain: bool) -> dict[str, str]:
+    """MJCF attributes of the geom `name` of Go1. On terrain, all geoms except those of the hips collide with the ground."""
     is_foot = name.endswith("foot_collision")
-    collides = collides or is_foot
+    collides = is_foot or ("hip" not in name if on_terrain else name in _Go1.TRUNK)
     touch = {"priority": "1", "friction": "0.8 0.005 0.0005", "condim": "3"} if is_foot else {}
     return {"contype": str(int(collides)), "rgba": _GREY if collides else _LIGHT, **touch}
 
@@ -135,23 +120,6 @@ def _servo(name: str) -> Servo:
 
 
 @cache_model
-def _scene(roughness: float) -> Model:
-    return _model_on(plain_ground(roughness), _geom, _HEIGHT, PLAIN_REACH)
-
-
-@cache_model
-def _rough_scene(terrain: Terrain) -> Model:
-    return _model_on(tiled_ground(terrain), lambda name: _geom_attributes(name, "hip" not in name), _ROUGH_HEIGHT, ROUGH_REACH)
-
-
-def _model_on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float, reach: float) -> Model:
-    """Model of the robot Go1 with servos, on a ground.
-
-    Args:
-        ground: Ground of the scene.
-        geom: Function from the name of a geom of the robot to its MJCF attributes.
-        height: Initial height of the trunk, m.
-        reach: Largest distance of a servo's set point from the joint angle of the stance, as a fraction of the position error (set point
-            minus joint angle) at which the torque is largest.
-    """
-    return scene(_FILE, "Go1", height, reach=reach, ground=ground, geom=geom, servo=_servo)
+def _scene(terrain: Terrain | None) -> Model:
+    geom = functools.partial(_geom, on_terrain=terrain is not None)
+    return scene(_FILE, "Go1", _HEIGHT if terrain is None else _ROUGH_HEIGHT, terrain=terrain, geom=geom, servo=_servo)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -13,21 +12,16 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, remove_elements
-from stepper.envs.locomotion import terrain
 from stepper.envs.terrain import Terrain
 from stepper.shared.machine import package_file
 
 _FREQUENCY, _DAMPING_RATIO = 2.0 * np.pi * 10.0, 2.0
 """Natural frequency (rad/s) and damping ratio of a servo that moves only the reflected rotor inertia. mjlab's gains follow from them."""
-PLAIN_REACH, ROUGH_REACH = 0.5, 1.0
-"""Largest distance of a servo's set point from the joint angle of the stance, on plain and on rough ground.
+_REACH = 1.0
+"""Largest distance of a servo's set point from the joint angle of the stance. mjlab does not bound set points.
 
-The unit is the distance between set point and joint angle at which the servo has its largest torque. mjlab does not bound set points.
+The unit is the distance between set point and joint angle at which the servo has its largest torque.
 """
-
-
-Ground: TypeAlias = Callable[[dict[str, str]], tuple[list[Element], list[Element]]]
-"""Type of a function that makes the ground of a scene. It takes MJCF attributes for the geoms, and returns asset and geom elements."""
 
 
 @dataclass(frozen=True)
@@ -59,27 +53,13 @@ _GROUND = {"name": "floor", "texture": "squares", "texrepeat": "2 2", "texunifor
 """MJCF attributes of the material of the ground: squares of 0.5 m."""
 
 
-def plain_ground(roughness: float) -> Ground:
-    """Ground of a plane, with a height field of bumps up to the height `roughness`, m; 0 means flat ground."""
-
-    def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
-        floor = Element("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **attributes})
-        if not roughness:
-            return [], [floor]
-        field, surface = terrain.elements(roughness, attributes)
-        return [field], [surface, floor]
-
-    return ground
-
-
-def tiled_ground(tiles: Terrain) -> Ground:
-    """Ground that is a generated terrain of tiles, in a geom with the name "terrain"."""
-
-    def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
-        field, surface = tiles.elements(**attributes)
-        return [field], [surface]
-
-    return ground
+def _ground(terrain: Terrain | None) -> tuple[list[Element], list[Element]]:
+    """Asset and geom elements of the ground: a plane "floor", or a generated terrain in a geom "terrain"."""
+    attributes = {"contype": "0", "conaffinity": "1", "material": "floor"}
+    if terrain is None:
+        return [], [Element("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **attributes})]
+    field, surface = terrain.elements(**attributes)
+    return [field], [surface]
 
 
 def scene(
@@ -87,8 +67,7 @@ def scene(
     robot: str,
     height: float,
     *,
-    reach: float,
-    ground: Ground,
+    terrain: Terrain | None,
     geom: Callable[[str], Mapping[str, str]],
     servo: Callable[[str], Servo],
     light: Mapping[str, str] | None = None,
@@ -99,9 +78,7 @@ def scene(
         file: File of the robot in mjlab's package.
         robot: Name of the robot in error messages.
         height: Initial height of the base, m.
-        reach: Largest distance of a servo's set point from the joint angle of the stance, as a fraction of the position error (set point
-            minus joint angle) at which the torque is largest.
-        ground: Ground of the scene.
+        terrain: Terrain, which becomes the geom "terrain"; None is a plane.
         geom: Function from the name of a geom of the robot to its MJCF attributes.
         servo: Function from the name of a joint to its servo.
         light: Further MJCF attributes of the light; None adds none.
@@ -113,14 +90,14 @@ def scene(
     if world is None:
         raise ValueError(f"{path} has no worldbody: this version of mjlab is not supported")
     tree.insert(0, Element("option", timestep="0.005", integrator="implicitfast"))
-    fields, surfaces = ground({"contype": "0", "conaffinity": "1", "material": "floor"})
+    fields, surfaces = _ground(terrain)
     world[:0] = surfaces
     world.insert(0, Element("light", {"directional": "true", "castshadow": "false", "pos": "0 0 5", "dir": "0.3 0.2 -1", **(light or {})}))
     assets = Element("asset")
     assets.extend([Element("texture", _SQUARES), Element("material", _GROUND)])
     assets.extend(fields)
     tree.append(assets)
-    _add_servos(tree, servo, height, reach)
+    _add_servos(tree, servo, height)
     return load_quietly(tree)
 
 
@@ -138,19 +115,15 @@ def _strip(tree: Element, geom: Callable[[str], Mapping[str, str]]) -> None:
             element.attrib |= {"conaffinity": "0", "group": "0", **geom(name)}
 
 
-def _add_servos(tree: Element, servo: Callable[[str], Servo], height: float, reach: float) -> None:
-    """Adds position actuators with mjlab's gains to a robot's MJCF tree, and a keyframe "stance" with the base at `height`, m.
-
-    `reach` is the largest distance of a servo's set point from the joint angle of the stance. Its unit is the position error (set point
-    minus joint angle) at which the torque is largest.
-    """
+def _add_servos(tree: Element, servo: Callable[[str], Servo], height: float) -> None:
+    """Adds position actuators with mjlab's gains to a robot's MJCF tree, and a keyframe "stance" with the base at `height`, m."""
     actuators, keyframes, angles = Element("actuator"), Element("keyframe"), []
     tree.extend([actuators, keyframes])
     for joint in tree.iter("joint"):
         name = joint.get("name", "")
         motor = servo(name)
         stiffness = motor.inertia * _FREQUENCY**2
-        largest = reach * motor.torque / stiffness
+        largest = _REACH * motor.torque / stiffness
         joint.set("armature", repr(motor.inertia))
         gains = {"kp": stiffness, "kv": 2.0 * _DAMPING_RATIO * motor.inertia * _FREQUENCY}
         bounds = {"ctrlrange": (motor.stance - largest, motor.stance + largest), "forcerange": (-motor.torque, motor.torque)}

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper.envs.suite.base import SuiteTask, norm, rotations, tolerance
-from stepper.envs.task import Array, Moment, Observation
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset
 
 _TARGET = 0.2
 """Radius of the target, m."""
@@ -39,6 +38,6 @@ class Acrobot(SuiteTask):
         target, tip = (now.site_xpos[:, now.sim.model.site(name).id] for name in ("target", "tip"))
         return tolerance(norm(target - tip), 0.0, _TARGET, margin=0.0 if self.sparse else 1.0)
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest, with uniform random angles."""
-        qpos[:] = rng.uniform(-np.pi, np.pi, 2)
+        reset.qpos[:] = reset.rng.uniform(-np.pi, np.pi, 2)

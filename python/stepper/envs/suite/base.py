@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Set
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Joint, Model, Stepper
 from stepper.envs.assets import cache_model, cache_per_model, load_quietly, remove_elements
-from stepper.envs.task import Array, Moment, Task, Terms, per_moment
+from stepper.envs.task import Array, Moment, Reset, Task, Terms, per_moment
 from stepper.shared.machine import package_file
 from stepper.shared.rotations import matrices
 from stepper.shared.streams import Rng
@@ -222,39 +222,10 @@ def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap
     return touching
 
 
-def settle(sim: Stepper, mask: Array, steps: int) -> None:
-    """Simulates environments without controls, starting from their current positions with zero velocity, and stores the final state.
-
-    Args:
-        sim: The stepper.
-        mask: Environments that are simulated, (num_envs,) bool. The others do not change.
-        steps: Number of time steps.
-    """
-    probe = Stepper(sim.model, int(mask.sum()), options=sim.options, precision=sim.precision)
-    probe.reset(qpos=sim.qpos[mask])
+def settle(reset: Reset, steps: int) -> None:
+    """Replaces initial states by those after a number of time steps without controls, which begin at rest."""
+    sim = reset.sim
+    probe = Stepper(sim.model, len(reset.envs), options=sim.options, precision=sim.precision)
+    probe.reset(qpos=reset.qpos)
     probe.step(nstep=steps)
-    place(sim, mask, probe.qpos, probe.qvel)
-
-
-def place(sim: Stepper, mask: Array, qpos: Array, qvel: Array) -> None:
-    """Sets positions (n, nq), m and rad, and velocities (n, nv), m/s and rad/s, of the n environments of a mask (num_envs,)."""
-    all_qpos, all_qvel = np.array(sim.qpos, dtype=np.float64), np.array(sim.qvel, dtype=np.float64)
-    all_qpos[mask], all_qvel[mask] = qpos, qvel
-    sim.set_state(all_qpos, all_qvel, mask)
-
-
-def move_geom(sim: Stepper, mask: Array, geom: str, pos: Array, columns: Any = slice(None)) -> None:
-    """Sets the position of a geom in the frame of its body, in the n environments of a mask (num_envs,).
-
-    Args:
-        sim: The stepper.
-        mask: The environments, (num_envs,) bool.
-        geom: Name of the geom.
-        pos: Coordinates of the geom, (n, k), m.
-        columns: Indices of the k coordinates that are set (0, 1, 2 for x, y, z). The other coordinates do not change.
-    """
-    places = np.array(sim.randomized.get("geom_pos", np.tile(sim.model.geom_pos, (sim.num_envs or 1, 1, 1))))
-    chosen = places[mask]
-    chosen[:, sim.model.geom(geom).id, columns] = pos
-    places[mask] = chosen
-    sim.randomize(mask, geom_pos=places)
+    reset.qpos, reset.qvel = probe.qpos, probe.qvel

@@ -10,8 +10,7 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,17 +56,17 @@ class Cartpole(SuiteTask):
         reward: Array = ((upright + 1.0) / 2.0).mean(axis=1) * control * slow * centered
         return reward
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: near balance, or at the centre with the first pole hanging down."""
         if self.swing_up:
-            qpos[:] = rng.normal(qpos.shape[1])
-            qpos[:, :2] *= 0.01
-            qpos[:, 2:] *= 0.1
-            qpos[:, 1] += np.pi
+            reset.qpos[:] = reset.rng.normal(reset.qpos.shape[1])
+            reset.qpos[:, :2] *= 0.01
+            reset.qpos[:, 2:] *= 0.1
+            reset.qpos[:, 1] += np.pi
         else:
-            qpos[:, :1] = rng.uniform(-0.1, 0.1, 1)
-            qpos[:, 1:] = rng.uniform(-0.034, 0.034, qpos.shape[1] - 1)
-        qvel[:] = 0.01 * rng.normal(qvel.shape[1])
+            reset.qpos[:, :1] = reset.rng.uniform(-0.1, 0.1, 1)
+            reset.qpos[:, 1:] = reset.rng.uniform(-0.034, 0.034, reset.qpos.shape[1] - 1)
+        reset.qvel[:] = 0.01 * reset.rng.normal(reset.qvel.shape[1])
 
 
 @cache_model

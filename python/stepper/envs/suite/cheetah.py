@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stepper._stepper import Stepper
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, settle, tolerance
-from stepper.envs.task import Array, Moment, Observation, Terms
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset
 
 _SPEED = 10.0
 """Speed at and above which the reward is 1, m/s."""
@@ -31,12 +29,9 @@ class Cheetah(SuiteTask):
         """Score: velocity of the centre of mass in x divided by 10 m/s, clipped to the range from 0 to 1."""
         return tolerance(reading(now, "torso_subtreelinvel")[:, 0], _SPEED, float("inf"), margin=_SPEED, fall="linear", value=0.0)
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: random angles of limited joints within their limits, and the root in the reference pose."""
-        root = qpos[:, :3].copy()
-        randomize_joints(self.model(), qpos, rng)
-        qpos[:, :3] = root
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Simulates 200 steps without controls, so that the robot lies on the ground."""
-        settle(sim, mask, 200)
+    def reset(self, reset: Reset) -> None:
+        """Initial states: those in which the robot lies after 200 steps without controls from random angles of limited joints."""
+        root = reset.qpos[:, :3].copy()
+        randomize_joints(self.model(), reset.qpos, reset.rng)
+        reset.qpos[:, :3] = root
+        settle(reset, 200)

@@ -9,10 +9,9 @@ import numpy as np
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, cache_per_model, load_quietly
 from stepper.envs.suite.base import SuiteTask, hinges, norm, open_floor, reading, rotation, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
+from stepper.envs.task import Array, Moment, Observation, Reset, per_moment
 from stepper.shared.machine import package_file
 from stepper.shared.rotations import about_vertical, matrices
-from stepper.shared.streams import Rng
 
 _EPISODE = 15.0
 """Duration of an episode, s."""
@@ -100,30 +99,26 @@ class Dog(SuiteTask):
             return reward * (4.0 * speed + 1.0) / 5.0
         return reward
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: standing, with a random heading and velocity.
-
-        If the task is to fetch, the ball flies from a random direction towards the middle of the arena.
-        """
-        model = self.model()
+    def reset(self, reset: Reset) -> None:
+        """Initial states: standing, with a random heading and velocity, and random activations within the bounds of the controls."""
+        model = reset.sim.model
         root = model.joint("root")
-        qpos[:, root.qposadr + 3 : root.qposadr + 7] = about_vertical(rng.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
-        qvel[:, [root.dofadr, root.dofadr + 1, root.dofadr + 5]] = 2.0 * rng.normal(3)
-        if not self.fetch:
-            return
-        ball = model.joint("ball_root")
-        azimuth, height, speed = rng.uniform(0.0, 2.0 * np.pi, 1), rng.uniform(0.0, 3.0, 1), rng.uniform(0.0, 5.0, 1)
-        outwards = np.hstack([np.sin(azimuth), np.cos(azimuth)])
-        qpos[:, ball.qposadr : ball.qposadr + 3] = np.hstack([0.75 * _ARENA * outwards, np.full_like(azimuth, 0.05)])
-        rising = np.sqrt(-2.0 * model.gravity[2] * height)
-        qvel[:, ball.dofadr : ball.dofadr + 3] = np.hstack([speed * (0.05 * rng.normal(2) - outwards), rising])
+        reset.qpos[:, root.qposadr + 3 : root.qposadr + 7] = about_vertical(reset.rng.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
+        reset.qvel[:, [root.dofadr, root.dofadr + 1, root.dofadr + 5]] = 2.0 * reset.rng.normal(3)
+        if self.fetch:
+            self._throw(reset)
+        low, high = model.actuator_ctrlrange.T
+        reset.act = low + (high - low) * reset.rng.uniform(0.0, 1.0, len(low))
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws random activations within the bounds of the controls."""
-        low, high = sim.model.actuator_ctrlrange.T
-        act = np.array(sim.act)
-        act[mask] = low + (high - low) * rng.uniform(0.0, 1.0, len(low))
-        sim.set_state(act=act, envs=mask)
+    def _throw(self, reset: Reset) -> None:
+        """Draws initial states of the ball, which flies from a random direction towards the middle of the arena."""
+        model = reset.sim.model
+        ball = model.joint("ball_root")
+        azimuth, height, speed = reset.rng.uniform(0.0, 2.0 * np.pi, 1), reset.rng.uniform(0.0, 3.0, 1), reset.rng.uniform(0.0, 5.0, 1)
+        outwards = np.hstack([np.sin(azimuth), np.cos(azimuth)])
+        reset.qpos[:, ball.qposadr : ball.qposadr + 3] = np.hstack([0.75 * _ARENA * outwards, np.full_like(azimuth, 0.05)])
+        rising = np.sqrt(-2.0 * model.gravity[2] * height)
+        reset.qvel[:, ball.dofadr : ball.dofadr + 3] = np.hstack([speed * (0.05 * reset.rng.normal(2) - outwards), rising])
 
 
 @cache_per_model

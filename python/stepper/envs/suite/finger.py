@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, scene, source_tree
-from stepper.envs.task import Array, Moment, Observation, Terms
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset
 
 _SPEED = 15.0
 """Angular speed above which the body counts as spinning, rad/s."""
@@ -46,9 +45,9 @@ class Finger(SuiteTask):
         spins: Array = (reading(now, "hinge_velocity")[:, 0] <= -_SPEED).astype(np.float64)
         return spins
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest, with random angles within their limits, without contacts."""
-        randomize_without_overlap(scene(self.file), qpos, rng)
+        randomize_without_overlap(scene(self.file), reset.qpos, reset.rng)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,11 +79,12 @@ class FingerTurn(Finger):
         inside: Array = (self._distance(now) <= 0.0).astype(np.float64)
         return inside
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws a random target on the circle on which the tip of the body moves."""
-        model, angle = sim.model, rng.uniform(-np.pi, np.pi, 1)[:, 0]
+    def reset(self, reset: Reset) -> None:
+        """Initial states of `Finger`, and a random target on the circle on which the tip of the body moves."""
+        super().reset(reset)
+        model, angle = reset.sim.model, reset.rng.uniform(-np.pi, np.pi, 1)[:, 0]
         offsets = model.geom("cap1").size.sum() * np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
-        sim.mocap_pos[mask, model.body("target").mocapid] = model.body("spinner").pos + offsets
+        reset.mocap_pos[:, model.body("target").mocapid] = model.body("spinner").pos + offsets
 
     def _distance(self, now: Moment) -> Array:
         """Distance from the tip of the body to the surface of the target, negative inside, m: (num_envs,)."""

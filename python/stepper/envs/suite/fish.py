@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper._stepper import Stepper
-from stepper.envs.suite.base import SuiteTask, move_geom, norm, rotation, tolerance
-from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
+from stepper.envs.suite.base import SuiteTask, norm, rotation, tolerance
+from stepper.envs.task import Array, Moment, Observation, Reset, per_moment
 from stepper.shared.rotations import matrices
-from stepper.shared.streams import Rng
 
 _JOINTS = ("tail1", "tail_twist", "tail2", "finright_roll", "finright_pitch", "finleft_roll", "finleft_pitch")
 
@@ -48,19 +46,17 @@ class Fish(SuiteTask):
         radii = float(model.geom("mouth").size[0] + model.geom("target").size[0])
         return (7.0 * tolerance(norm(_to_target(now)), 0.0, radii, margin=2.0 * radii) + 0.5 * (upright + 1.0)) / 8.0
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: at rest, with a random orientation and small random angles."""
-        quat = rng.normal(4)
-        qpos[:, 3:7] = quat / norm(quat)[:, None]
+    def reset(self, reset: Reset) -> None:
+        """Initial states: at rest, with a random orientation and small random angles; with `swim`, a random target in a box."""
+        quat = reset.rng.normal(4)
+        reset.qpos[:, 3:7] = quat / norm(quat)[:, None]
         model = self.model()
         for name in _JOINTS:
             at = model.joint(name).qposadr
-            qpos[:, at : at + 1] = rng.uniform(-0.2, 0.2, 1)
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws a random target in a box, if the task is to swim."""
+            reset.qpos[:, at : at + 1] = reset.rng.uniform(-0.2, 0.2, 1)
         if self.swim:
-            move_geom(sim, mask, "target", np.hstack([rng.uniform(-0.4, 0.4, 2), rng.uniform(0.1, 0.3, 1)]))
+            target = np.hstack([reset.rng.uniform(-0.4, 0.4, 2), reset.rng.uniform(0.1, 0.3, 1)])
+            reset.sim.randomize({"geom_pos[target]": target}, envs=reset.envs)
 
 
 def _angles(now: Moment) -> Array:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, small_control, tolerance
-from stepper.envs.task import Array, Moment, Observation
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset
 
 _HEIGHT = 0.6
 """Height of the torso above the foot at which the robot counts as standing, m."""
@@ -46,6 +45,6 @@ class Hopper(SuiteTask):
             return standing * tolerance(speed, _SPEED, float("inf"), margin=_SPEED / 2.0, fall="linear", value=0.5)
         return standing * (small_control(now) + 4.0) / 5.0
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest, with random angles within their limits and a random torso angle."""
-        randomize_joints(self.model(), qpos, rng)
+        randomize_joints(self.model(), reset.qpos, reset.rng)

@@ -8,8 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, rotation, small_control, tolerance
-from stepper.envs.task import Array, Moment, Observation
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset
 
 _HEIGHT = 1.4
 """Height of the head at which the humanoid counts as standing, m."""
@@ -66,9 +65,9 @@ class Humanoid(SuiteTask):
         reward: Array = (4.0 + small_control(now)) / 5.0 * standing * upright * moving
         return reward
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest, with random angles and a random orientation, without contacts."""
-        randomize_without_overlap(self.model(), qpos, rng)
+        randomize_without_overlap(self.model(), reset.qpos, reset.rng)
 
 
 def _head_height(now: Moment) -> Array:

@@ -9,8 +9,7 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.suite.base import SuiteTask, norm, source_tree
-from stepper.envs.task import Array, Moment, Observation
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset
 
 _STIFFNESS = (15.0, 25.0)
 """Least and largest stiffness of a spring, N/m."""
@@ -56,15 +55,19 @@ class LQR(SuiteTask):
         reward: Array = 1.0 - 0.5 * (norm(now.qpos) ** 2 + _CONTROL_COST * norm(now.action) ** 2)
         return reward
 
+    def action_bounds(self, model: Model) -> tuple[Array, Array]:
+        """No bounds, as in dm_control: minus and plus infinity, (nu,) each."""
+        return np.full(model.nu, -np.inf), np.full(model.nu, np.inf)
+
     def terminated(self, now: Moment) -> Array:
         """Whether positions and velocities are practically zero, (num_envs,)."""
         at_rest: Array = norm(np.hstack([now.qpos, now.qvel])) < _AT_REST
         return at_rest
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest, with random positions on a sphere of radius sqrt(2)."""
-        direction = rng.normal(self.bodies)
-        qpos[:] = np.sqrt(2.0) * direction / norm(direction)[:, None]
+        direction = reset.rng.normal(self.bodies)
+        reset.qpos[:] = np.sqrt(2.0) * direction / norm(direction)[:, None]
 
 
 @cache_model

@@ -9,8 +9,8 @@ import numpy as np
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model
 from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
-from stepper.envs.suite.base import SuiteTask, norm, overlapping, place, tolerance
-from stepper.envs.task import Array, Moment, Observation, Terms
+from stepper.envs.suite.base import SuiteTask, norm, overlapping, tolerance
+from stepper.envs.task import Array, Moment, Observation, Reset
 from stepper.shared.rotations import matrices
 from stepper.shared.streams import Rng
 
@@ -66,19 +66,17 @@ class Manipulator(SuiteTask):
         reward: Array = np.maximum(bringing, grasping / 3.0)
         return reward
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Draws poses of arm, target and object until no geoms overlap. The object starts in the hand, at the target, or in flight."""
-        model, count = sim.model, len(rng.envs)
-        qpos, qvel = np.tile(model.qpos0, (count, 1)), np.zeros((count, model.nv))
+        model, count = reset.sim.model, len(reset.envs)
         target = np.zeros((count, 3))
         again = np.ones(count, dtype=bool)
         while again.any():
-            some, rates = qpos[again], qvel[again]
-            target[again] = self._draw(model, some, rates, rng.of(again))
-            qpos[again], qvel[again] = some, rates
+            some, rates = reset.qpos[again], reset.qvel[again]
+            target[again] = self._draw(model, some, rates, reset.rng.of(again))
+            reset.qpos[again], reset.qvel[again] = some, rates
             again[again] = overlapping(model, some, *_posed(model, target[again]))
-        place(sim, mask, qpos, qvel)
-        sim.mocap_pos[mask], sim.mocap_quat[mask] = _posed(model, target)
+        reset.mocap_pos, reset.mocap_quat = _posed(model, target)
 
     def _draw(self, model: Model, qpos: Array, qvel: Array, rng: Rng) -> Array:
         """Draws positions and velocities into qpos (n, nq) and qvel (n, nv), and returns x, z (m) and angle (rad) of the target, (n, 3)."""

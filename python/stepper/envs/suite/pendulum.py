@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper.envs.suite.base import SuiteTask, rotation, tolerance
-from stepper.envs.task import Array, Moment, Observation
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset
 
 _UPRIGHT = float(np.cos(np.deg2rad(8.0)))
 """Cosine of the largest rewarded angle from upright."""
@@ -32,6 +31,6 @@ class Pendulum(SuiteTask):
         """Score: 1 within 8 degrees of upright, else 0."""
         return tolerance(rotation(now, "pole")[:, 2, 2], _UPRIGHT, 1.0)
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest, with a uniform random angle."""
-        qpos[:] = rng.uniform(-np.pi, np.pi, 1)
+        reset.qpos[:] = reset.rng.uniform(-np.pi, np.pi, 1)

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, small_control, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation, Terms
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset, Terms
 
 _PARALLEL = 0.9
 """Absolute cosine of the angle between the two control directions above which the second direction is drawn again."""
@@ -55,28 +54,23 @@ class PointMass(SuiteTask):
         away = norm(now.geom_xpos[:, target.id] - now.geom_xpos[:, model.geom("pointmass").id])
         return tolerance(away, 0.0, size, margin=size) * (small_control(now) + 4.0) / 5.0
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: at rest, at a random position within the limits."""
-        randomize_joints(self.model(), qpos, rng)
-
     def episode_state(self, num_envs: int) -> Terms:
-        """Direction of the force of each control, (num_envs, 2, 2), one per row: the axes, until `on_reset` draws random directions."""
+        """Direction of the force of each control, (num_envs, 2, 2), one per row: the axes, until `reset` draws random directions."""
         return {"directions": np.tile(np.eye(2), (num_envs, 1, 1))}
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws random directions of the two controls, which are not nearly parallel. Without `turned`, the directions do not change."""
+    def reset(self, reset: Reset) -> None:
+        """Initial states: at rest, at a random position. With `turned`, draws directions of the controls that are not nearly parallel."""
+        randomize_joints(self.model(), reset.qpos, reset.rng)
         if not self.turned:
             return
-        count = len(rng.envs)
-        directions, again = np.empty((count, 2, 2)), np.ones(count, dtype=bool)
+        rng, directions, again = reset.rng, reset.episode_state["directions"], np.ones(len(reset.envs), dtype=bool)
         directions[:, 0] = _unit(rng.normal(2))
         while again.any():
             directions[again, 1] = _unit(rng.of(again).normal(2))
             again[again] = np.abs(np.einsum("ni,ni->n", directions[again, 0], directions[again, 1])) > _PARALLEL
-        episode_state["directions"][mask] = directions
 
     def advance(self, now: Moment) -> None:
-        """Steps the simulation by one action. With `turned`, each action pushes along the direction that `on_reset` has drawn for it."""
+        """Steps the simulation by one action. With `turned`, each action pushes along the direction that `reset` has drawn for it."""
         control = now.action
         if self.turned:
             control = np.einsum("nk,nki->ni", np.clip(now.action, -1.0, 1.0), now.episode_state["directions"])

@@ -19,9 +19,8 @@ from stepper.envs.suite.base import (
     source_tree,
     tolerance,
 )
-from stepper.envs.task import Array, Moment, Observation
+from stepper.envs.task import Array, Moment, Observation, Reset
 from stepper.shared.rotations import about_vertical
-from stepper.shared.streams import Rng
 
 _TOES = ("front_left", "front_right", "back_right", "back_left")
 _EPISODE = 20.0
@@ -92,7 +91,7 @@ class Quadruped(SuiteTask):
         reward: Array = upright * near * (0.5 + 0.5 * brought)
         return reward
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest just above the ground with a random orientation.
 
         If the task is to fetch, the robot starts upright with a random heading, and the ball is in flight.
@@ -100,17 +99,17 @@ class Quadruped(SuiteTask):
         model = self.model()
         at = model.joint("root").qposadr
         if not self.fetch:
-            quat = rng.normal(4)
-            qpos[:, at + 3 : at + 7] = quat / norm(quat)[:, None]
-            lift_until_free(model, qpos, at + 2)
+            quat = reset.rng.normal(4)
+            reset.qpos[:, at + 3 : at + 7] = quat / norm(quat)[:, None]
+            lift_until_free(model, reset.qpos, at + 2)
             return
-        qpos[:, at + 3 : at + 7] = about_vertical(rng.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
-        qpos[:, at : at + 2] = rng.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
-        lift_until_free(model, qpos, at + 2)
+        reset.qpos[:, at + 3 : at + 7] = about_vertical(reset.rng.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
+        reset.qpos[:, at : at + 2] = reset.rng.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
+        lift_until_free(model, reset.qpos, at + 2)
         ball = model.joint("ball_root")
-        qpos[:, ball.qposadr : ball.qposadr + 2] = rng.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
-        qpos[:, ball.qposadr + 2] = 2.0
-        qvel[:, ball.dofadr : ball.dofadr + 2] = 5.0 * rng.normal(2)
+        reset.qpos[:, ball.qposadr : ball.qposadr + 2] = reset.rng.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
+        reset.qpos[:, ball.qposadr + 2] = 2.0
+        reset.qvel[:, ball.dofadr : ball.dofadr + 2] = 5.0 * reset.rng.normal(2)
 
 
 def _egocentric_state(now: Moment) -> Array:

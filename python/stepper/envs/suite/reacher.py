@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper._stepper import Stepper
-from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, tolerance
-from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
-from stepper.shared.streams import Rng
+from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, tolerance
+from stepper.envs.task import Array, Moment, Observation, Reset, per_moment
 
 _FINGER = 0.01
 """Radius of the finger, m."""
@@ -39,14 +37,12 @@ class Reacher(SuiteTask):
         """Score: 1 with the finger in the target, else 0."""
         return tolerance(norm(_to_target(now)), 0.0, self.target_size + _FINGER)
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: at rest, with random angles within their limits."""
-        randomize_joints(self.model(), qpos, rng)
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Moves the target to a random place, 0.05 to 0.2 m from the base of the arm."""
-        angle, radius = rng.uniform(0.0, 2.0 * np.pi, 1), rng.uniform(0.05, 0.2, 1)
-        move_geom(sim, mask, "target", np.hstack([radius * np.sin(angle), radius * np.cos(angle)]), slice(0, 2))
+    def reset(self, reset: Reset) -> None:
+        """Initial states: at rest, with random angles within their limits. The target is 0.05 to 0.2 m from the base of the arm."""
+        randomize_joints(self.model(), reset.qpos, reset.rng)
+        angle, radius = reset.rng.uniform(0.0, 2.0 * np.pi, 1), reset.rng.uniform(0.05, 0.2, 1)
+        place = np.hstack([radius * np.sin(angle), radius * np.cos(angle)])
+        reset.sim.randomize({"geom_pos[target][0,1]": place}, envs=reset.envs)
 
 
 @per_moment

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model
 from stepper.envs.assets import cache_model
 from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, tolerance
-from stepper.envs.task import Array, Moment, Observation, Terms
+from stepper.envs.task import Array, Moment, Observation, Reset
 from stepper.shared.streams import Rng
 
 _CLOSE = 0.01
@@ -57,16 +57,14 @@ class Stacker(SuiteTask):
         reward: Array = tolerance(nearest, margin=2.0 * size) * away
         return reward
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest, with random poses of arm and boxes, without contacts."""
-        randomize_without_overlap(self.model(), qpos, rng, self._draw)
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws a random target: the place of a box on the floor, or on a stack of up to `boxes` - 1 other boxes."""
-        size, boxes_below = sim.model.geom("target").size[0], np.floor(rng.uniform(0.0, self.boxes, 1))
-        at = sim.model.body("target").mocapid
-        sim.mocap_pos[mask, at, 2:] = size * (2.0 * boxes_below + 1.0)
-        sim.mocap_pos[mask, at, :1] = rng.uniform(-0.37, 0.37, 1)
+        randomize_without_overlap(self.model(), reset.qpos, reset.rng, self._draw)
+        model = reset.sim.model
+        size, boxes_below = model.geom("target").size[0], np.floor(reset.rng.uniform(0.0, self.boxes, 1))
+        at = model.body("target").mocapid
+        reset.mocap_pos[:, at, 2:] = size * (2.0 * boxes_below + 1.0)
+        reset.mocap_pos[:, at, :1] = reset.rng.uniform(-0.37, 0.37, 1)
 
     @property
     def _names(self) -> list[str]:

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, reading, rotation, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
-from stepper.shared.streams import Rng
+from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, reading, rotation, source_tree, tolerance
+from stepper.envs.task import Array, Moment, Observation, Reset, per_moment
 
 _SIZE = 0.1
 """Radius of the target, m."""
@@ -44,14 +43,11 @@ class Swimmer(SuiteTask):
         """Score: 1 with the nose in the target, decreasing with the distance from it."""
         return tolerance(norm(_to_target(now)), 0.0, _SIZE, margin=5.0 * _SIZE, fall="long_tail")
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest, with random angles within their limits and a random heading."""
-        randomize_joints(self.model(), qpos, rng)
-
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws a random target, within 0.3 m of the origin in x and y in a fifth of the episodes, within 2 m in the others."""
-        box = np.where(rng.uniform(0.0, 1.0, 1) < 0.2, 0.3, 2.0)
-        move_geom(sim, mask, "target", box * rng.uniform(-1.0, 1.0, 2), slice(0, 2))
+        randomize_joints(self.model(), reset.qpos, reset.rng)
+        box = np.where(reset.rng.uniform(0.0, 1.0, 1) < 0.2, 0.3, 2.0)
+        reset.sim.randomize({"geom_pos[target][0,1]": box * reset.rng.uniform(-1.0, 1.0, 2)}, envs=reset.envs)
 
 
 @per_moment

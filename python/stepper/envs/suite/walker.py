@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, rotations, tolerance
-from stepper.envs.task import Array, Moment, Observation
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset
 
 _HEIGHT = 1.2
 """Height of the torso at which the walker counts as standing, m."""
@@ -41,6 +40,6 @@ class Walker(SuiteTask):
         speed, wanted = reading(now, "torso_subtreelinvel")[:, 0], self.move_speed
         return stand * (5.0 * tolerance(speed, wanted, float("inf"), margin=wanted / 2.0, fall="linear", value=0.5) + 1.0) / 6.0
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: at rest, with random angles within their limits and a random torso angle."""
-        randomize_joints(self.model(), qpos, rng)
+        randomize_joints(self.model(), reset.qpos, reset.rng)

@@ -7,9 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, per_moment, square_sum
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, per_moment, square_sum
 from stepper.shared.arguments import check_whole
-from stepper.shared.streams import Rng
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +57,7 @@ class Ant(MujocoTask):
         xy: Array = now.qpos[:, :2] if body == 1 else now.xpos[:, body, :2]
         return xy
 
+    @per_moment
     def healthy(self, now: Moment) -> Array:
         """Whether the torso's height is within `healthy_z_range`, (num_envs,) bool."""
         low, high = self.healthy_z_range
@@ -67,12 +67,12 @@ class Ant(MujocoTask):
 
     def terminated(self, now: Moment) -> Array | None:
         """Whether each environment is unhealthy, (num_envs,) bool. None (no episode terminates) with `terminate_when_unhealthy=False`."""
-        return ~now.healthy if self.terminate_when_unhealthy else None
+        return ~self.healthy(now) if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """Reward: velocity in x plus a bonus for being healthy, minus costs of squared controls and contact forces."""
         x_velocity, y_velocity = now.velocity.T
-        forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * now.healthy
+        forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * self.healthy(now)
         control = self.ctrl_cost_weight * square_sum(now.action)
         contact = self.contact_cost_weight * square_sum(_contact_forces(now))
         terms = {"x_velocity": x_velocity, "y_velocity": y_velocity, "reward_forward": forward, "reward_ctrl": -control}
@@ -84,11 +84,11 @@ class Ant(MujocoTask):
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with uniform noise on positions and normal noise on velocities."""
         scale = self.reset_noise_scale
-        qpos += rng.uniform(-scale, scale, qpos.shape[1])
-        qvel += scale * rng.normal(qvel.shape[1])
+        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
+        reset.qvel += scale * reset.rng.normal(reset.qvel.shape[1])
 
 
 @per_moment

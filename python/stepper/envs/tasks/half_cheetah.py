@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +43,8 @@ class HalfCheetah(MujocoTask):
         """Info: position of the robot, m."""
         return {"x_position": now.qpos[:, 0]}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with uniform noise on positions and normal noise on velocities."""
         scale = self.reset_noise_scale
-        qpos += rng.uniform(-scale, scale, qpos.shape[1])
-        qvel += scale * rng.normal(qvel.shape[1])
+        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
+        reset.qvel += scale * reset.rng.normal(reset.qvel.shape[1])

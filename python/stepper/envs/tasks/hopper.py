@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, all_within, square_sum, within
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, all_within, per_moment, square_sum, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +38,7 @@ class Hopper(MujocoTask):
         x: Array = now.qpos[:, 0]
         return x
 
+    @per_moment
     def healthy(self, now: Moment) -> Array:
         """Whether the robot is healthy, (num_envs,) bool.
 
@@ -52,11 +52,11 @@ class Hopper(MujocoTask):
 
     def terminated(self, now: Moment) -> Array | None:
         """Whether each environment is unhealthy, (num_envs,) bool. None (no episode terminates) with `terminate_when_unhealthy=False`."""
-        return ~now.healthy if self.terminate_when_unhealthy else None
+        return ~self.healthy(now) if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """Reward: velocity in x plus a bonus for being healthy, minus a cost of squared controls."""
-        forward, survive = self.forward_reward_weight * now.velocity, self.healthy_reward * now.healthy
+        forward, survive = self.forward_reward_weight * now.velocity, self.healthy_reward * self.healthy(now)
         control = self.ctrl_cost_weight * square_sum(now.action)
         terms = {"x_velocity": now.velocity, "reward_forward": forward, "reward_ctrl": -control, "reward_survive": survive}
         return forward + survive - control, terms
@@ -65,8 +65,8 @@ class Hopper(MujocoTask):
         """Info: position of the robot, m. The height is measured from the reference pose."""
         return {"x_position": now.qpos[:, 0], "z_distance_from_origin": now.qpos[:, 1] - now.default_qpos[1]}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
-        qpos += rng.uniform(-scale, scale, qpos.shape[1])
-        qvel += rng.uniform(-scale, scale, qvel.shape[1])
+        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
+        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

@@ -8,8 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.observations import BODY_TABLES, tendons
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum, within
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, per_moment, square_sum, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,18 +54,19 @@ class Humanoid(MujocoTask):
         xy: Array = now.subtree_com[:, 0, :2]
         return xy
 
+    @per_moment
     def healthy(self, now: Moment) -> Array:
         """Whether the torso's height is within `healthy_z_range`, (num_envs,) bool."""
         return within(now.qpos[:, 2], self.healthy_z_range)
 
     def terminated(self, now: Moment) -> Array | None:
         """Whether each environment is unhealthy, (num_envs,) bool. None (no episode terminates) with `terminate_when_unhealthy=False`."""
-        return ~now.healthy if self.terminate_when_unhealthy else None
+        return ~self.healthy(now) if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """Reward: velocity in x plus a bonus for being healthy, minus costs of squared controls and contact forces."""
         x_velocity, y_velocity = now.velocity.T
-        forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * now.healthy
+        forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * self.healthy(now)
         control = self.ctrl_cost_weight * square_sum(now.action)
         contact = np.clip(self.contact_cost_weight * square_sum(now.cfrc_ext), *self.contact_cost_range)
         terms = {"x_velocity": x_velocity, "y_velocity": y_velocity, "reward_survive": survive, "reward_forward": forward}
@@ -78,8 +78,8 @@ class Humanoid(MujocoTask):
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, **tendons(now), "distance_from_origin": np.hypot(x, y)}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
-        qpos += rng.uniform(-scale, scale, qpos.shape[1])
-        qvel += rng.uniform(-scale, scale, qvel.shape[1])
+        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
+        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

@@ -8,8 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.observations import BODY_TABLES, tendons
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +60,8 @@ class HumanoidStandup(MujocoTask):
         x, y, z = now.qpos[:, :3].T
         return {"x_position": x, "y_position": y, "z_distance_from_origin": z - now.default_qpos[2], **tendons(now)}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
-        qpos += rng.uniform(-scale, scale, qpos.shape[1])
-        qvel += rng.uniform(-scale, scale, qvel.shape[1])
+        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
+        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

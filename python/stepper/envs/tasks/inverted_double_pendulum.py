@@ -7,8 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms
 
 WITHIN = (-10.0, 10.0)
 """Bounds to which the observation clips velocities (m/s, rad/s) and the constraint force (N)."""
@@ -40,22 +39,22 @@ class InvertedDoublePendulum(MujocoTask):
             Observation("qfrc_constraint", columns=slice(0, 1), clip=WITHIN),
         )
 
-    def healthy(self, now: Moment) -> Array:
-        """Whether the tip is above 1 m, (num_envs,)."""
-        high: Array = now.site_xpos[:, 0, 2] > 1.0
-        return high
+    def terminated(self, now: Moment) -> Array:
+        """Whether the tip is at most 1 m high, (num_envs,)."""
+        low: Array = ~(now.site_xpos[:, 0, 2] > 1.0)
+        return low
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """Reward: a bonus while the tip is above 1 m, minus weighted squares of its offset from (0, 2) m and of the hinge velocities."""
         x, _, z = now.site_xpos[:, 0].T
-        survive = self.healthy_reward * now.healthy
+        survive = self.healthy_reward * ~self.terminated(now)
         distance = 0.01 * x**2 + (z - 2.0) ** 2
         velocity = 1e-3 * now.qvel[:, 1] ** 2 + 5e-3 * now.qvel[:, 2] ** 2
         terms = {"reward_survive": survive, "distance_penalty": -distance, "velocity_penalty": -velocity}
         return survive - distance - velocity, terms
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with uniform noise on positions and normal noise on velocities."""
         scale = self.reset_noise_scale
-        qpos += rng.uniform(-scale, scale, qpos.shape[1])
-        qvel += scale * rng.normal(qvel.shape[1])
+        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
+        reset.qvel += scale * reset.rng.normal(reset.qvel.shape[1])

@@ -7,8 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,18 +24,18 @@ class InvertedPendulum(MujocoTask):
         """Positions and velocities: (4,)."""
         return Observation("qpos"), Observation("qvel")
 
-    def healthy(self, now: Moment) -> Array:
-        """Whether the pole is within 0.2 rad of upright, (num_envs,) bool."""
-        upright: Array = np.abs(now.qpos[:, 1]) <= 0.2
-        return upright
+    def terminated(self, now: Moment) -> Array:
+        """Whether the pole is more than 0.2 rad from upright, (num_envs,) bool."""
+        fallen: Array = ~(np.abs(now.qpos[:, 1]) <= 0.2)
+        return fallen
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """Reward: 1 while the pole is upright."""
-        survive = now.healthy.astype(np.int64)
+        survive = (~self.terminated(now)).astype(np.int64)
         return survive, {"reward_survive": survive}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
-        qpos += rng.uniform(-scale, scale, qpos.shape[1])
-        qvel += rng.uniform(-scale, scale, qvel.shape[1])
+        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
+        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

@@ -7,8 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
 
 NEAREST = 0.17
 """Smallest initial distance of the cylinder from the goal, m."""
@@ -57,19 +56,19 @@ class Pusher(MujocoTask):
         control = -self.reward_control_weight * square_sum(now.action)
         return distance + control + near, {"reward_dist": distance, "reward_ctrl": control, "reward_near": near}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with the cylinder at a random place, and random velocities of the arm.
 
         The place is uniformly distributed in a rectangle of 0.3 m by 0.4 m, more than 0.17 m (`NEAREST`) from the goal.
         """
-        again = np.ones(len(qpos), dtype=bool)
+        again = np.ones(len(reset.qpos), dtype=bool)
         while again.any():
-            some = rng.of(again)
-            qpos[again, -4:-2] = np.hstack([some.uniform(-0.3, 0.0, 1), some.uniform(-0.2, 0.2, 1)])
-            again = square_sum(qpos[:, -4:-2]) <= NEAREST**2
-        qpos[:, -2:] = 0.0
-        qvel += rng.uniform(-0.005, 0.005, qvel.shape[1])
-        qvel[:, -4:] = 0.0
+            some = reset.rng.of(again)
+            reset.qpos[again, -4:-2] = np.hstack([some.uniform(-0.3, 0.0, 1), some.uniform(-0.2, 0.2, 1)])
+            again = square_sum(reset.qpos[:, -4:-2]) <= NEAREST**2
+        reset.qpos[:, -2:] = 0.0
+        reset.qvel += reset.rng.uniform(-0.005, 0.005, reset.qvel.shape[1])
+        reset.qvel[:, -4:] = 0.0
 
 
 def _body_position(now: Moment, body: str) -> Array:

@@ -7,8 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, per_moment, square_sum
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, per_moment, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,16 +40,16 @@ class Reacher(MujocoTask):
         control = -self.reward_control_weight * square_sum(now.action)
         return distance + control, {"reward_dist": distance, "reward_ctrl": control}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the arm in the reference pose with uniform noise on angles and velocities, the target at rest at a random place.
 
         The place is uniformly distributed in the disc of radius 0.2 m about the origin.
         """
-        qpos += rng.uniform(-0.1, 0.1, qpos.shape[1])
-        radius, angle = 0.2 * np.sqrt(rng.uniform(0.0, 1.0, 1)[:, 0]), rng.uniform(-np.pi, np.pi, 1)[:, 0]
-        qpos[:, -2:] = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-        qvel += rng.uniform(-0.005, 0.005, qvel.shape[1])
-        qvel[:, -2:] = 0.0
+        reset.qpos += reset.rng.uniform(-0.1, 0.1, reset.qpos.shape[1])
+        radius, angle = 0.2 * np.sqrt(reset.rng.uniform(0.0, 1.0, 1)[:, 0]), reset.rng.uniform(-np.pi, np.pi, 1)[:, 0]
+        reset.qpos[:, -2:] = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+        reset.qvel += reset.rng.uniform(-0.005, 0.005, reset.qvel.shape[1])
+        reset.qvel[:, -2:] = 0.0
 
 
 @per_moment

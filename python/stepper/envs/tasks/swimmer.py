@@ -7,8 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
-from stepper.shared.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +47,8 @@ class Swimmer(MujocoTask):
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+    def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
-        qpos += rng.uniform(-scale, scale, qpos.shape[1])
-        qvel += rng.uniform(-scale, scale, qvel.shape[1])
+        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
+        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

@@ -28,8 +28,8 @@ class TerrainCurriculum:
             def episode_state(self, num_envs):
                 return levels.episode_state(num_envs)
 
-            def place(self, reset):
-                super().place(reset)
+            def reset(self, reset):
+                reset.qpos[:] = ...
                 levels.place(reset)
 
             def on_end(self, now, envs):
@@ -73,21 +73,21 @@ class TerrainCurriculum:
         return {"terrain_level": undrawn, "terrain_type": undrawn.copy(), "terrain_origin": np.zeros((num_envs, 3))}
 
     def place(self, reset: Reset) -> None:
-        """Moves the initial positions of new episodes to the environments' tiles. Call it in `Task.place`.
+        """Moves the initial positions of new episodes to the environments' tiles. Call it in `Task.reset`.
 
         An environment without a tile draws a random row (level of difficulty) from 0 to `max_init_level`. It also draws a column (kind of
         terrain) with the probabilities `Terrain.proportions`. An environment that moved up from the hardest row draws a row from all rows.
         """
-        state, envs, terrain = reset.episode_state, reset.envs, self.terrain
-        level, kind = state["terrain_level"][envs], state["terrain_type"][envs]
+        state, terrain = reset.episode_state, self.terrain
+        level, kind = state["terrain_level"], state["terrain_type"]
         drawn = reset.rng.uniform(0.0, 1.0, 2)
         first = min(self.max_init_level + 1, terrain.num_rows)
         level = np.where(level < 0, drawn[:, 0] * first, np.where(level >= terrain.num_rows, drawn[:, 0] * terrain.num_rows, level))
         bounds = np.cumsum(terrain.proportions)[:-1]
-        state["terrain_level"][envs] = level.astype(np.int64)
-        state["terrain_type"][envs] = np.where(kind < 0, np.searchsorted(bounds, drawn[:, 1], side="right"), kind)
-        origin = terrain.origins[state["terrain_level"][envs], state["terrain_type"][envs]]
-        state["terrain_origin"][envs] = origin
+        state["terrain_level"] = level.astype(np.int64)
+        state["terrain_type"] = np.where(kind < 0, np.searchsorted(bounds, drawn[:, 1], side="right"), kind)
+        origin = terrain.origins[state["terrain_level"], state["terrain_type"]]
+        state["terrain_origin"] = origin
         reset.qpos[:, :2] += origin[:, :2] + reset.rng.uniform(-self.spread, self.spread, 2)
         reset.qpos[:, 2] += self._highest(reset.qpos[:, :2])
 

@@ -9,7 +9,7 @@ import near_misses
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from meshes import cuboid
 from near_misses import ROUNDING, Floor, fly, scene_xml
@@ -61,6 +61,7 @@ flights = st.tuples(st.sampled_from([2e-4, 1e-3, 1e-2]), st.floats(1.0, 6.0), st
 
 
 @given(st.sampled_from(AXES), st.sampled_from(sorted(OBSTACLES)), turns, timesteps, flights, precisions, st.sampled_from(INTEGRATORS))
+@example(("wheel", "y"), "plane", 2.0, 5e-3, (2e-4, 4.0, False), "f64", "midpoint")
 def test_a_spinning_body_that_passes_another_keeps_its_velocity(spinner, obstacle, turn, timestep, flight, precision, integrator):  # noqa: PLR0917
     (name, axis), (gap, speed, backwards) = spinner, flight
     geom, depths = SPINNERS[name]
@@ -277,3 +278,37 @@ def test_a_spinning_body_that_hits_another_does_not_pass_through_it(spinner, obs
         flags |= Status(int(sim.status))
     # Without an impact, the body would be 0.1 m below the surface.
     assert sim.qpos[2] > -0.02 or flags & (Status.TUNNELLED | Status.DEEP)
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("turn", [0.9, 1.4, 2.0, 4.0, 20.0])
+@pytest.mark.parametrize("friction", [0.0, 1.0])
+def test_a_wheel_that_rolls_fast_stays_on_a_plane(turn, friction, precision):
+    """A cylinder that rolls by any angle in a step keeps its velocity: only the lowest line of its surface touches the plane."""
+    radius, timestep = 0.03, 5e-3
+    wheel = f'<body pos="0 0 {radius}"><freejoint/><geom type="cylinder" size="{radius} .01" euler="90 0 0" mass="1"/></body>'
+    defaults = f'<default><geom friction="{friction} 0 0"/></default>'
+    xml = f'<mujoco>{defaults}<worldbody><geom type="plane" size="1 1 1"/>{wheel}</worldbody></mujoco>'
+    sim = stepper.Stepper(stepper.load(xml), precision=precision, options=Options(timestep=timestep))
+    spin = turn / timestep
+    sim.set_state(qvel=[spin * radius, 0, 0, 0, spin, 0])
+    sim.step(nstep=40)
+    assert not sim.status
+    # The tolerance of the solver, m/s, in each precision; in f32 the speed is rounded too.
+    error = {"f64": 1e-6, "f32": 1e-4 + 1e-5 * spin * radius}[precision]
+    assert sim.qvel[[0, 2]] == pytest.approx([spin * radius, 0], abs=error)
+    assert sim.qpos[2] == pytest.approx(radius, abs=1e-5)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.02, 0.3])
+def test_a_tilted_cylinder_comes_to_stand_on_a_plane(tilt):
+    """A cylinder that falls on the rim of an end face tips onto the face, and stands on three or four points."""
+    world = (
+        f'<geom type="plane" size="1 1 1"/><body pos="0 0 .06" euler="0 {tilt} 0"><freejoint/><geom type="cylinder" size=".03 .02"/></body>'
+    )
+    compiler = '<compiler angle="radian"/>'
+    sim = stepper.Stepper(stepper.load(f"<mujoco>{compiler}<worldbody>{world}</worldbody></mujoco>"), options=Options(timestep=2e-3))
+    sim.step(nstep=1000)
+    assert sim.qpos[2] == pytest.approx(0.02, abs=1e-4)  # The slop of a contact.
+    assert np.abs(sim.qvel).max() < 1e-6  # The tolerance of the solver.
+    assert len(sim.contacts()) >= 3

@@ -1,6 +1,6 @@
 //! Conversion of NumPy arrays, with checks of their shapes.
 
-use numpy::npyffi::{NPY_ARRAY_WRITEABLE, PY_ARRAY_API};
+use numpy::npyffi::NPY_ARRAY_WRITEABLE;
 use numpy::{
     IntoPyArray, PyArrayDescr, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods, dtype,
     ndarray::ArrayD,
@@ -82,43 +82,18 @@ pub(crate) fn seeds(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>
     words.as_slice().map(<[u64]>::to_vec).map_err(|e| PyValueError::new_err(format!("seed: {e}")))
 }
 
-/// Makes the array of a Python attribute read-only, and returns the array. A write to the array raises an error with the name of the call
-/// that sets `field` (`stepper._hints`).
-pub(crate) fn read_only<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
-    static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
-    read_only_as(array, field, "kind", &KINDS)
-}
-
-/// Makes the array of a Python attribute with values per environment read-only, and returns the array. A write to the array raises an error
-/// with the name of the call that sets `field`.
-pub(crate) fn read_only_of_environments<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
-    static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
-    read_only_as(array, field, "kind_of_environments", &KINDS)
-}
-
-fn read_only_as<'py>(array: Bound<'py, PyAny>, field: &str, make: &str, kinds: &PyOnceLock<Py<PyDict>>) -> PyResult<Bound<'py, PyAny>> {
-    let py = array.py();
-    let kinds = kinds.get_or_init(py, || PyDict::new(py).unbind()).bind(py);
-    let kind = match kinds.get_item(field)? {
-        Some(kind) => kind,
-        None => {
-            let kind = py.import("stepper._hints")?.call_method1(make, (field,))?;
-            kinds.set_item(field, &kind)?;
-            kind
-        }
-    };
+/// Makes the array of a Python attribute read-only, and returns the array.
+pub(crate) fn read_only(array: Bound<'_, PyAny>) -> PyResult<Bound<'_, PyAny>> {
     let array = array.cast_into::<PyUntypedArray>()?;
-    // SAFETY: this crate has just created the array and its possible base, and no other code has a reference. The kind is a
-    // subclass of ndarray, and a view without a dtype keeps that of the array.
+    // SAFETY: this crate has just created the array and its possible base, and no other code has a reference.
     unsafe {
         let mut part = array.as_array_ptr();
-        while !part.is_null() && numpy::npyffi::PyArray_Check(py, part.cast()) != 0 {
+        while !part.is_null() && numpy::npyffi::PyArray_Check(array.py(), part.cast()) != 0 {
             (*part).flags &= !NPY_ARRAY_WRITEABLE;
             part = (*part).base.cast();
         }
-        let view = PY_ARRAY_API.PyArray_View(py, array.as_array_ptr(), std::ptr::null_mut(), kind.as_ptr().cast());
-        Bound::from_owned_ptr_or_err(py, view)
     }
+    Ok(array.into_any())
 }
 
 /// Text of a shape, "(2, 3)".

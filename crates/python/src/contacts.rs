@@ -68,9 +68,8 @@ pub(crate) fn structured<'py>(py: Python<'py>, envs: &[usize], contacts: &[Vec<C
     // SAFETY: rows are plain numbers without a gap between them.
     let bytes = unsafe { std::slice::from_raw_parts(rows.as_ptr().cast::<u8>(), size_of_val(&rows[..])) };
     let numpy = py.import("numpy")?;
-    let array = match rows.is_empty() {
-        true => numpy.call_method1("empty", (0, dtype))?,
-        false => numpy.call_method1("frombuffer", (PyByteArray::new(py, bytes), dtype))?,
-    };
-    array.call_method1("view", (py.import("stepper._hints")?.getattr("Contacts")?,))
+    match rows.is_empty() {
+        true => numpy.call_method1("empty", (0, dtype)),
+        false => numpy.call_method1("frombuffer", (PyByteArray::new(py, bytes), dtype)),
+    }
 }

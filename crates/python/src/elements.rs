@@ -124,15 +124,15 @@ elements! {
         /// Mass of the body, kg.
         mass: v.of(body.mass),
         /// Principal moments of inertia, kg m^2: (3,).
-        inertia: v.row(&body.inertia, "body_inertia"),
+        inertia: v.row(&body.inertia),
         /// Position of the body in the parent's frame, m: (3,).
-        pos: v.row(&body.pos, "body_pos"),
+        pos: v.row(&body.pos),
         /// Orientation of the body in the parent's frame, quaternion (w, x, y, z): (4,).
-        quat: v.row(&body.quat, "body_quat"),
+        quat: v.row(&body.quat),
         /// Centre of mass in the body's frame, m: (3,).
-        ipos: v.row(&body.ipos, "body_ipos"),
+        ipos: v.row(&body.ipos),
         /// Orientation of the principal axes in the body's frame, quaternion (w, x, y, z): (4,).
-        iquat: v.row(&body.iquat, "body_iquat"),
+        iquat: v.row(&body.iquat),
         /// Row in `mocap_pos` and `mocap_quat`; -1 for bodies that are not mocap bodies.
         mocapid: v.of(mocapid),
         /// Index of the body's first joint; -1 for a body without joints.
@@ -186,11 +186,11 @@ elements! {
         /// Whether the joint position has bounds.
         limited: v.of(joint.range.is_some()),
         /// Lowest and highest joint position, m or rad: (2,). A missing bound is infinite.
-        range: v.bounds(joint.range, "jnt_range"),
+        range: v.bounds(joint.range),
         /// Anchor of the joint in the body's frame, m: (3,).
-        pos: v.row(&joint.pos, "jnt_pos"),
+        pos: v.row(&joint.pos),
         /// Unit axis of a slide or hinge in the body's frame: (3,).
-        axis: v.row(&joint.axis, "jnt_axis"),
+        axis: v.row(&joint.axis),
         /// Stiffness of the joint spring, N/m or N m/rad.
         stiffness: v.of(joint.stiffness),
         /// Viscous damping of the joint, N s/m or N m s/rad.
@@ -224,11 +224,11 @@ elements! {
         /// Type: "plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield".
         r#type: v.of(if let Shape::HeightField { .. } = geom.shape { "hfield" } else { geom.shape.name() }),
         /// Sizes of the geom, m: (3,). They are radius and half length, half sizes, or semi-axes; unused entries are 0.
-        size: v.row(&sizes[3 * i..3 * i + 3], "geom_size"),
+        size: v.row(&sizes[3 * i..3 * i + 3]),
         /// Position of the geom in the body's frame, m: (3,).
-        pos: v.row(&geom.pos, "geom_pos"),
+        pos: v.row(&geom.pos),
         /// Orientation of the geom in the body's frame, quaternion (w, x, y, z): (4,).
-        quat: v.row(&geom.quat, "geom_quat"),
+        quat: v.row(&geom.quat),
         /// Bit mask: two geoms may collide if the contype of one has a common bit with the conaffinity of the other.
         contype: v.of(geom.contype),
         /// Bit mask: this geom may collide with geoms whose contype has a common bit with it.
@@ -238,7 +238,7 @@ elements! {
         /// Priority of the geom: a contact uses the friction and condim of its geom with the higher priority.
         priority: v.of(geom.priority),
         /// Sliding (1), torsional (m) and rolling (m) friction of the geom: (3,).
-        friction: v.row(&geom.friction, "geom_friction"),
+        friction: v.row(&geom.friction),
         /// Newton's coefficient of restitution, 0 to 1.
         restitution: v.of(geom.restitution),
         /// Distance from the geom at which a contact begins to push, m. A contact has the sum of the margins of its two geoms.
@@ -269,7 +269,7 @@ elements! {
         /// Dimension of the pair's contacts as in MuJoCo: 1 frictionless, 3 sliding, 4 also torsional, 6 also rolling friction.
         dim: v.of(pair.condim),
         /// Sliding (1), torsional (m) and rolling (m) friction of the pair: (3,).
-        friction: v.row(&pair.friction, "pair_friction"),
+        friction: v.row(&pair.friction),
         /// Newton's coefficient of restitution, 0 to 1.
         restitution: v.of(pair.restitution),
         /// Distance between the geoms at which a contact begins to push, m.
@@ -298,9 +298,9 @@ elements! {
         /// Type: "sphere", "capsule", "cylinder", "ellipsoid" or "box".
         r#type: v.of(site.shape.name()),
         /// Position of the site in the body's frame, m: (3,).
-        pos: v.row(&site.pos, "site_pos"),
+        pos: v.row(&site.pos),
         /// Orientation of the site in the body's frame, quaternion (w, x, y, z): (4,).
-        quat: v.row(&site.quat, "site_quat"),
+        quat: v.row(&site.quat),
     }
     /// Site by name or index (negative from the end).
     ///
@@ -332,24 +332,24 @@ elements! {
         /// Address of the actuator's activation in act; -1 if the actuator has no activation.
         actadr: v.of(if has_activation(actuator) { before } else { -1 }),
         /// Lowest and highest control: (2,). A missing bound is infinite.
-        ctrlrange: v.bounds(actuator.ctrl_range, "actuator_ctrlrange"),
+        ctrlrange: v.bounds(actuator.ctrl_range),
         /// Lowest and highest force, N or N m: (2,). A missing bound is infinite.
-        forcerange: v.bounds(actuator.force_range, "actuator_forcerange"),
+        forcerange: v.bounds(actuator.force_range),
         /// Lowest and highest activation: (2,). A missing bound is infinite.
-        actrange: v.bounds(actuator.act_range, "actuator_actrange"),
+        actrange: v.bounds(actuator.act_range),
         /// Gear: (6,). For a joint or tendon, entry 0 scales length, velocity and force. For a site, the entries are force and torque per
         /// unit of actuator force.
-        gear: v.row(&actuator.gear_row(), "actuator_gear"),
+        gear: v.row(&actuator.gear_row()),
         /// Type of the gain: "fixed", "affine", "dcmotor" or "pid".
         gaintype: v.of(actuator.force_model.gain.word()),
         /// Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of
         /// velocity. Unused entries are 0.
-        gainprm: v.row(&actuator.gain_row(), "actuator_gainprm"),
+        gainprm: v.row(&actuator.gain_row()),
         /// Type of the bias: "none", "affine" or "dcmotor".
         biastype: v.of(actuator.force_model.bias.word()),
         /// Parameters of the bias: (10,). For the type "affine" they begin with constant, factor of length and factor of velocity. Unused
         /// entries are 0.
-        biasprm: v.row(&actuator.bias_row(), "actuator_biasprm"),
+        biasprm: v.row(&actuator.bias_row()),
     }
     /// Actuator by name or index (negative from the end).
     ///
@@ -390,7 +390,7 @@ elements! {
     /// Fixed tendon of a model, whose length is a linear combination of joint positions.
     Tendon, |v, model, tendon, i| {
         let joints: Vec<i64> = tendon.joints.iter().map(|&(j, _)| j as i64).collect();
-        let jntid = read_only(joints.into_pyarray(v.py).into_any(), "tendon_jntid")?;
+        let jntid = read_only(joints.into_pyarray(v.py).into_any())?;
         let coefficients: Vec<f64> = tendon.joints.iter().map(|&(_, c)| c).collect();
     } {
         /// Index of the tendon.
@@ -400,11 +400,11 @@ elements! {
         /// Indices of the n joints of the tendon: (n,) int64.
         jntid: v.of(jntid),
         /// Coefficients of the n joints in the tendon length: (n,).
-        coef: v.row(&coefficients, "tendon_coef"),
+        coef: v.row(&coefficients),
         /// Whether the tendon length has bounds.
         limited: v.of(tendon.range.is_some()),
         /// Lowest and highest tendon length, m or rad: (2,). A missing bound is infinite.
-        range: v.bounds(tendon.range, "tendon_range"),
+        range: v.bounds(tendon.range),
         /// Stiffness of the tendon spring, N per unit of tendon length (m or rad).
         stiffness: v.of(tendon.stiffness),
         /// Viscous damping of the tendon, N s per unit of tendon length (m or rad).
@@ -433,13 +433,13 @@ elements! {
         /// Time of the keyframe, s.
         time: v.of(key.time),
         /// Configuration of the keyframe: (nq,).
-        qpos: v.row(&key.qpos, "key_qpos"),
+        qpos: v.row(&key.qpos),
         /// Velocity of the keyframe: (nv,).
-        qvel: v.row(&key.qvel, "key_qvel"),
+        qvel: v.row(&key.qvel),
         /// Activations of the keyframe: (na,).
-        act: v.row(&key.act, "key_act"),
+        act: v.row(&key.act),
         /// Controls of the keyframe: (nu,).
-        ctrl: v.row(&key.ctrl, "key_ctrl"),
+        ctrl: v.row(&key.ctrl),
     }
     /// Keyframe by name or index (negative from the end).
     ///
@@ -511,13 +511,13 @@ impl<'py> Values<'py> {
         value.into_py_any(self.py)
     }
 
-    /// Read-only NumPy array with the numbers of one element in the model field `field`.
-    fn row(self, numbers: &[f64], field: &str) -> PyResult<Py<PyAny>> {
-        Ok(read_only(array(self.py, &[numbers.len()], numbers.to_vec(), Precision::F64)?, field)?.unbind())
+    /// Read-only NumPy array with the numbers of one element in a field of the model.
+    fn row(self, numbers: &[f64]) -> PyResult<Py<PyAny>> {
+        Ok(read_only(array(self.py, &[numbers.len()], numbers.to_vec(), Precision::F64)?)?.unbind())
     }
 
-    fn bounds(self, range: Option<[f64; 2]>, field: &str) -> PyResult<Py<PyAny>> {
-        self.row(&range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]), field)
+    fn bounds(self, range: Option<[f64; 2]>) -> PyResult<Py<PyAny>> {
+        self.row(&range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]))
     }
 }
 

@@ -56,7 +56,7 @@ pub(crate) fn add_fields(class: &Bound<'_, PyType>) -> PyResult<()> {
         let read = move |args: &Bound<'_, PyTuple>, _: Option<&Bound<'_, PyDict>>| {
             let model = args.get_item(0)?;
             let (shape, values) = model.cast::<Model>()?.get().core.field(field.name).expect("a field of every model");
-            Ok::<_, PyErr>(read_only(array(args.py(), &shape, values, Precision::F64)?, field.name)?.unbind())
+            Ok::<_, PyErr>(read_only(array(args.py(), &shape, values, Precision::F64)?)?.unbind())
         };
         let getter = PyCFunction::new_closure(py, None, None, read)?;
         class.setattr(field.name, property.call1((getter, py.None(), py.None(), describe(field)))?)?;

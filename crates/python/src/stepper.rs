@@ -92,12 +92,12 @@ impl Stepper {
         Err(PyIndexError::new_err(format!("env is {env}, must be below {n}{floor}")))
     }
 
-    fn per_env<'py, T: numpy::Element>(&self, py: Python<'py>, name: &str, read: impl Fn(usize) -> T) -> PyResult<Bound<'py, PyAny>> {
+    fn per_env<'py, T: numpy::Element>(&self, py: Python<'py>, read: impl Fn(usize) -> T) -> PyResult<Bound<'py, PyAny>> {
         let data: Vec<T> = (0..self.n()).map(read).collect();
         let shape = self.shape(&[]);
         let out = numpy::PyArray1::from_vec(py, data).reshape(shape)?;
         // A single environment gives a scalar instead of an array without axes.
-        if self.batched { read_only(out.into_any(), name) } else { out.call_method0("item") }
+        if self.batched { read_only(out.into_any()) } else { out.call_method0("item") }
     }
 
     /// Selection of environments by an argument `envs`. None selects all environments.

@@ -16,6 +16,7 @@ use crate::collision::joint_path::MAX_STRAIGHT_ROTATION;
 use crate::compile::{CompiledPair, Kernel};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
+use crate::tuning::MAX_UPRIGHT_TILT;
 
 impl<R: Real> Scene<'_, R> {
     /// Finds the contacts of the pair `index` in the lanes `near`, and adds them to the contacts.
@@ -80,15 +81,21 @@ impl<R: Real> Scene<'_, R> {
         let frame = self.compiled.geoms[b].frame;
         // Change of the plane's normal within the step, in the frame of the rotating cylinder. `cylinder_rims` finds the points of the rim
         // toward which the cylinder tips. Spin about the cylinder's axis does not tip it. A fast rotation tips it over all points.
-        let mut normal_change = zero();
+        let (mut normal_change, mut tips) = (zero(), R::zero());
+        let axis = column(&self.poses.mat[b], 2);
         if (1..=self.compiled.links.len()).contains(&frame) {
-            let (axis, spin) = (column(&self.poses.mat[b], 2), angular(&self.poses.search_velocity[frame - 1]));
+            let spin = angular(&self.poses.search_velocity[frame - 1]);
             let rotation = scale(add_scaled(spin, axis, -dot(axis, spin)), self.h);
-            let is_slow = norm(rotation).le(R::of(MAX_STRAIGHT_ROTATION));
+            tips = norm(rotation);
+            let is_slow = tips.le(R::of(MAX_STRAIGHT_ROTATION));
             normal_change = select(is_slow, cross(normal, rotation), normal_change);
         }
+        // Only the lowest point of a rim can touch, unless an end face may come to lie on the plane within two steps. The other points of a
+        // rolling wheel move towards the plane, but its surface does not.
+        let upright = norm(cross(normal, axis)).le(tips + tips + R::of(MAX_UPRIGHT_TILT));
         for (k, &rim) in cylinder_rims(normal, normal_change, &self.cylinder(b)).iter().enumerate() {
             let point = plane_point(self.poses.pos[a], normal, rim);
+            let near = if k % 4 == 0 { near } else { near.and(upright.or(point.distance.lt(R::zero()))) };
             self.add_point(index, k as u32, pair, near, point, contacts);
         }
     }

@@ -19,7 +19,7 @@ use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
 use crate::tuning::{EARLIEST_ONLY_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
-/// What the checks of the solutions of an assembled problem know, per lane, so that no result depends on how often other lanes are solved.
+/// State of the checks of an assembled problem's solutions. It is kept per lane, so that no result depends on how often others are solved.
 struct SolutionChecks<R: Real> {
     /// Number of solves since the problem changed by another reason than a collision.
     passes: R,

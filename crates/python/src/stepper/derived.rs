@@ -32,7 +32,7 @@ impl Stepper {
         }
         let quantities = self.derived.together(quantity);
         let mut made = self.derive(py, &quantities)?.into_iter().zip(quantities).map(|(array, quantity)| {
-            let array = read_only(array, quantity.name())?;
+            let array = read_only(array)?;
             self.derived.keep(quantity, array.clone().unbind());
             Ok(array)
         });

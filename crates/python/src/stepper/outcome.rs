@@ -22,7 +22,7 @@ impl Stepper {
     fn actuator_saturation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.actuator_saturation(env)).collect();
         let shape = slf.shape(&[slf.simulation.model().nu()]);
-        read_only(PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "actuator_saturation")
+        read_only(PyArray1::from_vec(py, counts).reshape(shape)?.into_any())
     }
 
     /// Contacts of the last step: all that the solver considered. If the state was set since then, those of a trial step.
@@ -115,24 +115,24 @@ impl Stepper {
 
 getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`.
-    status: slf.per_env(py, "status", |env| slf.simulation.status(env).bits()),
+    status: slf.per_env(py, |env| slf.simulation.status(env).bits()),
     /// Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero
     /// at the exact solution. With INFEASIBLE, the residual is at least the largest shortfall of a constraint velocity below its target,
     /// m/s or rad/s. With NON_FINITE it is infinite.
-    residual: slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual),
+    residual: slf.per_env(py, |env| slf.simulation.certificate(env).residual),
     /// Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps.
-    iterations: slf.per_env(py, "iterations", |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps),
+    iterations: slf.per_env(py, |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps),
     /// Number of Newton steps of the solver in the last step: the sum over all islands of bodies, (num_envs,) uint32. `iterations` also
     /// includes Gauss-Seidel iterations.
-    newton_steps: slf.per_env(py, "newton_steps", |env| slf.simulation.certificate(env).newton_steps),
+    newton_steps: slf.per_env(py, |env| slf.simulation.certificate(env).newton_steps),
     /// Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
     /// detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP.
-    max_penetration: slf.per_env(py, "max_penetration", |env| slf.simulation.depth(env)),
+    max_penetration: slf.per_env(py, |env| slf.simulation.depth(env)),
     /// Largest violation of the range of a joint or tendon after the steps of the last call of `step`, (num_envs,) float64, rad or m. Above
     /// 0.01 `status` has OVER_LIMIT.
-    max_limit_violation: slf.per_env(py, "max_limit_violation", |env| slf.simulation.limit_overshoot(env)),
+    max_limit_violation: slf.per_env(py, |env| slf.simulation.limit_overshoot(env)),
     /// Largest position error of an equality (connect, weld, joint, tendon) after the steps of the last call of `step`, (num_envs,)
     /// float64, m or rad. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite stiffness are
     /// springs and are not included. With contact="mujoco" all equalities are soft, and all are included.
-    max_equality_violation: slf.per_env(py, "max_equality_violation", |env| slf.simulation.max_equality_violation(env)),
+    max_equality_violation: slf.per_env(py, |env| slf.simulation.max_equality_violation(env)),
 }

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use stepper_core::{ActuatorNumbers, Parameter, Precision};
 
-use crate::array::{array, check_shape_of, described, float64_array, no_mapping, read_only_of_environments, unknown_field};
+use crate::array::{array, check_shape_of, described, float64_array, no_mapping, read_only, unknown_field};
 use crate::device_models::drives;
 use crate::error::value_error;
 use crate::selection::Selection;
@@ -79,7 +79,7 @@ impl Stepper {
             let name = parameter.name();
             let (tail, _) = self.simulation.model().field(name).expect("a field of the model");
             let values = array(py, &self.shape(&tail), values.to_vec(), Precision::F64)?;
-            all.set_item(name, read_only_of_environments(values, name)?)?;
+            all.set_item(name, read_only(values)?)?;
         }
         if let Some(specs) = self.simulation.per_env_actuators() {
             let rows = pythonize::pythonize(py, specs).map_err(|e| PyValueError::new_err(e.to_string()))?;

@@ -41,7 +41,7 @@ pub(super) fn notify_recorder_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'
 impl Stepper {
     /// Starts a recording of all further calls in a new folder, until the `Recorder` is closed.
     ///
-    /// `stepper.replay` repeats the recorded calls.
+    /// `stepper.recording.verify` repeats the recorded calls.
     ///
     /// Args:
     ///     path: New or empty folder.

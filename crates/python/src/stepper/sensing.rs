@@ -33,7 +33,7 @@ impl Stepper {
     fn sensor_faults<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.sensor_faults(env)).flatten().collect();
         let shape = slf.shape(&[slf.simulation.model().sensors.len(), 2]);
-        read_only(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "sensor_faults")
+        read_only(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any())
     }
 
     /// Writable copy of `sensordata`, (num_envs, nsensordata). If an array `out` is given, the result is that array.
@@ -64,11 +64,11 @@ impl Stepper {
 getters! { Stepper, |mut slf, py| (Writing<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a
     /// writable copy.
-    sensordata: read_only(slf.readings(py, false)?, "sensordata"),
+    sensordata: read_only(slf.readings(py, false)?),
     /// Readings of ideal sensors, (num_envs, nsensordata).
     ///
     /// Positions and velocities are those after the last step. Accelerations are the change of velocity in that step divided by the time
     /// step, including impulses of contacts and limits. Forces are impulses divided by the time step. Before the first step after a reset
     /// or `set_state`, accelerations and forces are those of a step from the current state.
-    sensordata_ideal: read_only(slf.readings(py, true)?, "sensordata_ideal"),
+    sensordata_ideal: read_only(slf.readings(py, true)?),
 }

@@ -32,7 +32,7 @@ impl Stepper {
                 .enumerate()
                 .for_each(|(env, row)| self.simulation.get(field, env, row).expect("a row of an environment"));
         }
-        read_only(array(py, &self.shape(&[width]), data, self.simulation.precision())?, field.name())
+        read_only(array(py, &self.shape(&[width]), data, self.simulation.precision())?)
     }
 
     /// Values of a state field, such as qpos, for the selected environments, from an optional array argument. Without the argument, the
@@ -191,7 +191,7 @@ impl Stepper {
     #[getter]
     fn ctrl<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let held = array(py, &slf.shape(&[slf.simulation.model().nu()]), slf.simulation.ctrl().to_vec(), slf.simulation.precision())?;
-        read_only(held, "ctrl")
+        read_only(held)
     }
 }
 
@@ -203,5 +203,5 @@ getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Activations of actuators, (num_envs, na). `set_state(act=...)` sets them.
     act: slf.gather(py, Field::Act),
     /// Simulated time, (num_envs,), s. `set_state(time=...)` sets it.
-    time: slf.per_env(py, "time", |env| slf.simulation.time(env)),
+    time: slf.per_env(py, |env| slf.simulation.time(env)),
 }

@@ -64,8 +64,8 @@ pub(crate) const SATURATION_PASSES: usize = 4;
 
 // Contacts of cylinders with planes.
 
-/// Tilt below which an end face of a cylinder may touch a plane with more than its lowest point, if the cylinder does not tip; the sine of the
-/// angle between its axis and the plane's normal. A cylinder that stands on a plane tilts by less, except on soft surfaces, where it overlaps.
+/// Tilt below which a steady cylinder may touch a plane with its whole end face; the sine of the angle between its axis and the normal.
+/// A cylinder that stands on a plane tilts by less, except on soft surfaces, where it overlaps.
 pub(crate) const MAX_UPRIGHT_TILT: f64 = 0.01;
 
 // Contacts that approach each other within the step.

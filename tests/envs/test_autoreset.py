@@ -94,3 +94,17 @@ def test_terminated_and_truncated_can_come_together_and_statistics_begin_anew():
     assert not truncated.any()
     assert not envs.episode_lengths.any()
     assert not envs.episode_returns.any()
+
+
+def test_statistics_of_an_episode_are_in_its_final_info():
+    """With SAME_STEP, `final_info` has "episode" where an episode ended, with the length and the sum of rewards of that episode."""
+    envs = StepperVectorEnv("HalfCheetah", 3, autoreset_mode=AutoresetMode.SAME_STEP, max_episode_steps=LIMIT, episode_statistics=True)
+    envs.reset(seed=0)
+    total = np.zeros(3)
+    for _ in range(LIMIT):
+        _, reward, _, truncated, info = envs.step(np.zeros(envs.action_space.shape))
+        total += reward
+    assert truncated.all()
+    episode = info["final_info"]["episode"]
+    np.testing.assert_array_equal(episode["l"], [LIMIT] * 3)
+    np.testing.assert_allclose(episode["r"], total, rtol=1e-6)  # The sum has single precision.

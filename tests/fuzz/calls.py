@@ -140,7 +140,7 @@ def misuse(rng: Random, model: stepper.Model, folder: Path) -> None:
         if name in ("step", "rollout") and _endless(keywords.get("nstep")):
             keywords["nstep"] = -1
         owner, _, method = name.rpartition(".")
-        where: Any = {"": sim, "Model": model, "stepper": stepper}[owner]
+        where: Any = {"": sim, "Model": model, "stepper": stepper, "stepper.recording": stepper.recording}[owner]
         if method.startswith("set "):
             attempt(name, setattr, where, method.removeprefix("set "), *arguments)
         elif method in FUNCTIONS:

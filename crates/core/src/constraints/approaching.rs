@@ -7,10 +7,10 @@
 //! of these pairs again. Before the solve, it does the same with the predicted motion.
 //!
 //! Contacts that rest, slide or roll are never deferred. Nor are contacts that bore load in the step before, and contacts with soft
-//! surfaces. Contacts of two round geoms that certainly collide are not deferred, nor are those at a flat face. A contact is at a flat face if its geom is a plane, or if a
-//! ball stays over one flat face of the other geom during two steps. A large sweeping rotation moves the surface at a flat face along a
-//! curve; such contacts are deferred too. On a surface of triangles, a face is a triangle together with its neighbours across flat or
-//! concave edges, because a ball cannot hit such an edge.
+//! surfaces. Contacts of two round geoms that certainly collide are not deferred, nor are those at a flat face. A contact is at a flat
+//! face if its geom is a plane, or if a ball stays over one flat face of the other geom during two steps. A large sweeping rotation moves
+//! the surface at a flat face along a curve; such contacts are deferred too. On a surface of triangles, a face is a triangle together with
+//! its neighbours across flat or concave edges, because a ball cannot hit such an edge.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 

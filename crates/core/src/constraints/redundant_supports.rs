@@ -65,7 +65,8 @@ struct ContactGroup {
 }
 
 impl ContactGroup {
-    /// Indices of the group's contacts in the problem, without those that are deferred in the group's lane. `members` is the list of members.
+    /// Indices of the group's contacts in the problem, without those that are deferred in the group's lane. `members` is the list of
+    /// members.
     fn contacts<'a, R: Real>(&self, members: &'a [usize], problem: &'a ConstraintProblem<R>) -> impl Iterator<Item = usize> + 'a {
         let lane = self.lane;
         members[self.members[0]..self.members[1]].iter().copied().filter(move |&i| problem.rows.contact_lanes(i).bits() >> lane & 1 == 1)

@@ -103,8 +103,8 @@ fn slip_speed<R: Real>(tolerance: R) -> R {
     kernel!(R, || tolerance.max(R::of(SLIP_SPEED)))
 }
 
-/// Distributes the load evenly over the contacts of each contact group that slips (see [`crate::constraints::redundant_supports`]). Lanes of
-/// `lanes` whose residual exceeds the tolerance of the options are left out. `v` is the velocity before the step.
+/// Distributes the load evenly over the contacts of each contact group that slips (see [`crate::constraints::redundant_supports`]).
+/// Lanes of `lanes` whose residual exceeds the tolerance of the options are left out. `v` is the velocity before the step.
 ///
 /// If a group rotates while it slips, the new loads change the velocity. The lanes of such groups are solved again, starting from the new
 /// loads.

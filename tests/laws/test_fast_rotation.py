@@ -312,3 +312,17 @@ def test_a_tilted_cylinder_comes_to_stand_on_a_plane(tilt):
     assert sim.qpos[2] == pytest.approx(0.02, abs=1e-4)  # The slop of a contact.
     assert np.abs(sim.qvel).max() < 1e-6  # The tolerance of the solver.
     assert len(sim.contacts()) >= 3
+
+
+@pytest.mark.parametrize("turn", [5.0, 11.0, 20.0])
+def test_two_rotors_side_by_side_keep_their_velocity(turn):
+    """Rotors that turn in opposite senses, 8 cm apart, do not push each other."""
+    timestep = 2e-3
+    rotor = '<joint axis="0 0 1"/><geom type="box" size=".06 .008 .001" mass=".005"/>'
+    world = f'<body>{rotor}</body><body pos=".2 0 0">{rotor}</body>'
+    xml = f'<mujoco><option gravity="0 0 0"/><worldbody>{world}</worldbody></mujoco>'
+    sim = stepper.Stepper(stepper.load(xml), options=Options(timestep=timestep))
+    sim.set_state(qvel=[turn / timestep, -turn / timestep])
+    sim.step(nstep=20)
+    assert not sim.status
+    np.testing.assert_allclose(sim.qvel * timestep, [turn, -turn], rtol=1e-12)  # Rounding.

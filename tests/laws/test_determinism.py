@@ -155,7 +155,8 @@ def test_a_simulation_with_a_running_pool_survives_a_fork():
     assert everything(roll(sim, more)) == expected
 
 
-HELPERS = os.pathsep.join(str(folder) for folder in (Path(__file__).parent, *map(Path(__file__).parents[1].joinpath, (".", "helpers"))))
+_HERE = Path(__file__).parent
+HELPERS = os.pathsep.join(map(str, (_HERE, _HERE.parent, _HERE.parent / "helpers")))
 """Search path of another process that imports this module."""
 LEVELS = """
 import stepper

@@ -22,7 +22,7 @@ pub struct Mechanisms {
     pub of_tree: Vec<usize>,
     /// Mechanism of each mocap body.
     pub of_mocap: Vec<usize>,
-    /// All degrees of freedom, in order, in parts of one mechanism each.
+    /// Runs of consecutive degrees of freedom of one mechanism, in order. A mechanism may have several.
     pub parts: Vec<MechanismPart>,
 }
 

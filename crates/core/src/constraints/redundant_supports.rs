@@ -316,8 +316,8 @@ impl<R: Real> ContactGroups<R> {
 
     /// Lanes of `lanes` in which sticking clusters share their loads in this step: about one step in [`STEPS_PER_SHARE`].
     ///
-    /// The bits of the normal impulses decide. They differ from step to step, unless the loads stay the same. A count of steps would be
-    /// one more number in the state.
+    /// A hash of the normal impulses decides, like a random draw. Loads that stay the same to the last bit do not drift, so that they need
+    /// no sharing. A count of steps would be one more number in the state.
     pub(crate) fn due_lanes(&self, problem: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
         let (all, mut bits) = (lanes.bits(), [0_u64; MAX_LANES]);
         for group in self.groups.iter().filter(|group| all >> group.lane & 1 == 1) {

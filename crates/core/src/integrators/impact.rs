@@ -202,7 +202,7 @@ impl<R: Real> VelocityLoop<'_, R> {
                 (jump.pushed, jump.smooth) = (pushed, smooth);
             }
             let is_sudden = |jump: &Jump<R>| jump.pushed.gt(jump.smooth * R::of(MIN_IMPACT_RATIO));
-            // Without a sudden change in any mechanism there is none in the connected ones, whose largest velocities are compared below.
+            // Mechanisms in contact are compared by the largest of their changes below: one of them must have a sudden change.
             let sudden = jumps.iter().fold(R::Mask::splat(false), |lanes, jump| lanes.or(is_sudden(jump)));
             let checked = checked.and(alive).and(sudden);
             if checked.none() {

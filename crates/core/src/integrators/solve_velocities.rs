@@ -19,9 +19,9 @@ use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
 use crate::tuning::{EARLIEST_ONLY_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
-/// State of the checks of an assembled problem's solutions. It is kept per lane, so that no result depends on how often others are solved.
+/// State of the checks of an assembled problem's solutions, per lane: no result depends on how often other lanes are solved.
 struct SolutionChecks<R: Real> {
-    /// Number of solves since the problem changed by another reason than a collision.
+    /// Number of solves since the assembly, or since impacts changed the problem. Collisions do not reset it.
     passes: R,
     /// Lanes that were not yet checked for a velocity change by impacts.
     unchecked: R::Mask,
@@ -86,8 +86,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         }
     }
 
-    /// Finds the lanes whose solution contradicts an assumption of the assembled problem, and changes the problem there. There are three
-    /// assumptions, of which one is checked after the other has been met:
+    /// Finds the lanes whose solution contradicts an assumption of the assembled problem, and changes the problem there. It checks
+    /// three assumptions in this order, and ends at the first that fails in any lane:
     ///
     /// 1. Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact that collides becomes
     ///    active.

@@ -49,14 +49,8 @@ pub(crate) fn assess_corrector<R: Real>(
     (motions, unresolved): (&mut [MechanismMotion<R>], &mut [R::Mask]),
 ) -> R::Mask {
     kernel!(R, || {
-        let (mut may_gain, mut fastest) = (R::Mask::splat(false), R::zero());
-        motions.fill(MechanismMotion::default());
-        for part in &compiled.mechanisms.parts {
-            let turn = rate_of_part(part, v).max(rate_of_part(part, v_free)) * h;
-            motions[part.mechanism].turn = motions[part.mechanism].turn.max(turn);
-            fastest = fastest.max(turn);
-        }
-        if fastest.gt(R::of(BALANCE_ROTATION)).none() {
+        let mut may_gain = R::Mask::splat(false);
+        if find_turns(compiled, [v, v_free], h, motions).gt(R::of(BALANCE_ROTATION)).none() {
             return may_gain;
         }
         for part in &compiled.mechanisms.parts {
@@ -93,11 +87,7 @@ pub(crate) fn find_diverging<R: Real>(
         if (max_joint_rate(compiled, v_next) * h).gt(R::of(MAX_IMPULSE_ROTATION)).none() {
             return;
         }
-        motions.fill(MechanismMotion::default());
-        for part in &compiled.mechanisms.parts {
-            let turn = rate_of_part(part, v).max(rate_of_part(part, v_free)) * h;
-            motions[part.mechanism].turn = motions[part.mechanism].turn.max(turn);
-        }
+        find_turns(compiled, [v, v_free], h, motions);
         for joint in compiled.joints.iter().filter(turns) {
             let mechanism = compiled.mechanism_of(joint.v);
             for &v in &v_next[joint.v..joint.v + joint.kind.nv()] {
@@ -107,6 +97,20 @@ pub(crate) fn find_diverging<R: Real>(
             }
         }
     });
+}
+
+/// Computes the largest joint rotation of each mechanism in `h` seconds, at either of two velocities. Returns the largest of all, rad.
+/// Overwrites `motions`.
+#[inline(always)]
+fn find_turns<R: Real>(compiled: &LaneModel<R>, [a, b]: [&[R]; 2], h: R, motions: &mut [MechanismMotion<R>]) -> R {
+    let mut largest = R::zero();
+    motions.fill(MechanismMotion::default());
+    for part in &compiled.mechanisms.parts {
+        let turn = rate_of_part(part, a).max(rate_of_part(part, b)) * h;
+        motions[part.mechanism].turn = motions[part.mechanism].turn.max(turn);
+        largest = largest.max(turn);
+    }
+    largest
 }
 
 /// Lanes in which a step without a corrector turns a joint by more than half a turn and makes the fastest joint faster by more than a

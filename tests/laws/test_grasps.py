@@ -137,13 +137,15 @@ def test_a_held_object_does_not_slip(name, accuracy):
 
 
 @given(
-    name=st.sampled_from(["cube", "cube of rolling friction", "mesh", "cylinder held by its ends"]),
+    name=st.sampled_from(["cube", "cube of rolling friction", "mesh", "upright cylinder", "cylinder held by its ends"]),
     accuracy=st.sampled_from(sorted(ACCURACY)),
     factors=st.lists(st.floats(1.1, 2), min_size=3, max_size=3),
     milliseconds=st.floats(1, 5),
     seed=st.integers(0, 2**32 - 1),
 )
 @example(name="cube", accuracy="f32", factors=[1.1, 1.2, 1.4], milliseconds=4, seed=0)
+@example(name="upright cylinder", accuracy="f64", factors=[1.1, 1.17, 1.3], milliseconds=2, seed=0)
+@example(name="upright cylinder", accuracy="f32", factors=[2.0, 2.0, 2.0], milliseconds=1, seed=0)
 @settings(max_examples=15)
 def test_no_object_slips_where_friction_suffices(name, accuracy, factors, milliseconds, seed):
     """An object that fingers hold at any place and angle is lifted, carried, turned and shaken without slip, at any time step."""
@@ -171,9 +173,14 @@ def test_the_loads_of_a_grasp_are_even(name, accuracy):
     precision, tolerance = ACCURACY[accuracy]
     shaken = Grasp(name, [1.3], precision=precision, tolerance=tolerance, seconds=2.2, timestep=0.002)
     shaken.slip()
-    forces = shaken.sim.contacts()["force"]
-    assert len(forces) == 8
+    many = []
+    for _ in range(100):
+        shaken.sim.step()
+        many.append(shaken.sim.contacts()["force"])
+    assert {len(forces) for forces in many} == {8}
     # The hand moves along the faces of the fingers, so that all quarters are equal. A tolerance of 1e-4 m/s is a force of 5 mN on the
-    # object in a step: half a percent of the finger force. Loads are shared in about one step in eight.
-    assert forces[:, 0] == pytest.approx(np.full(8, FORCE / 4), rel=0.04)
-    assert np.linalg.norm(forces[:, 1:3].sum(axis=0)) > 0 and np.ptp(np.linalg.norm(forces[:, 1:3], axis=1)) < 0.04 * FORCE / 4
+    # object in a step: half a percent of the finger force. Between two times at which loads are shared, on average eight steps, such errors
+    # add up; over a hundred steps they do not.
+    for forces, most in [(many[-1], 0.04), (np.mean(many, axis=0), 0.01)]:
+        assert forces[:, 0] == pytest.approx(np.full(8, FORCE / 4), rel=most)
+        assert np.linalg.norm(forces[:, 1:3].sum(axis=0)) > 0 and np.ptp(np.linalg.norm(forces[:, 1:3], axis=1)) < most * FORCE / 4

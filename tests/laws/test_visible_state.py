@@ -31,5 +31,5 @@ def test_a_simulator_that_is_told_the_state_goes_on_like_one_that_came_there(rob
         assert np.mean(np.asarray(differences) == 0.0) > 0.8
     # Joints of light feet move by some sixty times that. Coulomb's law can have two solutions (Painleve), both of them solved, and the
     # impulses before choose. Contacts that bore load in the step before are not deferred, and a simulator that is told the state does not
-    # know the load: 1.8 % of the steps of dm_control's humanoid, at most 0.3 % of those of other robots.
-    assert np.mean(np.asarray(differences) > 1e-4) <= 0.025
+    # know the load. That changes 1.8 % of the steps of dm_control's humanoid, and at most 0.3 % of those of other robots.
+    assert np.mean(np.asarray(differences) > 1e-4) <= (0.025 if robot == "dm_control/humanoid" else 0.01)

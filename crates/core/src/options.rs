@@ -107,6 +107,10 @@ pub struct Options {
     /// Integrator. `None` selects midpoint with hard contact. With MuJoCo's contact law it selects the integrator of the model file, and
     /// Euler's rule if the file has none.
     pub integrator: Option<Integrator>,
+    /// Error of the positions that a step may make, m and rad; `None` makes every step once.
+    ///
+    /// Otherwise a step is divided into substeps, each lane on its own, until the sum of their estimated errors is within this bound.
+    pub error: Option<f64>,
     /// Solver of the constraint problem.
     pub solver: Solver,
     /// Largest number of Gauss-Seidel iterations (sweeps), and of Newton iterations for each island of an environment.
@@ -178,6 +182,7 @@ impl Default for Options {
             timestep: None,
             contact: ContactLaw::Hard,
             integrator: None,
+            error: None,
             solver: Solver::Auto,
             iterations: 50,
             tolerance: None,
@@ -221,6 +226,7 @@ impl Options {
             timestep,
             contact: self.contact,
             integrator,
+            error: self.error,
             solver: self.solver,
             iterations: self.iterations,
             tolerance: self.tolerance.unwrap_or_else(|| default_tolerance(self.contact, precision, timestep, gravity)),
@@ -251,6 +257,12 @@ impl Options {
         if !must.is_empty() {
             return Err(Error::Option { name: "integrator", found: integrator.name().to_owned(), must });
         }
+        if let Some(error) = self.error
+            && (self.contact == ContactLaw::Mujoco || integrator == Integrator::Rk4)
+        {
+            let must = "None with ContactLaw::Mujoco or rk4, which have no step that keeps an error; midpoint, implicit and euler have one";
+            return Err(Error::Option { name: "error", found: error.to_string(), must });
+        }
         Ok(integrator)
     }
 
@@ -261,8 +273,9 @@ impl Options {
     pub fn check(&self) -> Result<(), Error> {
         let positive = |x: Option<f64>| x.is_none_or(|x| x > 0.0 && x.is_finite());
         // Name, whether the value is in its range, value, range.
-        let checks: [(_, _, &dyn Display, _); 8] = [
+        let checks: [(_, _, &dyn Display, _); 9] = [
             ("timestep", positive(self.timestep), &self.timestep.unwrap_or_default(), "a finite number above 0"),
+            ("error", positive(self.error), &self.error.unwrap_or_default(), "a finite number above 0"),
             ("tolerance", positive(self.tolerance), &self.tolerance.unwrap_or_default(), "a finite number above 0"),
             ("slop", self.slop >= 0.0, &self.slop, "0 or more"),
             ("max_correction_speed", self.max_correction_speed >= 0.0, &self.max_correction_speed, "0 or more"),
@@ -287,6 +300,8 @@ pub struct StepSettings {
     pub contact: ContactLaw,
     /// Integrator, see [`Options::integrator`].
     pub integrator: Integrator,
+    /// Error of the positions that a step may make, m and rad, see [`Options::error`].
+    pub error: Option<f64>,
     /// Solver, see [`Options::solver`].
     pub solver: Solver,
     /// Largest number of iterations, see [`Options::iterations`].

@@ -17,6 +17,7 @@ use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, span};
 use crate::stages::s05_solve::{share_sticking_loads, store_impulses};
 use crate::stages::s10_record::Record;
+use crate::substeps::step_within_error;
 
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
 /// the inputs, and receives the next state.
@@ -47,6 +48,12 @@ pub fn step<R: Real>(
                 pipelines.advance(compiled, devices.group, user_controls, state, *alive, options.timestep, memory, outputs);
             }
         });
+        if let Some(error) = options.error {
+            // Stages 1 to 8 and 10, once in every substep.
+            let record = step_within_error(compiled, options, error, s, probe);
+            span!(probe, Sense, || sense_state(compiled, options, s, devices));
+            return record;
+        }
         let outcome = match options.contact {
             ContactLaw::Hard => solve_step(compiled, options, s, probe),
             // Stages 1 to 7 with MuJoCo's contact law. The law has no stage 8, because it includes overlaps and errors of closed loops.
@@ -54,15 +61,11 @@ pub fn step<R: Real>(
         };
         let accepted = span!(probe, Accept, || accept(compiled, s, options.timestep));
         // 9 sense
-        let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
-        if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
-            // Sensors and derived quantities of the new state read the outputs of the pipelines at the end of the step.
-            pipelines.write_outputs_after_step(compiled, devices.group, memory, (&mut inputs.ctrl, &mut inputs.actuator_dynamics));
-        }
-        let input = StepInput { compiled, options, state, inputs, alive: *alive };
-        span!(probe, Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
+        span!(probe, Sense, || sense_state(compiled, options, s, devices));
         // 10 record
-        let record = span!(probe, Record, || record(input, free_motion, problem, velocity, &outcome, accepted));
+        let Workspace { state, inputs, free_motion, problem, velocity, alive, .. } = s;
+        let input = StepInput { compiled, options, state, inputs, alive: *alive };
+        let record = span!(probe, Record, || record(input, R::of(state.elapsed), free_motion, problem, velocity, &outcome, accepted));
         // Contacts that are still deferred (left out by the solver) are not stored for the next step: their gap seemed to close, but
         // their geoms passed each other without touching. `solve_velocities` has activated those whose gap stays open, which the state
         // keeps.
@@ -71,9 +74,33 @@ pub fn step<R: Real>(
     })
 }
 
-/// Executes stages 1 to 8 of a step with hard contact: from actuator forces to corrected positions.
+/// Executes stage 9: sensors and actuator pipelines at the state after the step.
 #[inline(always)]
-fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
+fn sense_state<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, devices: &mut Devices<'_, R::Scalar>) {
+    let Workspace { state, inputs, evaluation, velocity, sensors, alive, .. } = s;
+    if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
+        // Sensors and derived quantities of the new state read the outputs of the pipelines at the end of the step.
+        pipelines.write_outputs_after_step(compiled, devices.group, memory, (&mut inputs.ctrl, &mut inputs.actuator_dynamics));
+    }
+    let input = StepInput { compiled, options, state, inputs, alive: *alive };
+    observe(input, velocity, &mut evaluation.kinematics, sensors, devices);
+}
+
+/// Executes stages 1 to 8 of a step, or of a substep, with hard contact: from actuator forces to corrected positions.
+///
+/// The function is compiled separately, because `step` and `substeps` call it.
+#[inline(never)]
+pub(crate) fn solve_step<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    s: &mut Workspace<R>,
+    probe: impl Probe,
+) -> StepOutcome<R> {
+    kernel!(R, || solve_stages(compiled, options, s, probe))
+}
+
+#[inline(always)]
+fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
     // `resolution` has buffers for the treatment of motion that is too fast for the time step.
     let (collisions, resolution, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);

@@ -318,6 +318,15 @@ pub(crate) const MIN_REMAINING_LENGTH: f64 = 1e-6;
 /// reach in a jam. Evidence: of 16 unsolved constraint problems of jammed arms, 14 are solved at once without curvature.
 pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
 
+// Steps that keep an error.
+
+/// Largest number of halvings of a step: the shortest substep is 2^-8 of the step.
+pub(crate) const MAX_HALVINGS: usize = 8;
+
+/// Smallest share of the error of a step that a substep may make. Without it, substeps with an impact would never be accurate enough: their
+/// error is proportional to their length.
+pub(crate) const MIN_ERROR_SHARE: f64 = 0.25;
+
 // Redundant supports, whose loads are shared.
 
 /// Smallest number of contacts of a contact group. With three contacts between two bodies, statics does not determine the forces.

@@ -63,7 +63,7 @@ impl GroupVisitor for Differentiation<'_> {
 
 /// Checks that the integrator of `sim` has implicit derivatives, and that MuJoCo's contact law makes no noslip iterations.
 fn check_settings(sim: &Simulation) -> Result<(), Error> {
-    let StepSettings { contact, integrator, .. } = *sim.settings();
+    let StepSettings { contact, integrator, error, .. } = *sim.settings();
     let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });
     let must = match (contact, integrator) {
         (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit | Integrator::Midpoint)
@@ -73,6 +73,9 @@ fn check_settings(sim: &Simulation) -> Result<(), Error> {
     };
     if !must.is_empty() {
         return wrong("integrator", integrator.name(), must);
+    }
+    if let Some(error) = error {
+        return wrong("error", &error.to_string(), "None for derivatives, because the number of substeps jumps with the state");
     }
     let noslip = sim.model().soft.noslip.iterations;
     if contact == ContactLaw::Mujoco && noslip > 0 {

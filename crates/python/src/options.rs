@@ -54,6 +54,7 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
         timestep: given.optional("timestep", Given::number)?,
         contact: given.choice("contact", &[("hard", ContactLaw::Hard), ("mujoco", ContactLaw::Mujoco)])?,
         integrator: given.optional("integrator", |given, name| given.choice(name, &integrators))?,
+        error: given.optional("error", Given::number)?,
         solver: given.choice("solver", &[("auto", Solver::Auto), ("pgs", Solver::Pgs), ("newton", Solver::Newton)])?,
         iterations: given.count("iterations")?,
         tolerance: given.optional("tolerance", Given::number)?,

@@ -157,6 +157,10 @@ def linearize(
     check_kind("sim", sim, Stepper, "stepper.Stepper(model, num_envs)")
     if not isinstance(method, str) or method not in ("fd", "implicit"):
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
+    if sim.options.error is not None:
+        raise ValueError(
+            f"Options.error is {sim.options.error!r}, must be None for linearize, because the number of substeps jumps with the state"
+        )
     check_whole("nstep", nstep, least=1)
     for name, flag in {"centered": centered, "extrapolate": extrapolate, "sensors": sensors}.items():
         check_flag(name, flag)

@@ -93,6 +93,7 @@ class Failures:
             ("physics", "deep"): has(Status.DEEP),
             ("physics", "over limit"): has(Status.OVER_LIMIT),
             ("physics", "equality violated"): has(Status.EQUALITY_VIOLATED),
+            ("physics", "inaccurate"): has(Status.INACCURATE),
             **{cause: np.any(counts, axis=1) for cause, counts in counted.items()},
         }
         for cause, where in found.items():

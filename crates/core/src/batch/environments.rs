@@ -36,6 +36,10 @@ pub struct Outcome {
     pub overshoot: f64,
     /// Largest position error of an equality during the call, m or rad.
     pub equality_violation: f64,
+    /// Largest estimated error of the positions in a step of the call, m or rad; 0 in steps that keep no error.
+    pub error: f64,
+    /// Number of substeps of the call; 0 in steps that keep no error.
+    pub substeps: f64,
 }
 
 /// Batch: environments of one model in one scalar type.
@@ -184,6 +188,8 @@ impl<S: LaneScalar> Batch<S> {
             depth: group.depth[lane].to_f64(),
             overshoot: group.overshoot[lane].to_f64(),
             equality_violation: group.equality_violation[lane].to_f64(),
+            error: group.error[lane].to_f64(),
+            substeps: group.substeps[lane].to_f64(),
         }
     }
 

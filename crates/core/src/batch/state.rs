@@ -71,6 +71,10 @@ pub struct Group<S> {
     pub overshoot: Vec<S>,
     /// Largest position error of an equality, over the steps of the last call, m or rad, per lane.
     pub equality_violation: Vec<S>,
+    /// Largest estimated error of the positions in a step of the last call, m or rad, per lane; 0 in steps that keep no error.
+    pub error: Vec<S>,
+    /// Number of substeps of the last call, per lane; 0 in steps that keep no error.
+    pub substeps: Vec<S>,
     /// Memory of the sensors: delays, noise and results of the last step.
     pub sensing: Memory<S>,
     /// Memory of the actuator pipelines: delay lines, lags and servo integrals.
@@ -79,7 +83,7 @@ pub struct Group<S> {
 
 // All arrays but those of the contacts, whose capacity may differ between groups.
 lane_arrays!(Group: q v act scalar_impulse impulse mocap contact_count time status saturated residual sweeps newton_steps worst depth
-    overshoot equality_violation);
+    overshoot equality_violation error substeps);
 
 impl<S: Scalar> Group<S> {
     /// Creates a group at the reset state `qpos0`, for the environments from `first` on. `alive` are the lanes (bits) that have an
@@ -110,6 +114,8 @@ impl<S: Scalar> Group<S> {
             depth: zeros(1),
             overshoot: zeros(1),
             equality_violation: zeros(1),
+            error: zeros(1),
+            substeps: zeros(1),
             sensing: Memory::new(compiled, lanes, first),
             actuation: actuation::memory::Memory::default(),
         }
@@ -126,8 +132,8 @@ impl<S: Scalar> Group<S> {
         self.status[lane] = Status::OK.bits();
         self.worst[lane] = 0;
         clear_column(&mut self.saturated, lanes, lane);
-        let Self { residual, sweeps, newton_steps, depth, overshoot, equality_violation, .. } = self;
-        for number in [residual, sweeps, newton_steps, depth, overshoot, equality_violation] {
+        let Self { residual, sweeps, newton_steps, depth, overshoot, equality_violation, error, substeps, .. } = self;
+        for number in [residual, sweeps, newton_steps, depth, overshoot, equality_violation, error, substeps] {
             number[lane] = S::default();
         }
         self.sensing.forget(lane);

@@ -401,6 +401,10 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 residual = residual.max(record.residual);
                 (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
                 violation = violation.max(record.equality_violation);
+                if call.settings.error.is_some() {
+                    record.error.max(R::load(&group.error)).store(&mut group.error);
+                    (record.substeps + R::load(&group.substeps)).store(&mut group.substeps);
+                }
                 record.residual.store(&mut group.residual);
                 record.sweeps.store(&mut group.sweeps);
                 record.newton_steps.store(&mut group.newton_steps);
@@ -437,6 +441,8 @@ fn clear_call_totals<R: Real>(group: &mut Group<R::Scalar>) {
     group.depth[..R::LANES].fill(R::Scalar::default());
     group.overshoot[..R::LANES].fill(R::Scalar::default());
     group.equality_violation[..R::LANES].fill(R::Scalar::default());
+    group.error[..R::LANES].fill(R::Scalar::default());
+    group.substeps[..R::LANES].fill(R::Scalar::default());
     // `fill` calls `memset` of the C library, which takes a hundred times as long for an empty slice as for a short one.
     if !group.saturated.is_empty() {
         group.saturated.fill(0);

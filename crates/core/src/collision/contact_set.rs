@@ -203,11 +203,14 @@ impl<R: Real> Contacts<R> {
         self.count[l] = to;
     }
 
-    /// Sets gaps that are smaller than their rounding error to zero, in single precision.
+    /// Reduces gaps by their rounding error, to zero at least, in single precision.
     ///
     /// The rounding of positions can open a gap under a body at rest. In the next step the body would fall through this gap, and its normal
     /// force would be too small. The error, as a fraction of the force, is the ratio of the gap to `drop`. `drop` is the distance that
     /// gravity covers in the step, g h^2, m.
+    ///
+    /// Larger gaps become smaller by as much. Otherwise, of two nearly equal gaps under one body, only one might count as touching, and its
+    /// contact would bear the whole load.
     ///
     /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is
     /// added only where it matters. For both errors, the function uses an upper bound of [`DISTANCE_ROUNDINGS`] units in the last place; a
@@ -222,8 +225,8 @@ impl<R: Real> Contacts<R> {
                 let point = &mut self.data[k].point;
                 let rounding = point.rounding();
                 let allows_for_angles = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
-                let small = point.distance.lt(rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero()));
-                point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
+                let rounding = rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero());
+                point.distance = R::select(point.distance.gt(R::zero()), (point.distance - rounding).max(R::zero()), point.distance);
             }
         })
     }
@@ -275,6 +278,63 @@ impl<R: Real> Contacts<R> {
                 slot.impulse = [dot(axes[0], slot.impulse), dot(axes[1], slot.impulse), dot(axes[2], slot.impulse)];
                 if let Some(torque) = self.torque.get_mut(k) {
                     *torque = [dot(axes[0], *torque), dot(axes[1], *torque), dot(axes[2], *torque)];
+                }
+            }
+        })
+    }
+
+    /// Copies all contacts of `from`, which has the same capacity.
+    pub(crate) fn copy_from(&mut self, from: &Self) {
+        let n = from.slots();
+        self.count.copy_from_slice(&from.count[..]);
+        self.ids[..n].copy_from_slice(&from.ids[..n]);
+        self.data[..n].copy_from_slice(&from.data[..n]);
+        if !self.torque.is_empty() {
+            self.torque[..n].copy_from_slice(&from.torque[..n]);
+        }
+        self.full = from.full;
+    }
+
+    /// Copies the contacts of `from` in the lanes `lanes` (bits).
+    pub(crate) fn copy_lanes(&mut self, from: &Self, lanes: u32) {
+        for l in each_of(lanes) {
+            self.count[l] = from.count[l];
+            for k in 0..from.count[l] {
+                self.ids[k][l] = from.ids[k][l];
+                self.data[k].copy_lane(&from.data[k], l);
+                copy_lane(&mut self.data[k].tangent, &from.data[k].tangent, l);
+                self.take_impulse(from, [k, k], l);
+            }
+        }
+        self.full = self.full & !lanes | from.full & lanes;
+    }
+
+    /// Multiplies all impulses by `factor`.
+    pub(crate) fn scale_impulses(&mut self, factor: R) {
+        for k in 0..self.slots() {
+            self.data[k].impulse = scale(self.data[k].impulse, factor);
+        }
+        self.torque.iter_mut().for_each(|torque| *torque = scale(*torque, factor));
+    }
+
+    /// Adds the impulses of the same contacts in `earlier`, as vectors in world axes, in the lanes `lanes` (bits).
+    pub(crate) fn add_impulses(&mut self, earlier: &Self, lanes: u32) {
+        kernel!(R, || {
+            for k in 0..self.slots() {
+                let axes = contact_frame(self.data[k].point.normal);
+                for l in each_of(lanes & self.lanes_of(k)) {
+                    let Some(at) = earlier.find(l, k, self.ids[k][l]) else { continue };
+                    let [n, t1, t2] = contact_frame(earlier.data[at].point.normal);
+                    let turned = |[x, a, b]: V3<R>| {
+                        let world = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
+                        [dot(axes[0], world), dot(axes[1], world), dot(axes[2], world)]
+                    };
+                    let sum = add(self.data[k].impulse, turned(earlier.data[at].impulse));
+                    copy_lane(&mut self.data[k].impulse, &sum, l);
+                    if let Some(torque) = self.torque.get_mut(k) {
+                        let sum = add(*torque, turned(earlier.torque[at]));
+                        copy_lane(torque, &sum, l);
+                    }
                 }
             }
         })

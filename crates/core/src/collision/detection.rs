@@ -149,6 +149,12 @@ impl<R: Real> CollisionWorkspace<R> {
         self.narrow_phase.begin_step();
     }
 
+    /// Removes all separating planes, so that no search depends on an earlier one.
+    pub(crate) fn forget_planes(&mut self) {
+        let NarrowWorkspace { last_planes, new_planes, .. } = &mut self.narrow_phase;
+        [last_planes, new_planes].into_iter().for_each(SeparationCache::clear);
+    }
+
     /// Updates the positions of geoms that are fixed to the world, which may differ between environments. Also updates their bounding
     /// balls, and the tree over the static geoms.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {

@@ -23,7 +23,7 @@ pub(crate) fn max_equality_violation<R: Real>(
     active: &ActiveEqualities<R>,
     q: &[R],
     mocap: &[MocapTrajectory<R>],
-    elapsed: f64,
+    elapsed: R,
 ) -> R {
     if compiled.equalities.is_empty() {
         return R::zero();
@@ -36,7 +36,7 @@ pub(crate) fn max_equality_violation<R: Real>(
             }
             for equality in &block.equalities {
                 if equality.spring.is_none() || compiled.softness.is_some() {
-                    let error = violation(compiled, equality, q, mocap, R::of(elapsed));
+                    let error = violation(compiled, equality, q, mocap, elapsed);
                     largest = R::select(active.lanes(equality), largest.max(error), largest);
                 }
             }

@@ -6,15 +6,17 @@
 //! iterations load the contacts that they visit first, and such forces rotate a box that two fingers hold.
 //!
 //! Three or more contacts between the same two bodies form a contact group, if one of the bodies floats freely (is alone on a free joint).
-//! Groups that act on a common degree of freedom form a cluster, whose loads are shared together. Example: a box between two fingers has
-//! two groups in one cluster. Among all impulses with the same effect on the joints, the impulses of least norm are used, as far as the
-//! friction cones allow.
+//! So do two contacts, if that body has more contacts with others. Groups that act on a common degree of freedom form a cluster, whose
+//! loads are shared together. Examples: a box between two fingers has two groups of four contacts in one cluster, an upright cylinder two
+//! groups of two. Among all impulses with the same effect on the joints, the impulses of least norm are used, as far as the friction cones
+//! allow.
 //!
 //! * If a loaded contact of the cluster slips, the normal impulses are shared. Friction of a slipping contact is recomputed as mu times the
 //!   normal impulse, against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque
 //!   changes, and the solver continues from the shared loads.
-//! * If the cluster sticks, all impulses are shared at the end of about one step in eight, which changes no velocity. Without this the
-//!   residuals of many steps would move load from contact to contact, until some contacts reach their cones and the cluster slips.
+//! * If the cluster sticks, all impulses are shared at the end of about one step in eight, and of every step whose tolerance is smaller
+//!   than the default. This changes no velocity. Without it the residuals of many steps would move load from contact to contact, until some
+//!   contacts reach their cones and the cluster slips.
 
 use std::ops::Range;
 
@@ -52,7 +54,8 @@ pub(crate) struct ContactGroups<R> {
     loads: Loads,
 }
 
-/// Contact group: three or more contacts between the same two bodies in one lane. At least one of the bodies floats freely.
+/// Contact group: two or more contacts between the same two bodies in one lane. At least one of the bodies floats freely, and has three or
+/// more contacts in all.
 #[derive(Clone, Copy, Debug)]
 struct ContactGroup {
     lane: usize,
@@ -252,7 +255,7 @@ impl<R: Real> ContactGroups<R> {
         let n = max_contacts;
         Self {
             members: Vec::with_capacity(n * R::LANES),
-            groups: Vec::with_capacity(n.div_ceil(MIN_SHARED_CONTACTS) * R::LANES),
+            groups: Vec::with_capacity(n.div_ceil(2) * R::LANES),
             pairs: Vec::with_capacity(n),
             of_contact: Vec::with_capacity(n),
             owners: Vec::with_capacity(dimension),
@@ -295,14 +298,17 @@ impl<R: Real> ContactGroups<R> {
                 self.pairs[group].1 += 1;
                 self.of_contact.push(group);
             }
-            for (group, (frames, count)) in self.pairs.iter().enumerate() {
-                let loose = |&f: &usize| f > 0 && compiled.floating.get(f - 1) == Some(&true);
-                if *count >= MIN_SHARED_CONTACTS && frames.iter().any(loose) {
-                    let start = self.members.len();
-                    let slots = (0..contacts.count[lane]).filter(|&k| self.of_contact[k] == group);
-                    self.members.extend(slots.filter_map(|k| problem.contact_in_slot(k, lane)));
-                    let cluster = self.groups.len();
-                    self.groups.push(ContactGroup { lane, members: [start, self.members.len()], cluster, slips: false });
+            let Self { members, groups, pairs, of_contact, .. } = &mut *self;
+            let contacts_of = |frame: &usize| pairs.iter().filter(|(pair, _)| pair.contains(frame)).map(|(_, count)| count).sum::<usize>();
+            for (group, (frames, count)) in pairs.iter().enumerate() {
+                let floats = |&f: &usize| f > 0 && compiled.floating.get(f - 1) == Some(&true);
+                let is_redundant = |f: &usize| floats(f) && (*count >= MIN_SHARED_CONTACTS || contacts_of(f) >= MIN_SHARED_CONTACTS);
+                if *count >= 2 && frames.iter().any(is_redundant) {
+                    let start = members.len();
+                    let slots = (0..contacts.count[lane]).filter(|&k| of_contact[k] == group);
+                    members.extend(slots.filter_map(|k| problem.contact_in_slot(k, lane)));
+                    let cluster = groups.len();
+                    groups.push(ContactGroup { lane, members: [start, members.len()], cluster, slips: false });
                 }
             }
         }

@@ -71,7 +71,7 @@ impl<R: Real> HardNominal<R> {
             correction: R::zero(),
             v_free: zeros(),
             change: zeros(),
-            scheme: Scheme::new(options),
+            scheme: Scheme::new(options, R::of(options.timestep)),
         }
     }
 

@@ -18,6 +18,8 @@ use crate::options::StepSettings;
 pub(crate) struct Evaluation<R: Real> {
     /// Integration scheme of the step.
     pub(crate) scheme: Scheme<R>,
+    /// Part of the step that is being made in each lane.
+    pub(crate) substep: Substep<R>,
     /// Evaluation time of each mechanism.
     pub(crate) times: EvaluationTimes<R>,
     /// Configuration at the evaluation point, nq.
@@ -39,12 +41,29 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
 }
 
+/// Part of a step: the whole step, unless the step keeps an error ([`crate::substeps`]).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Substep<R> {
+    /// Time from the beginning of the step to that of its part, s.
+    pub(crate) offset: R,
+    /// Length, s.
+    pub(crate) length: R,
+}
+
+impl<R: Real> Substep<R> {
+    /// The whole step of `timestep` seconds.
+    pub(crate) fn whole(timestep: f64) -> Self {
+        Self { offset: R::zero(), length: R::of(timestep) }
+    }
+}
+
 impl<R: Real> Evaluation<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, contacts: Contacts<R>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         Self {
-            scheme: Scheme::new(options),
+            substep: Substep::whole(options.timestep),
+            scheme: Scheme::new(options, R::of(options.timestep)),
             times: EvaluationTimes::new(compiled),
             q: zeros(compiled.nq),
             q_ahead: zeros(compiled.nq),

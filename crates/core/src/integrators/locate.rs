@@ -24,7 +24,7 @@ use crate::tuning::MAX_EVALUATION_MOVES;
 /// evaluated with it, the others are not affected.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
-    evaluation.scheme = Scheme::new(input.options);
+    evaluation.scheme = Scheme::new(input.options, evaluation.substep.length);
     evaluation.times.reset(evaluation.scheme.h, evaluation.scheme.time_before);
     let mut impact_moves = 0;
     let mut searches_impacts = true;
@@ -85,9 +85,9 @@ fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>
             displace(compiled, &evaluation.q, &state.v, scheme.time_ahead, &mut evaluation.q_ahead);
         }
     });
-    let Evaluation { scheme, times, q, kinematics, .. } = evaluation;
+    let Evaluation { scheme, times, q, kinematics, substep, .. } = evaluation;
     span!(probe, Kinematics, || {
-        let time_of = |mocap: usize| R::of(state.elapsed) + times.before(compiled.mechanisms.of_mocap[mocap]);
+        let time_of = |mocap: usize| R::of(state.elapsed) + substep.offset + times.before(compiled.mechanisms.of_mocap[mocap]);
         mocap::pose_bodies(compiled, &inputs.mocap_trajectories, time_of, kinematics);
         kinematics.update(compiled, q);
     });

@@ -41,12 +41,12 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
 ) {
     let StepInput { compiled, options, state, inputs, .. } = input;
     let PositionSolution { q, q_corrected, kinematics, contacts, rows, correction, .. } = position;
-    let time = R::of(state.elapsed) + evaluation.scheme.time_before;
+    let time = R::of(state.elapsed) + evaluation.substep.offset + evaluation.scheme.time_before;
     mocap::pose_bodies(compiled, &inputs.mocap_trajectories, |_| time, kinematics);
     kinematics.update(compiled, q_corrected);
     // The buffer of the correction velocity is no longer needed.
     correction.fill(R::zero());
-    let times = [R::of(options.timestep), R::zero()];
+    let times = [evaluation.scheme.h, R::zero()];
     // This detection starts from the separating planes of stage 3, and discards those that it finds.
     evaluation.collision.narrow_phase.begin_step();
     detect(compiled, kinematics, [&*correction; 2], times, infeasible, &mut evaluation.collision, contacts, NoProbe);
@@ -58,7 +58,7 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
         // An island with an open loop always keeps its correction, because closing the loop has priority over overlaps.
         for row in problem.rows.scalars.iter().filter(|row| row.lo.lane(lane).to_f64() < 0.0) {
             let correction = (row.g.lane(lane).to_f64() - row.position_g.lane(lane).to_f64()).abs();
-            if correction * options.timestep > options.slop {
+            if correction * evaluation.scheme.h.lane(lane).to_f64() > options.slop {
                 let (dofs, _) = problem.rows.scalars.entries(row);
                 dofs.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
             }

@@ -41,14 +41,13 @@ pub(crate) struct Scheme<R> {
 }
 
 impl<R: Real> Scheme<R> {
-    /// Integration scheme of the integrator that the options select, for hard contact.
+    /// Integration scheme of the integrator that the options select, for hard contact and a step or substep of `h` seconds.
     ///
     /// `Rk4` counts as `Midpoint` here. Lanes without constraints get the result of the Runge-Kutta method later in the step.
     /// `ImplicitFast` and `Discrete`, which the options allow only with MuJoCo's law, count as `Implicit` here.
     #[inline(always)]
-    pub(crate) fn new(options: &StepSettings) -> Self {
-        let (h, none) = (R::of(options.timestep), R::zero());
-        let half = h * R::of(0.5);
+    pub(crate) fn new(options: &StepSettings, h: R) -> Self {
+        let (none, half) = (R::zero(), h * R::of(0.5));
         let euler = Self {
             h,
             time_before: none,

@@ -33,11 +33,12 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) energy_unresolved: R::Mask,
 }
 
-/// Computes stage 10: status and record of the step. `input` has the state after the step. The function stores the cause of a residual of
-/// immovable rows in `velocity.worst`.
+/// Computes stage 10: status and record of the step. `input` has the state after the step, `elapsed` s after the beginning of the call. The
+/// function stores the cause of a residual of immovable rows in `velocity.worst`.
 #[inline(always)]
 pub(crate) fn record<R: Real>(
     input: StepInput<'_, R>,
+    elapsed: R,
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
@@ -47,7 +48,7 @@ pub(crate) fn record<R: Real>(
     let StepInput { compiled, options, state, inputs, alive } = input;
     let (depth, overshoot) = (depth(problem, &state.contacts, finite), limit_overshoot(compiled, &state.q));
     let active = &problem.active_equalities;
-    let violation = max_equality_violation(compiled, active, &state.q, &inputs.mocap_trajectories, state.elapsed);
+    let violation = max_equality_violation(compiled, active, &state.q, &inputs.mocap_trajectories, elapsed);
     let violation = R::select(finite, violation, R::zero());
     let mut residual = outcome.solver.residual;
     if problem.may_have_immovable_rows {
@@ -71,6 +72,8 @@ pub(crate) fn record<R: Real>(
         depth,
         overshoot,
         equality_violation: violation,
+        error: R::zero(),
+        substeps: R::zero(),
         flags: [
             (Status::NOT_CONVERGED, unsolved.and(finite).bits()),
             (Status::NON_FINITE, alive.and_not(finite).bits()),
@@ -81,6 +84,7 @@ pub(crate) fn record<R: Real>(
             (Status::DEEP, alive.and(depth.gt(R::of(DEEP))).bits()),
             (Status::OVER_LIMIT, alive.and(overshoot.gt(R::of(OVER_LIMIT))).bits()),
             (Status::EQUALITY_VIOLATED, alive.and(violation.gt(R::of(EQUALITY_VIOLATED))).bits()),
+            (Status::INACCURATE, 0),
         ],
     }
 }

@@ -20,6 +20,7 @@ use crate::integrators::step_resolution::StepResolution;
 use crate::math::spatial::*;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::{SensorWorkspace, errors};
+use crate::substeps::ErrorControl;
 
 /// Workspace of the sensors in a step.
 #[derive(Clone, Debug)]
@@ -58,6 +59,8 @@ pub struct Workspace<R: Real> {
     pub(crate) step_resolution: StepResolution<R>,
     /// Runge-Kutta method with hard contact; `None` with other integrators.
     pub(crate) rk4: Option<Rk4<R>>,
+    /// Buffers of steps that keep an error; `None` without such a step.
+    pub(crate) error_control: Option<Box<ErrorControl<R>>>,
     /// Integrators for MuJoCo's contact law.
     pub(crate) mujoco: MujocoWorkspace<R>,
 }
@@ -69,7 +72,7 @@ impl<R: Real> Workspace<R> {
         let [q, v, act] = [compiled.nq, compiled.nv, compiled.na].map(|n| move || vec![R::zero(); n]);
         let hard = options.contact == ContactLaw::Hard;
         let contacts = || Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction);
-        Self {
+        let mut workspace = Self {
             state: State { q: q(), v: v(), act: act(), contacts: contacts(), impulse: v(), time: vec![0.0; R::LANES], elapsed: 0.0 },
             inputs: Inputs {
                 ctrl: zeros(compiled.actuators.len()),
@@ -96,8 +99,13 @@ impl<R: Real> Workspace<R> {
             collisions: CollisionSearch::new(compiled, max_contacts),
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
+            error_control: None,
             mujoco: MujocoWorkspace::new(compiled, options),
+        };
+        if options.error.is_some() {
+            workspace.error_control = Some(ErrorControl::new(&workspace));
         }
+        workspace
     }
 
     /// Fills with NaN the vectors that a step must compute before it reads them.

@@ -92,7 +92,8 @@ pub fn share_sticking_loads<R: Real>(options: &StepSettings, v: &[R], problem: &
     }
     let tolerance = tolerance(options, v, has_groups);
     let moving = kernel!(R, || has_groups.and(tolerance.gt(R::of(MAX_REST_TOLERANCE * options.tolerance))));
-    let due = contact_groups.due_lanes(problem, impulses, moving);
+    // Derivatives, which have a smaller tolerance, depend on which contact is nearest to slipping.
+    let due = if options.accuracy_factor() > 1.0 { moving } else { contact_groups.due_lanes(problem, impulses, moving) };
     contact_groups.find_slips(problem, impulses, due, slip_speed(tolerance));
     contact_groups.share(Clusters::Sticking, problem, impulses, due, slip_speed(tolerance));
 }

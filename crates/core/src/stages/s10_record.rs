@@ -3,7 +3,7 @@
 use std::fmt;
 
 use bitflags::bitflags;
-use stepper_real::{Real, kernel};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
@@ -66,6 +66,8 @@ bitflags! {
         const OVER_LIMIT = 128;
         /// The position error of an equality was above 1 mm or 1 mrad after a step: a loop has opened, or a coupling has slipped.
         const EQUALITY_VIOLATED = 256;
+        /// A step that keeps an error ([`Options::error`](crate::Options::error)) exceeded it with the shortest substeps.
+        const INACCURATE = 512;
     }
 }
 
@@ -97,11 +99,74 @@ pub struct Record<R: Real> {
     pub overshoot: R,
     /// Largest position error of an equality after the step, m or rad.
     pub equality_violation: R,
+    /// Estimated error of the positions, m or rad, in steps that keep an error; otherwise 0.
+    pub error: R,
+    /// Number of substeps, in steps that keep an error; otherwise 0.
+    pub substeps: R,
     /// Status flags, with the lanes (bits) that have them.
-    pub flags: [(Status, u32); 9],
+    pub flags: [(Status, u32); 10],
 }
 
 impl<R: Real> Record<R> {
+    /// Record of no substep yet, to which [`Record::add`] adds substeps.
+    pub(crate) fn none() -> Self {
+        let (zero, mut flags) = (R::zero(), Status::all().iter().map(|flag| (flag, 0)));
+        Self {
+            residual: zero,
+            sweeps: zero,
+            newton_steps: zero,
+            depth: zero,
+            overshoot: zero,
+            equality_violation: zero,
+            error: zero,
+            substeps: zero,
+            flags: std::array::from_fn(|_| flags.next().expect("ten flags")),
+        }
+    }
+
+    /// Adds the record of a substep in the lanes `lanes`: sums of iterations, largest errors and all flags.
+    pub(crate) fn add(&mut self, substep: &Self, lanes: R::Mask) {
+        kernel!(R, || {
+            let take = |new: R, old: R| R::select(lanes, new, old);
+            self.residual = take(substep.residual.max(self.residual), self.residual);
+            self.sweeps = take(substep.sweeps + self.sweeps, self.sweeps);
+            self.newton_steps = take(substep.newton_steps + self.newton_steps, self.newton_steps);
+            self.depth = take(substep.depth.max(self.depth), self.depth);
+            self.overshoot = take(substep.overshoot.max(self.overshoot), self.overshoot);
+            self.equality_violation = take(substep.equality_violation.max(self.equality_violation), self.equality_violation);
+            self.substeps = take(self.substeps + R::one(), self.substeps);
+            for (flag, all) in &mut self.flags {
+                *all |= substep.lanes(*flag) & lanes.bits();
+            }
+        });
+    }
+
+    /// Replaces the record in the lanes `lanes`.
+    pub(crate) fn replace(&mut self, other: &Self, lanes: R::Mask) {
+        kernel!(R, || {
+            let take = |new: R, old: R| R::select(lanes, new, old);
+            *self = Self {
+                residual: take(other.residual, self.residual),
+                sweeps: take(other.sweeps, self.sweeps),
+                newton_steps: take(other.newton_steps, self.newton_steps),
+                depth: take(other.depth, self.depth),
+                overshoot: take(other.overshoot, self.overshoot),
+                equality_violation: take(other.equality_violation, self.equality_violation),
+                error: take(other.error, self.error),
+                substeps: take(other.substeps, self.substeps),
+                flags: self.flags.map(|(flag, all)| (flag, all & !lanes.bits() | other.lanes(flag) & lanes.bits())),
+            };
+        });
+    }
+
+    /// Adds the error estimate of an accepted interval in the lanes `lanes`. In the lanes `exceeds`, it exceeds its bound.
+    pub(crate) fn add_error(&mut self, error: R, exceeds: R::Mask, lanes: R::Mask) {
+        kernel!(R, || self.error = R::select(lanes, self.error + error, self.error));
+        for (_, all) in self.flags.iter_mut().filter(|(flag, _)| *flag == Status::INACCURATE) {
+            *all |= exceeds.bits() & lanes.bits();
+        }
+    }
+
     /// Lanes (bits) that have any of the status flags `status`.
     pub fn lanes(&self, status: Status) -> u32 {
         self.flags.iter().filter(|(flag, _)| status.contains(*flag)).fold(0, |all, (_, lanes)| all | lanes)

@@ -41,6 +41,7 @@ _HARD: tuple[tuple[str, dict[str, Any]], ...] = (
     ("midpoint", {"integrator": "midpoint"}),
     ("midpoint, f32", {"integrator": "midpoint", "precision": "f32"}),
     ("midpoint, tolerance 1e-3", {"integrator": "midpoint", "tolerance": 1e-3}),
+    ("midpoint, error 1e-4", {"integrator": "midpoint", "error": 1e-4}),
     ("euler", {"integrator": "euler"}),
     ("euler, f32", {"integrator": "euler", "precision": "f32"}),
     ("euler, baumgarte, tolerance 1e-3", _FAST),
@@ -50,6 +51,8 @@ _HARD: tuple[tuple[str, dict[str, Any]], ...] = (
 )
 """Settings of the lines for hard contact: name, and values that differ from the study's."""
 _MORE: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("midpoint, error 1e-3", {"integrator": "midpoint", "error": 1e-3}),
+    ("midpoint, error 1e-5", {"integrator": "midpoint", "error": 1e-5}),
     ("midpoint, pgs", {"integrator": "midpoint", "solver": "pgs"}),
     ("midpoint, newton", {"integrator": "midpoint", "solver": "newton"}),
     ("midpoint, 10 iterations", {"integrator": "midpoint", "iterations": 10}),

@@ -1,0 +1,144 @@
+"""Steps that keep an error (`Options.error`): local errors, superposition, bits, and what they leave as it is."""
+
+import numpy as np
+import pytest
+import stepper
+from models import stepper_model
+from stepper import Options, Status
+
+E = 1e-3
+"""Error of a step that the tests ask for, m or rad."""
+
+
+def chain(links: int = 20, tip: float = 5.0) -> stepper.Model:
+    """Chain of light links with a heavy end, which whips."""
+    body = f'<geom type="sphere" size=".03" pos="0 0 -.1" mass="{tip}"/>'
+    for _ in range(links):
+        body = f'<body pos="0 0 -.1"><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 0 0 -.1" mass=".02"/>{body}</body>'
+    return stepper.load(
+        f'<mujoco><option timestep=".002"/><default><geom contype="0" conaffinity="0"/></default><worldbody>{body}</worldbody></mujoco>'
+    )
+
+
+BOX = """<mujoco><option timestep="{h}"/><worldbody><geom type="plane" size="5 5 1"/>
+  <body pos="0 0 1"><freejoint/><geom type="box" size=".1 .15 .2" mass="1" {more}/></body></worldbody></mujoco>"""
+
+
+def thrown(n: int, seed: int = 0) -> dict:
+    """States of `n` bodies on free joints that fly and tumble."""
+    rng = np.random.default_rng(seed)
+    quat = rng.normal(size=(n, 4))
+    pos = np.stack([rng.uniform(-1, 1, n), rng.uniform(-1, 1, n), rng.uniform(0.4, 1.0, n)], axis=1)
+    return {
+        "qpos": np.concatenate([pos, quat / np.linalg.norm(quat, axis=1, keepdims=True)], axis=1),
+        "qvel": np.concatenate([rng.normal(size=(n, 3)), 6 * rng.normal(size=(n, 3))], axis=1),
+    }
+
+
+def local_errors(model, states, *, steps: int, finer: int = 64, **options) -> tuple[np.ndarray, stepper.Stepper]:
+    """Distances of steps that keep an error from `finer` small steps from the same state, in coordinates, along a run."""
+    n, h = len(states["qpos"]), model.timestep
+    sim = stepper.Stepper(model, n, options=Options(error=E, **options))
+    fine = stepper.Stepper(model, n, options=Options(timestep=h / finer, tolerance=1e-10, **options))
+    sim.set_state(**states)
+    errors = []
+    for _ in range(steps):
+        fine.set_state(qpos=sim.qpos, qvel=sim.qvel)
+        sim.step()
+        fine.step(nstep=finer)
+        errors.append(np.abs(sim.qpos - fine.qpos).max(axis=1))
+    return np.array(errors), sim
+
+
+@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler"])
+def test_the_error_of_a_step_of_a_whipping_chain_is_kept(integrator):
+    """Without it, some steps of this chain are wrong by 0.1 rad."""
+    model, rng = chain(), np.random.default_rng(0)
+    states = {"qpos": rng.uniform(-0.5, 0.5, (4, model.nq)) + np.pi / 2 / model.nq, "qvel": np.zeros((4, model.nv))}
+    errors, sim = local_errors(model, states, steps=150, integrator=integrator)
+    assert np.mean(errors <= E) >= 0.95
+    assert (sim.status & Status.INACCURATE == 0).all()
+
+
+def test_the_error_of_a_step_with_an_elastic_impact_is_kept():
+    model = stepper.load(BOX.format(h=0.01, more='friction="0"'))
+    errors, _ = local_errors(model, thrown(32), steps=60)
+    assert np.mean(errors <= E) >= 0.95
+    plain = stepper.Stepper(model, 32)
+    plain.set_state(**thrown(32))
+    with pytest.raises(RuntimeError, match="error="):
+        _ = plain.substeps
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_the_bits_of_an_environment_do_not_depend_on_its_neighbours(precision):
+    model, states = stepper.load(BOX.format(h=0.01, more="")), thrown(11)
+    options = Options(error=E)
+    batch = stepper.Stepper(model, 11, options=options, precision=precision)
+    batch.set_state(**states)
+    batch.step(nstep=120)
+    assert len(set(batch.substeps)) > 1
+    for env in range(11):
+        alone = stepper.Stepper(model, 1, options=options, precision=precision)
+        alone.set_state(**{name: rows[env] for name, rows in states.items()})
+        alone.step(nstep=120)
+        assert np.array_equal(alone.qpos, batch.qpos[env : env + 1]) and np.array_equal(alone.qvel, batch.qvel[env : env + 1])
+        assert (alone.substeps[0], alone.error_estimate[0]) == (batch.substeps[env], batch.error_estimate[env])
+
+
+def test_a_state_that_is_saved_goes_on_with_the_same_bits():
+    model, states = stepper.load(BOX.format(h=0.01, more="")), thrown(5)
+    one, other = (stepper.Stepper(model, 5, options=Options(error=E)) for _ in range(2))
+    one.set_state(**states)
+    one.step(nstep=60)
+    other.set_state(one.get_state())
+    for sim in (one, other):
+        sim.step(nstep=60)
+    assert np.array_equal(one.qpos, other.qpos)
+
+
+def test_forces_are_those_of_the_whole_step():
+    """A box at rest presses on the floor with its weight, and a moving arm has the impulses of its limits, whatever the substeps."""
+    model = stepper.load(BOX.format(h=0.01, more=""))
+    sim = stepper.Stepper(model, 1, options=Options(error=1e-5))
+    sim.set_state(qpos=[[0, 0, 0.2, 1, 0, 0, 0]], qvel=[[0.5, 0, 0, 0, 0, 0]])
+    before = sim.qvel[0].copy()
+    for _ in range(20):
+        sim.step()
+        change = 1.0 * (sim.qvel[0] - before)[:3] / 0.01 + [0, 0, 9.81]
+        before = sim.qvel[0].copy()
+        # The body has a mass of 1 kg: its momentum changes by gravity and by the contact force. Forces have the solver's error, 1e-6 m/s in
+        # each of up to 512 substeps of a step of 10 ms.
+        assert sim.body_contact_force[0, 1, :3] == pytest.approx(change, abs=0.05)
+        assert sim.qfrc_constraint[0, :3] == pytest.approx(change, abs=0.05)
+    assert sim.time[0] == pytest.approx(0.2, abs=1e-12)
+
+
+def test_smooth_motion_takes_the_fewest_substeps():
+    """A step that is accurate enough at once has two substeps: the halves that were compared with it."""
+    sim = stepper.Stepper(stepper_model("gymnasium/hopper"), 3, options=Options(error=0.1))
+    sim.step(nstep=5)
+    assert (sim.substeps == 10).all() and (sim.error_estimate < 0.1).all()
+
+
+def test_an_error_that_cannot_be_kept_is_flagged():
+    """In f32, positions of 1 km are rounded to 6e-5 m."""
+    sim = stepper.Stepper(stepper.load(BOX.format(h=0.01, more="")), 1, options=Options(error=1e-7), precision="f32")
+    sim.set_state(qpos=[[1e3, 0, 5, 1, 0, 0, 0]], qvel=[[30, 0, 0, 1, 2, 3]])
+    sim.step(nstep=20)
+    assert sim.status[0] & Status.INACCURATE and sim.error_estimate[0] > 1e-7
+    # A step divided by 256 has no more substeps.
+    assert 40 <= sim.substeps[0] <= 20 * 256
+
+
+@pytest.mark.parametrize(("options", "must"), [({"contact": "mujoco"}, "None with"), ({"integrator": "rk4"}, "None with")])
+def test_methods_without_a_step_that_keeps_an_error_are_refused(options, must):
+    with pytest.raises(ValueError, match=f"error is 0.001.*{must}"):
+        Options(error=E, **options)
+
+
+@pytest.mark.parametrize("method", ["fd", "implicit"])
+def test_derivatives_are_refused(method):
+    sim = stepper.Stepper(stepper_model("gymnasium/hopper"), 1, options=Options(error=E))
+    with pytest.raises(ValueError, match="error is 0.001"):
+        sim.linearize(method=method)

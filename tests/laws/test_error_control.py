@@ -133,12 +133,12 @@ def test_an_error_that_cannot_be_kept_is_flagged():
 
 @pytest.mark.parametrize(("options", "must"), [({"contact": "mujoco"}, "None with"), ({"integrator": "rk4"}, "None with")])
 def test_methods_without_a_step_that_keeps_an_error_are_refused(options, must):
-    with pytest.raises(ValueError, match=f"error is 0.001.*{must}"):
+    with pytest.raises(ValueError, match=rf"error is 0\.001.*{must}"):
         Options(error=E, **options)
 
 
 @pytest.mark.parametrize("method", ["fd", "implicit"])
 def test_derivatives_are_refused(method):
     sim = stepper.Stepper(stepper_model("gymnasium/hopper"), 1, options=Options(error=E))
-    with pytest.raises(ValueError, match="error is 0.001"):
+    with pytest.raises(ValueError, match=r"error is 0\.001"):
         sim.linearize(method=method)

@@ -27,6 +27,7 @@ CAUSES = {
     ("physics", "deep"): "geoms overlap by more than 1 mm",
     ("physics", "over limit"): "a joint or tendon is beyond its range by more than 0.01 rad or m",
     ("physics", "equality violated"): "the position error of an equality is above 1 mm or 1 mrad",
+    ("physics", "inaccurate"): "the shortest substeps exceeded Options.error",
     ("sensing", "saturation"): "a reading was clipped to the limits of its sensor",
     ("sensing", "dropout"): "a sample of a sensor was lost; the reading kept its last value",
 }

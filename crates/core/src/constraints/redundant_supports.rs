@@ -6,10 +6,10 @@
 //! iterations load the contacts that they visit first, and such forces rotate a box that two fingers hold.
 //!
 //! Three or more contacts between the same two bodies form a contact group, if one of the bodies floats freely (is alone on a free joint).
-//! So do two contacts, if that body has more contacts with others. Groups that act on a common degree of freedom form a cluster, whose
-//! loads are shared together. Examples: a box between two fingers has two groups of four contacts in one cluster, an upright cylinder two
-//! groups of two. Among all impulses with the same effect on the joints, the impulses of least norm are used, as far as the friction cones
-//! allow.
+//! So do two contacts, if that body has more contacts with others and the environment has few contacts. Groups that act on a common
+//! degree of freedom form a cluster, whose loads are shared together. Examples: a box between two fingers has two groups of four contacts in
+//! one cluster, an upright cylinder two groups of two. Among all impulses with the same effect on the joints, the impulses of least norm are
+//! used, as far as the friction cones allow.
 //!
 //! * If a loaded contact of the cluster slips, the normal impulses are shared. Friction of a slipping contact is recomputed as mu times the
 //!   normal impulse, against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque
@@ -302,8 +302,10 @@ impl<R: Real> ContactGroups<R> {
             let contacts_of = |frame: &usize| pairs.iter().filter(|(pair, _)| pair.contains(frame)).map(|(_, count)| count).sum::<usize>();
             for (group, (frames, count)) in pairs.iter().enumerate() {
                 let floats = |&f: &usize| f > 0 && compiled.floating.get(f - 1) == Some(&true);
-                let is_redundant = |f: &usize| floats(f) && (*count >= MIN_SHARED_CONTACTS || contacts_of(f) >= MIN_SHARED_CONTACTS);
-                if *count >= 2 && frames.iter().any(is_redundant) {
+                let is_pair = *count == 2 && contacts.count[lane] <= MAX_NEW_CONTACTS;
+                let is_redundant =
+                    |f: &usize| floats(f) && (*count >= MIN_SHARED_CONTACTS || is_pair && contacts_of(f) >= MIN_SHARED_CONTACTS);
+                if frames.iter().any(is_redundant) {
                     let start = members.len();
                     let slots = (0..contacts.count[lane]).filter(|&k| of_contact[k] == group);
                     members.extend(slots.filter_map(|k| problem.contact_in_slot(k, lane)));

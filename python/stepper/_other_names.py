@@ -79,7 +79,7 @@ IGNORED_BY_ENVIRONMENTS = _by_name(
 """Advice on members of a task with names of other libraries, or of arguments of an environment, which environments do not read."""
 PARTS_OF_OTHER_TASKS = _by_name(
     {
-        "return rows for a critic in observations(self) too, and let the learner select columns by env.unwrapped.observation_structure": (
+        "return {'policy': rows, 'critic': Group(rows, noise=False, extra=(...))} in observations(self)": (
             "critic_observations critic_obs privileged_observations privileged_obs get_privileged_observations get_critic_observations "
             "compute_critic_observations get_states states"
         ),

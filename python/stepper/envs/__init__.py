@@ -19,19 +19,21 @@ from stepper.envs import commands, quantities, terrain  # noqa: E402
 from stepper.envs.actions import Servo  # noqa: E402
 from stepper.envs.contacts import contact_forces  # noqa: E402
 from stepper.envs.events import at_reset, at_start, every, push  # noqa: E402
+from stepper.envs.observations import Group, Observation  # noqa: E402
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.rewards import Reward  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
 from stepper.envs.state import EnvState  # noqa: E402
-from stepper.envs.task import Moment, MujocoTask, Observation, Reset, Task, all_within, per_moment, square_sum, within  # noqa: E402
+from stepper.envs.task import Moment, MujocoTask, Reset, Task, all_within, per_moment, square_sum, within  # noqa: E402
 from stepper.envs.tasks import TASKS  # noqa: E402
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
-from stepper.shared.draws import add, log_uniform, scale, uniform  # noqa: E402
+from stepper.shared.draws import add, log_uniform, normal, scale, uniform  # noqa: E402
 from stepper.shared.streams import Rng, seeds  # noqa: E402
 
 __all__ = [
     "TASKS",
     "EnvState",
+    "Group",
     "Moment",
     "MujocoTask",
     "Observation",
@@ -50,6 +52,7 @@ __all__ = [
     "contact_forces",
     "every",
     "log_uniform",
+    "normal",
     "per_moment",
     "push",
     "quantities",

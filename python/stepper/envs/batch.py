@@ -14,13 +14,13 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from stepper._options import Options, Precision, precision_of
-from stepper._quantities import output_array
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.envs.groups import ObservationGroups, Observed
 from stepper.envs.hooks import EpisodeState, call_hook, episode_state_of
 from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.task import Array, Contact, Moment, Reset, Task, Terms, with_zero_rows
-from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of, table_of
+from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
 from stepper.envs.terms import TaskTerms
 from stepper.loading import ModelWarning
 from stepper.shared.arguments import check_fields, check_number, check_whole
@@ -42,6 +42,7 @@ class Batch:
         dtype: Scalar type of observations; None selects the type that `precision` names.
         max_episode_steps: Number of actions after which an episode is truncated; None selects `task.episode_seconds`.
         rewards: Weights that replace those of terms of the reward, by name; None replaces none.
+        groups: Whether observations are a dictionary of all observation groups, and not the group "policy".
         model: Model of the scene; None calls `task.model()`.
 
     Raises:
@@ -61,6 +62,7 @@ class Batch:
         dtype: Any = None,
         max_episode_steps: int | None = None,
         rewards: Mapping[str, float] | None = None,
+        groups: bool = False,
         model: Model | None = None,
     ):
         self.task = task
@@ -82,7 +84,7 @@ class Batch:
         # Seeds of the sensor errors, and a mask of the environments whose sensor seed takes effect at the next reset.
         self._noise_seeds, self._new_seeds = np.full(num_envs, _hashed_seed(), dtype=np.uint64), np.full(num_envs, self._has_noise)
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
-        self.dtype = _dtype_of(precision if dtype is None else dtype)
+        dtype = _dtype_of(precision if dtype is None else dtype)
         if max_episode_steps is not None:
             check_whole("max_episode_steps", max_episode_steps, least=1)
         if max_episode_steps is None and task.episode_seconds is not None:
@@ -101,9 +103,8 @@ class Batch:
             _warn_without_actions(task, model)
         self._actions = len(low)
         self.clear_last_step()
-        self._rows = table_of(task, self._now)
+        self.observations = ObservationGroups(task, self._now, self.streams, dtype, all_groups=groups)
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
-        self.observation_space = Box(-np.inf, np.inf, (self._rows[-1][1].stop,), dtype=self.dtype.type)
 
     @property
     def now(self) -> Moment:
@@ -132,11 +133,6 @@ class Batch:
             changed: Mask of these environments, (num_envs,).
         """
         self._now = self._now.reread(changed)
-
-    @property
-    def structure(self) -> dict[str, int]:
-        """Number of columns in the observation for each `Observation` in the table `Task.observations`, by name and in order."""
-        return {row.name: columns.stop - columns.start for row, columns in self._rows}
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
         """Seeds the random number generators of some environments.
@@ -176,6 +172,7 @@ class Batch:
         episode_state = EpisodeState(type(self.task).__name__, state)
         reset = Reset(self.sim, envs, episode_state, Rng(self.streams, envs), default_qpos=self._default_qpos)
         self.terms.begin(reset, is_seeded)
+        self.observations.begin(envs)
         call_hook(self.task, "reset", reset)
         for name, rows in reset.episode_state.items():
             self._episode_state[name][envs] = rows
@@ -231,7 +228,8 @@ class Batch:
         """
         values = {"returns": self.returns, "lengths": self.lengths, "rng": self.streams.state, "ages": self.streams.ages}
         values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now.step_values()
-        return values | self.terms.state() | {f"episode_state {name}": value for name, value in self._episode_state.items()}
+        values |= self.terms.state() | self.observations.state()
+        return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
 
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
         """Advances all environments by one action, which is `task.frame_skip` time steps.
@@ -345,35 +343,14 @@ class Batch:
         """Extra fields of the info dict after reset and after step."""
         return infos_of(self.task, self._now, self.num_envs)
 
-    def observation_array(self, out: Array | None = None) -> Array:
-        """Array for the observations of all environments, (num_envs, n), whose values are not set: `out`, or a new array if `out` is None.
-
-        Raises:
-            ValueError: `out` has another shape or scalar type.
-        """
-        return output_array((self.num_envs, *self.observation_space.shape), self.dtype, out)
-
-    def observation(self, out: Array | None = None) -> Array:
-        """Observations of all environments, (num_envs, n), in the array `out` (from `observation_array`) or, with None, in a new array."""
-        out = self.observation_array() if out is None else out
-        for row, columns in self._rows:
-            value = row.read(self._now)
-            if row.clip is None:
-                out[:, columns] = value
-            else:
-                np.clip(value, *row.clip, out=out[:, columns], casting="same_kind")
-            if row.scale != 1.0:
-                out[:, columns] *= row.scale
-        return out
-
-    def __getstate__(self) -> dict[str, Any]:
-        # The table may have lambda functions, which do not pickle; __setstate__ makes it again.
-        return {name: value for name, value in self.__dict__.items() if name != "_rows"}
+    def observation(self, out: Observed | None = None) -> Any:
+        """Observations of all environments, (num_envs, n) or a dictionary of such arrays by group, in `out` or in new arrays."""
+        return self.observations.read(self._now, self.observations.arrays(out) if out is None else out)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state
         self.terms.reattach(self.sim.model)
-        self._rows = table_of(self.task, self._now)
+        self.observations.reattach(self.task, self._now)
 
 
 def _default_qpos(task: Task, model: Model) -> Array:

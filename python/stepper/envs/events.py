@@ -59,7 +59,7 @@ def at_start(target: Target, value: Draw | None = None) -> Event:
     Args:
         target: Selector of parameters of `Stepper.randomize`, such as "geom_friction[*_foot][0]"; several selectors, which share the random
             numbers; or a function of a `Reset`.
-        value: Random values: `uniform`, `log_uniform`, `scale` or `add`. None for a function.
+        value: Random values: `uniform`, `log_uniform`, `normal`, `scale` or `add`. None for a function.
 
     Raises:
         TypeError: The target and the value do not fit.

@@ -6,14 +6,13 @@ import functools
 import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, ParamSpec, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import WrongArgumentError, hint_keywords, no_attribute, raise_error_of_property
+from stepper._hints import no_attribute, raise_error_of_property
 from stepper._other_names import RENAMED
 from stepper._quantities import read
 from stepper._stepper import Model, Stepper
@@ -22,13 +21,10 @@ from stepper.envs.absent import missing_from_now, missing_from_task
 from stepper.envs.actions import Servo, actions_of
 from stepper.envs.assets import cache_per_model, load_quietly, model_file
 from stepper.envs.events import Event
-from stepper.envs.hooks import in_words
 from stepper.envs.members import TaskType, check_members
+from stepper.envs.observations import Group, Observation
 from stepper.envs.rewards import Reward
 from stepper.sensors import SensorModel
-from stepper.shared.arguments import check_number
-from stepper.shared.fields import COMPOUNDS, RANDOMIZED
-from stepper.shared.functions import check_takes
 from stepper.shared.streams import Rng
 
 P = ParamSpec("P")
@@ -317,72 +313,6 @@ def with_zero_rows(values: Array, mask: Array) -> Array:
     return made
 
 
-def _is_parameter(name: str) -> bool:
-    """Whether the name of an observed quantity is a field of `Stepper.randomize`, or a selector of one."""
-    return name.partition("[")[0].strip() in {**RANDOMIZED, **COMPOUNDS}
-
-
-@hint_keywords("stepper.envs.Observation")
-@dataclass(frozen=True)
-class Observation:
-    """One observed quantity of a task, a row in the table that `Task.observations` returns. The observation concatenates all rows.
-
-    Attributes:
-        name: Name of the row, a text. Without `func` it is the name of a quantity of `Stepper`, such as "qpos", "qvel" or "xpos", or a
-            selector of parameters, such as "geom_friction[*_foot][0]". A function in this place is `func`, and its name that of the row.
-        func: Function of a `Moment` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
-        columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
-        clip: Lower and upper bound of the observed values; None means no bound.
-        noise: Half width of the uniform noise that is added before `clip`, in the unit of the quantity. `Moment.rng` draws the noise.
-        scale: Factor of the observed values, after `clip`.
-        unit: Unit of the values of `func`, for documentation; empty for numbers without a unit, and for quantities of `Stepper`.
-    """
-
-    name: Any
-    func: Callable[[Any], Array] | None = None
-    columns: slice | None = None
-    clip: tuple[float, float] | None = None
-    noise: float = 0.0
-    scale: float = 1.0
-    unit: str = ""
-
-    def __post_init__(self) -> None:
-        if callable(self.name) and self.func is None:
-            object.__setattr__(self, "func", self.name)
-            object.__setattr__(self, "name", getattr(self.name, "__name__", "").strip("_<>"))
-        if not isinstance(self.name, str):
-            raise WrongArgumentError(f"the name of an Observation is {in_words(self.name)}, must be a text: Observation(name, func=...)")
-        if self.func is not None and not callable(self.func):
-            elements = isinstance(self.func, str | list | tuple)
-            remedy = f": for elements by name, write func=lambda now: now.read({self.name!r}, {self.func!r})" if elements else ""
-            raise WrongArgumentError(
-                f"func of Observation {self.name!r} is {in_words(self.func)}, must be a function of now, or None{remedy}"
-            )
-        if self.func is not None:
-            check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
-        check_number(f"noise of Observation {self.name!r}", self.noise, least=0.0)
-        check_number(f"scale of Observation {self.name!r}", self.scale)
-        if self.clip is not None and np.shape(self.clip)[:1] != (2,):
-            one = isinstance(self.clip, int | float)
-            size = abs(self.clip) if one else 1.0  # type: ignore[arg-type]
-            raise TypeError(
-                f"clip of Observation {self.name!r} is {self.clip!r}, must be a lower and an upper bound: clip=({-size}, {size})"
-            )
-        low, high = (None, None) if self.clip is None else self.clip
-        if low is not None and high is not None and np.any(np.greater(low, high)):
-            raise ValueError(f"clip of Observation {self.name!r} is {self.clip!r}, must be the lower bound and then the upper bound")
-
-    def read(self, now: Moment) -> Array:
-        """Returns the values of this row of the observation table, (num_envs, n), in its unit, with noise and before `clip`."""
-        if self.func is not None:
-            value: Array = self.func(now)
-        else:
-            value = now.parameter(self.name) if _is_parameter(self.name) else getattr(now, self.name)
-        flat = value.reshape(len(value), -1)
-        flat = flat if self.columns is None else flat[:, self.columns]
-        return flat + now.rng(self.name).uniform(-self.noise, self.noise, flat.shape[1]) if self.noise else flat
-
-
 class Reset:
     """Environments that start a new episode, or have an event: the argument of `Task.reset` and of functions of events.
 
@@ -577,8 +507,12 @@ class Task(metaclass=TaskType):
         return low, high
 
     @abstractmethod
-    def observations(self) -> tuple[Observation, ...]:
-        """Returns the table of the observed quantities. The observation of an environment concatenates the rows of this table."""
+    def observations(self) -> tuple[Observation, ...] | Mapping[str, tuple[Observation, ...] | Group]:
+        """Returns the table of the observed quantities. The observation of an environment concatenates the rows of this table.
+
+        A dictionary has several tables, which are observation groups: "policy" for the policy, and usually "critic" for the critic.
+        Environments return the group "policy", or with `groups=True` a dictionary of all groups.
+        """
 
     def rewards(self) -> Mapping[str, Reward]:
         """Returns the terms of the reward by name, for tasks without a method `reward`.

@@ -10,7 +10,8 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.task import Array, Camera, Moment, Observation, Reset, Task, Terms
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, Moment, Reset, Task, Terms
 from stepper.sensors import SensorModel, Transfer
 
 SCENE = """

@@ -11,7 +11,8 @@ from stepper._options import Options
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.events import Event, at_reset
-from stepper.envs.task import Array, Camera, Moment, Observation, Reset, Task, Terms, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, Moment, Reset, Task, Terms, square_sum
 from stepper.shared.draws import scale, uniform
 
 GRAVITY, MASS, FRICTION = 9.81, 0.8, 0.6

@@ -15,9 +15,10 @@ from stepper.envs.actions import Servo
 from stepper.envs.commands import VelocityCommand
 from stepper.envs.events import Event, at_reset, every, push
 from stepper.envs.locomotion import rewards as terms
+from stepper.envs.observations import Observation
 from stepper.envs.quantities import action_rate, base_angvel, base_linvel, gravity, joint_pos, joint_vel
 from stepper.envs.rewards import Reward
-from stepper.envs.task import Array, Moment, Observation, Reset, Task, Terms
+from stepper.envs.task import Array, Moment, Reset, Task, Terms
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain, TerrainCurriculum, Wave
 from stepper.shared.arguments import check_fields, check_number
 from stepper.shared.draws import add, scale, uniform

@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, remove_elements
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import reading, source_tree
-from stepper.envs.task import Array, Moment, Observation
+from stepper.envs.task import Array, Moment
 from stepper.shared.streams import Rng
 
 _JOINTS = ("arm_root", "arm_shoulder", "arm_elbow", "arm_wrist", "finger", "fingertip", "thumb", "thumbtip")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, settle, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Moment, Reset
 
 _SPEED = 10.0
 """Speed at and above which the reward is 1, m/s."""

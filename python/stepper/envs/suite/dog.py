@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, cache_per_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, hinges, norm, open_floor, reading, rotation, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset, per_moment
+from stepper.envs.task import Array, Moment, Reset, per_moment
 from stepper.shared.machine import package_file
 from stepper.shared.rotations import about_vertical, matrices
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, scene, source_tree
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Moment, Reset
 
 _SPEED = 15.0
 """Angular speed above which the body counts as spinning, rad/s."""

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, small_control, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Moment, Reset
 
 _HEIGHT = 0.6
 """Height of the torso above the foot at which the robot counts as standing, m."""

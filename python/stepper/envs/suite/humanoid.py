@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, rotation, small_control, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Moment, Reset
 
 _HEIGHT = 1.4
 """Height of the head at which the humanoid counts as standing, m."""

@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, source_tree
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Moment, Reset
 
 _STIFFNESS = (15.0, 25.0)
 """Least and largest stiffness of a spring, N/m."""

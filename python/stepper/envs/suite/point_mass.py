@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, small_control, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset, Terms
+from stepper.envs.task import Array, Moment, Reset, Terms
 
 _PARALLEL = 0.9
 """Absolute cosine of the angle between the two control directions above which the second direction is drawn again."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly, remove_elements
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import (
     SuiteTask,
     hinges,
@@ -19,7 +20,7 @@ from stepper.envs.suite.base import (
     source_tree,
     tolerance,
 )
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Moment, Reset
 from stepper.shared.rotations import about_vertical
 
 _TOES = ("front_left", "front_right", "back_right", "back_left")

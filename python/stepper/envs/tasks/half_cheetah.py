@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Reset, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)

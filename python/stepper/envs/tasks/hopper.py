@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, all_within, per_moment, square_sum, within
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Reset, Terms, all_within, per_moment, square_sum, within
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.observations import BODY_TABLES, tendons
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Reset, Terms, square_sum
+from stepper.envs.tasks.humanoid_rows import BODY_TABLES, tendons
 
 
 @dataclass(frozen=True, kw_only=True)

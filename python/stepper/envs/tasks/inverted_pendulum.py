@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Reset, Terms
 
 
 @dataclass(frozen=True, kw_only=True)

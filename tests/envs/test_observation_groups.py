@@ -171,7 +171,7 @@ def test_out_is_a_dictionary_of_arrays():
 def test_errors_name_the_group_the_row_and_the_remedy():
     with pytest.raises(ValueError, match=r'observations returns the groups \'critic\', must have a group "policy"'):
         StepperVectorEnv(type("Wrong", (Slide,), {"observations": lambda self: {"critic": (Observation("qpos"),)}})(), 1)
-    with pytest.raises(ValueError, match=r'observations returns a Group, must return groups by name'):
+    with pytest.raises(ValueError, match=r"observations returns a Group, must return groups by name"):
         StepperVectorEnv(only_group(), 1)
     with pytest.raises(ValueError, match=r"delay of Observation 'qpos' is \(2, 1\), must be one or two whole numbers"):
         Observation("qpos", delay=(2, 1))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._arrays import array_of
-from stepper.policies.environment import Description, describe, differences
+from stepper.policies.environment import Description, describe, differences, of_policy
 from stepper.shared.arguments import path_of
 from stepper.shared.files import existing, explained, read_arrays, write_arrays
 
@@ -135,7 +135,8 @@ class Policy:
             PolicyError: The environment has observations or actions of another size.
         """
         base = env.unwrapped
-        sizes = [getattr(base, f"single_{name}", getattr(base, name)).shape for name in ("observation_space", "action_space")]
+        spaces = [getattr(base, f"single_{name}", getattr(base, name)) for name in ("observation_space", "action_space")]
+        sizes = [of_policy(space).shape for space in spaces]
         if sizes != [self.mean.shape, self.low.shape]:
             raise PolicyError(
                 f"the environment has observations {sizes[0]} and actions {sizes[1]}, the policy {self.mean.shape} and {self.low.shape}: "

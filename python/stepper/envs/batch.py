@@ -90,7 +90,7 @@ class Batch:
         if max_episode_steps is None and task.episode_seconds is not None:
             check_number(f"episode_seconds of {type(task).__name__}", task.episode_seconds, above=0.0)
             max_episode_steps = max(1, round(task.episode_seconds / self.dt))
-        self._limit = max_episode_steps
+        self.max_episode_steps = max_episode_steps
         self.streams = Streams(num_envs, _hashed_seed())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
         self._default_qpos = _default_qpos(task, model)
@@ -272,7 +272,7 @@ class Batch:
         reward, terms = rewards_of(task, now, self.num_envs)
         ends = task.terminated(now)
         terminated = np.zeros(self.num_envs, dtype=bool) if ends is None else rows_of(task, "terminated", ends, bool, self.num_envs)
-        truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
+        truncated = np.zeros(self.num_envs, dtype=bool) if self.max_episode_steps is None else self.lengths >= self.max_episode_steps
         cut = task.truncated(now)
         if cut is not None:
             cut = rows_of(task, "truncated", cut, bool, self.num_envs)

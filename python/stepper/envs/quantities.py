@@ -1,10 +1,12 @@
-"""Quantities of a robot with a base on a free joint: velocities, gravity and heading of the base, angles and velocities of the joints.
+"""Quantities of a robot with a base on a free joint: velocities, gravity and heading of the base, angles and velocities of joints, sites.
 
 Each is a function of a `Moment`, for observations and rewards: `Observation(base_linvel)`. It is computed once per step. The base is the
 body of the first free joint of the model, and the joints are all hinges and slides.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -25,6 +27,7 @@ __all__ = [
     "in_base",
     "joint_pos",
     "joint_vel",
+    "site_linvel",
 ]
 
 
@@ -110,6 +113,25 @@ def joint_vel(now: Moment) -> Array:
     _, rows = _joints(now.sim.model)
     rates: Array = now.qvel[:, rows]
     return rates
+
+
+def site_linvel(now: Moment, sites: Sequence[str]) -> Array:
+    """Linear velocities of sites along the axes of the world, (num_envs, n, 3), m/s.
+
+    Args:
+        now: View of the batch.
+        sites: Names of the n sites.
+    """
+    rows, bodies = _sites(now.sim.model, tuple(sites))
+    rates: Array = now.body_linvel[:, bodies] + np.cross(now.body_angvel[:, bodies], now.site_xpos[:, rows] - now.xpos[:, bodies])
+    return rates
+
+
+@cache_per_model
+def _sites(model: Model, names: tuple[str, ...]) -> tuple[list[int], list[int]]:
+    """Indices of sites by name, and of the bodies to which they belong."""
+    sites = [model.site(name) for name in names]
+    return [site.id for site in sites], [site.bodyid for site in sites]
 
 
 def action_rate(now: Moment) -> Array:

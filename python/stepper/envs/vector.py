@@ -149,6 +149,25 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         """Number of actions of each running episode so far, (num_envs,)."""
         return self._batch.lengths.copy()
 
+    def set_episode_lengths(self, lengths: ArrayLike) -> None:
+        """Sets the number of actions of each running episode so far, so that first episodes of a training end at different times.
+
+        Args:
+            lengths: Numbers of actions, (num_envs,) int, at least 0.
+
+        Raises:
+            ValueError: A wrong shape, or a negative number.
+        """
+        given = np.asarray(lengths)
+        if given.shape != (self.num_envs,) or given.dtype.kind not in "iu" or (given < 0).any():
+            raise ValueError(f"lengths is {lengths!r}, must be {self.num_envs} whole numbers of at least 0")
+        self._batch.lengths[:] = given
+
+    @property
+    def max_episode_steps(self) -> int | None:
+        """Number of actions after which an episode is truncated; None means no limit."""
+        return self._batch.max_episode_steps
+
     @hint_keywords("StepperVectorEnv.reset")
     def reset(
         self,

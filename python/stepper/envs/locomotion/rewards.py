@@ -11,7 +11,7 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_per_model
 from stepper.envs.contacts import contact_forces
-from stepper.envs.quantities import base_angvel, base_linvel, gravity, heading, in_base, joint_pos
+from stepper.envs.quantities import base_angvel, base_linvel, gravity, heading, in_base, joint_pos, site_linvel
 from stepper.envs.task import Array, Moment, per_moment, square_sum
 
 SCAN = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 17), np.linspace(-0.5, 0.5, 11), indexing="ij"), axis=-1).reshape(-1, 2)
@@ -214,10 +214,7 @@ def foot_heights(now: Moment) -> Array:
 @per_moment
 def foot_speeds(now: Moment) -> Array:
     """Horizontal speeds of the feet's sites: (num_envs, nfeet) m/s."""
-    model = now.sim.model
-    sites = _sites(model, tuple(now.task.FEET))
-    bodies = _bodies(model, tuple(now.task.FEET))
-    velocity = now.body_linvel[:, bodies] + np.cross(now.body_angvel[:, bodies], now.site_xpos[:, sites] - now.xpos[:, bodies])
+    velocity = site_linvel(now, tuple(now.task.FEET))
     speeds: Array = np.hypot(velocity[..., 0], velocity[..., 1])
     return speeds
 
@@ -242,12 +239,6 @@ def action_scale(model: Model) -> Array:
 def _sites(model: Model, names: tuple[str, ...]) -> list[int]:
     """Indices of the sites `names` of a model, in the same order."""
     return [model.site(name).id for name in names]
-
-
-@cache_per_model
-def _bodies(model: Model, names: tuple[str, ...]) -> list[int]:
-    """Indices of the bodies to which the sites `names` of a model belong, in the same order."""
-    return [model.site(name).bodyid for name in names]
 
 
 @cache_per_model

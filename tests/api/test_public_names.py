@@ -43,7 +43,7 @@ MODULES = (
 ROOT = {
     *("load", "Model", "Stepper", "Options", "Status", "State", "ModelError", "ModelWarning", "SensorModel", "Transfer"),
     *("ActuatorModel", "Drive", "Recorder", "__version__"),
-    *("add", "log_uniform", "scale", "uniform"),
+    *("add", "log_uniform", "normal", "scale", "uniform"),
 }
 """Names of the engine, in `stepper` itself."""
 

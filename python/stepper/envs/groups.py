@@ -40,10 +40,9 @@ class ObservationGroups:
         self._streams, self._dtype, self._all = streams, dtype, all_groups
         self._num_envs = len(now.action)
         self._tables = self._read_tables(task, now)
-        size = lambda table: table[-1][1].stop  # noqa: E731
-        self._shapes = {name: (self._num_envs, size(table)) for name, table in self._tables.items()}
-        boxes = {name: Box(-np.inf, np.inf, shape[1:], dtype=dtype.type) for name, shape in self._shapes.items()}
-        self.space: Box | Dict = Dict(boxes) if all_groups else boxes[POLICY]
+        self._shapes = {name: (self._num_envs, table[-1][1].stop) for name, table in self._tables.items()}
+        boxes: dict[str, Any] = {name: Box(-np.inf, np.inf, shape[1:], dtype=dtype.type) for name, shape in self._shapes.items()}
+        self.space: Any = Dict(boxes) if all_groups else boxes[POLICY]
         sizes = {name: {row.name: columns.stop - columns.start for row, columns in table} for name, table in self._tables.items()}
         self.structure: dict[str, Any] = sizes if all_groups else sizes[POLICY]
         self._memories = {

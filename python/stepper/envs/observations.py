@@ -33,14 +33,14 @@ class Observation:
     The quantity passes through `columns`, `bias`, `noise`, `clip`, `scale`, `delay` and `history`, in this order.
 
     Attributes:
-        name: Name of the row, a text. Without `func` it is the name of a command of the task, the name of a quantity of `Stepper` or of
-            `Moment`, such as "qpos" or "action", or a selector of parameters, such as "geom_friction[*_foot][0]". A function in this place
-            is `func`, and its name that of the row.
+        name: Name of the row. Without `func` it names a command of the task, or a quantity of `Moment` such as "qpos" or "action". A
+            selector such as "geom_friction[*_foot][0]" observes parameters. A function in this place is `func`, and its name that of the
+            row.
         func: Function of a `Moment` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
         columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
         clip: Lower and upper bound of the observed values; None means no bound.
-        noise: Error that is drawn for each observation: the half width of uniform noise, in the unit of the quantity; `uniform`,
-            `log_uniform` or `normal` values, which are added; or `scale` values, by which the quantity is multiplied.
+        noise: Error that is drawn for each observation. A number is the half width of uniform noise, in the unit of the quantity. Values
+            of `uniform`, `log_uniform` or `normal` are added. The quantity is multiplied by values of `scale`.
         scale: Factor of the observed values.
         unit: Unit of the values of `func`, for documentation; empty for numbers without a unit, and for quantities of `Stepper`.
         bias: Error in the format of `noise` that is drawn for each episode, and stays.
@@ -80,8 +80,6 @@ class Observation:
                 check_number(f"{name} of Observation {self.name!r}", error, least=0.0)
         check_number(f"scale of Observation {self.name!r}", self.scale)
         check_whole(f"history of Observation {self.name!r}", self.history, least=1)
-        if not isinstance(self.delay, tuple):
-            object.__setattr__(self, "delay", (self.delay, self.delay))
         if len(self.delays) != 2 or not all(isinstance(end, int) for end in self.delays) or not 0 <= self.delays[0] <= self.delays[1]:
             raise ValueError(f"delay of Observation {self.name!r} is {self.delay!r}, must be one or two whole numbers, in order")
         if self.clip is not None and np.shape(self.clip)[:1] != (2,):
@@ -97,8 +95,7 @@ class Observation:
     @property
     def delays(self) -> tuple[int, int]:
         """Smallest and largest delay, in actions."""
-        delays: Any = self.delay
-        return delays
+        return self.delay if isinstance(self.delay, tuple) else (self.delay, self.delay)
 
     @property
     def frames(self) -> int:

@@ -209,9 +209,10 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
             self._begun = True
         return self._observation()
 
-    def _observation(self) -> Any:
+    def _observation(self) -> Array:
         """Present observation, (n,), or a dictionary of such arrays by group."""
-        return each_group(self._batch.observation(), itemgetter(0))
+        observation: Array = each_group(self._batch.observation(), itemgetter(0))
+        return observation
 
     def render(self) -> Array | None:
         """Returns a picture of the environment, (height, width, 3) uint8; None without a render mode.

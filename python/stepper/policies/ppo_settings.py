@@ -64,8 +64,8 @@ class Settings:
             rewards.pose=0.5. Repeat the option for more.
 
     Raises:
-        ValueError: A minibatch has more samples than there are between two updates, a deviation is negative or not finite, a layer has no
-            units, or the activation function is unknown.
+        ValueError: A minibatch has more samples than there are between two updates. Or a deviation is negative or not finite, a layer has
+            no units, or the activation function is unknown.
     """
 
     env: str = "stepper/HalfCheetah-v5"

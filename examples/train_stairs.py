@@ -29,7 +29,7 @@ from stepper.envs import Rng
 from stepper.envs.commands import VelocityCommand
 from stepper.envs.locomotion import Go1Rough
 from stepper.envs.quantities import base_angvel, base_linvel, gravity, joint_pos, joint_vel
-from stepper.envs.task import Array, Moment
+from stepper.envs.task import Array, TaskView
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain
 from stepper.policies import Policy, load
 from stepper.policies.ppo import Run, train
@@ -113,7 +113,7 @@ class Go1Stairs(Go1Rough):
         ranges = {name: getattr(self.twist, name) for name in ("x", "y", "yaw", "standing", "turning", "forward")}
         return {"twist": StraightCommand(straight=self.straight, **ranges)}
 
-    def truncated(self, now: Moment) -> Array:
+    def truncated(self, now: TaskView) -> Array:
         """Whether the robot has left its tile, (num_envs,)."""
         away = now.qpos[:, :2] - now.episode_state["terrain_origin"][:, :2]
         return np.asarray(super().truncated(now) | (np.abs(away).max(axis=1) > EDGE))
@@ -131,7 +131,7 @@ if ENVIRONMENT not in gymnasium.registry:
     )
 
 
-def teacher_actions(teacher: Policy, now: Moment) -> Array:
+def teacher_actions(teacher: Policy, now: TaskView) -> Array:
     """Actions of the task on stairs, (num_envs, nu), that the policy of `Go1Velocity` chooses in the states of all environments (`now`).
 
     The function builds the observations of `Go1Velocity`. Both tasks have the same actions, within other bounds.

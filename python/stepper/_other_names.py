@@ -94,7 +94,7 @@ PARTS_OF_OTHER_TASKS = _by_name(
     }
 )
 """Advice on methods and tables of a task that other libraries read and environments do not, by name."""
-RENAMED = {"Task": _METHODS_OF_TASKS, "Moment": replacements("Moment")}
+RENAMED = {"Task": _METHODS_OF_TASKS, "TaskView": replacements("TaskView")}
 """Current names of methods and attributes of tasks: for each class, a table from the name of another library to the current one."""
 NEW_NAMES = {kind: replacements("StepperEnv") | replacements(kind) for kind in ("StepperEnv", "StepperVectorEnv")}
 """Replacements for attributes that an environment does not have, by its class, then by name."""

@@ -19,7 +19,7 @@ from stepper._stepper import Model, Stepper
 from stepper.envs.groups import ObservationGroups, Observed
 from stepper.envs.hooks import EpisodeState, call_hook, episode_state_of
 from stepper.envs.state import EnvState, check_settings, restore, save
-from stepper.envs.task import Array, Contact, Moment, Reset, Task, Terms, with_zero_rows
+from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, with_zero_rows
 from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
 from stepper.envs.terms import TaskTerms
 from stepper.loading import ModelWarning
@@ -107,8 +107,8 @@ class Batch:
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
     @property
-    def now(self) -> Moment:
-        """View of all environments (`Moment`) after the last step or reset, or after a later change of the stepper by the caller."""
+    def now(self) -> TaskView:
+        """View of all environments (`TaskView`) after the last step or reset, or after a later change of the stepper by the caller."""
         return self._now
 
     def clear_last_step(self) -> None:
@@ -118,13 +118,13 @@ class Batch:
         position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)
 
-    def _moment(self, action: Array, previous_action: Array) -> Moment:
-        """New view (`Moment`) of all environments after steps with these actions, (num_envs, n) each.
+    def _moment(self, action: Array, previous_action: Array) -> TaskView:
+        """New view (`TaskView`) of all environments after steps with these actions, (num_envs, n) each.
 
         A view stores the quantities that it has read.
         """
         shared = {"default_qpos": self._default_qpos, "episode_state": self._episode_state, "terms": self.terms, "streams": self.streams}
-        return Moment(self.sim, self.task, self.dt, (action, previous_action), **shared)
+        return TaskView(self.sim, self.task, self.dt, (action, previous_action), **shared)
 
     def _reread(self, changed: Array) -> None:
         """Replaces the view `now` after a reset or change of some environments, so that quantities are read again.

@@ -185,7 +185,7 @@ class Events:
 
     def parameter(self, sim: Stepper, selector: str) -> Array:
         """Present values of the numbers that a selector selects, (num_envs, n), in their unit."""
-        part = parts_of(sim.model, parse(selector), "Moment.parameter")[0]
+        part = parts_of(sim.model, parse(selector), "TaskView.parameter")[0]
         if part.field in self._current:
             values = self._current[part.field]
         else:

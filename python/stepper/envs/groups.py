@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from stepper._quantities import output_array
 from stepper.envs.observations import RowMemory
-from stepper.envs.task import Moment, Task
+from stepper.envs.task import Task, TaskView
 from stepper.envs.task_results import POLICY, Table, tables_of
 from stepper.shared.streams import Streams
 
@@ -36,7 +36,7 @@ class ObservationGroups:
         structure: Number of columns in the observation for each row, by name and in order; or a dictionary of such dictionaries by group.
     """
 
-    def __init__(self, task: Task, now: Moment, streams: Streams, dtype: np.dtype[Any], *, all_groups: bool):
+    def __init__(self, task: Task, now: TaskView, streams: Streams, dtype: np.dtype[Any], *, all_groups: bool):
         self._streams, self._dtype, self._all = streams, dtype, all_groups
         self._num_envs = len(now.action)
         self._tables = self._read_tables(task, now)
@@ -52,12 +52,12 @@ class ObservationGroups:
             if row.bias or row.frames > 1
         }
 
-    def _read_tables(self, task: Task, now: Moment) -> dict[str, Table]:
+    def _read_tables(self, task: Task, now: TaskView) -> dict[str, Table]:
         """Tables of the groups that observations have, by name."""
         tables = tables_of(task, now)
         return tables if self._all else {POLICY: tables[POLICY]}
 
-    def reattach(self, task: Task, now: Moment) -> None:
+    def reattach(self, task: Task, now: TaskView) -> None:
         """Reads the tables of the task again after unpickling, because functions such as lambdas do not pickle."""
         self._tables = self._read_tables(task, now)
 
@@ -85,13 +85,13 @@ class ObservationGroups:
             raise ValueError(f"out must be a dictionary of arrays of the observation groups {', '.join(self._shapes)}")
         return {name: output_array(shape, self._dtype, None if out is None else out[name]) for name, shape in self._shapes.items()}
 
-    def read(self, now: Moment, out: Any) -> Any:
+    def read(self, now: TaskView, out: Any) -> Any:
         """Observations of all environments, in arrays of `arrays`."""
         for group, table in self._tables.items():
             self._read_group(now, group, table, out[group] if self._all else out)
         return out
 
-    def _read_group(self, now: Moment, group: str, table: Table, out: Array) -> None:
+    def _read_group(self, now: TaskView, group: str, table: Table, out: Array) -> None:
         """Writes the observations of a group to an array, (num_envs, n).
 
         Args:

@@ -18,7 +18,7 @@ from stepper.shared.functions import check_takes
 from stepper.shared.streams import Rng, Streams
 
 if TYPE_CHECKING:
-    from stepper.envs.task import Moment
+    from stepper.envs.task import TaskView
 
 Array = NDArray[Any]
 Error = float | Draw
@@ -33,10 +33,10 @@ class Observation:
     The quantity passes through `columns`, `bias`, `noise`, `clip`, `scale`, `delay` and `history`, in this order.
 
     Attributes:
-        name: Name of the row. Without `func` it names a command of the task, or a quantity of `Moment` such as "qpos" or "action". A
+        name: Name of the row. Without `func` it names a command of the task, or a quantity of `TaskView` such as "qpos" or "action". A
             selector such as "geom_friction[*_foot][0]" observes parameters. A function in this place is `func`, and its name that of the
             row.
-        func: Function of a `Moment` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
+        func: Function of a `TaskView` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
         columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
         clip: Lower and upper bound of the observed values; None means no bound.
         noise: Error that is drawn for each observation. A number is the half width of uniform noise, in the unit of the quantity. Values
@@ -102,7 +102,7 @@ class Observation:
         """Number of observations that the row remembers, the present one among them."""
         return self.history + self.delays[1]
 
-    def read(self, now: Moment, bias: Array | None = None) -> Array:
+    def read(self, now: TaskView, bias: Array | None = None) -> Array:
         """Returns the values of this row of the observation table, (num_envs, n), in its unit, with errors and before `clip`.
 
         Args:

@@ -20,7 +20,7 @@ from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_setti
 from stepper.envs.groups import each_group
 from stepper.envs.making import make_task
 from stepper.envs.state import EnvState
-from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
+from stepper.envs.task import Array, Camera, Contact, Task, TaskView, Terms
 
 
 class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
@@ -94,7 +94,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         return self._batch.sim
 
     @property
-    def now(self) -> Moment:
+    def now(self) -> TaskView:
         """View of the environment after the last step or reset, from which the task computes observations and rewards."""
         return self._batch.now
 

@@ -14,7 +14,7 @@ from stepper._hints import WrongArgumentError
 from stepper._stepper import Model
 from stepper.envs.hooks import NO_ASSIGNMENT, in_words
 from stepper.envs.observations import Group, Observation
-from stepper.envs.task import Array, Moment, Task, Terms
+from stepper.envs.task import Array, Task, TaskView, Terms
 from stepper.shared.arguments import check_mapping
 from stepper.shared.functions import check_takes
 
@@ -82,7 +82,7 @@ def _pair_in_words(found: Any) -> str:
     return f"arrays of shapes {low.shape} and {high.shape}"
 
 
-def tables_of(task: Task, now: Moment) -> dict[str, Table]:
+def tables_of(task: Task, now: TaskView) -> dict[str, Table]:
     """Tables of the observed quantities of a task by name of the observation group; "policy" for a task without groups.
 
     Args:
@@ -110,7 +110,7 @@ POLICY = "policy"
 """Name of the observation group for the policy."""
 
 
-def _table_of(kind: str, given: Any, now: Moment) -> Table:
+def _table_of(kind: str, given: Any, now: TaskView) -> Table:
     """Rows of a table of observations, each with the slice of its columns in the observation.
 
     Args:
@@ -164,7 +164,7 @@ def _row_like(row: Any) -> str:
     return ""
 
 
-def _width(kind: str, row: Observation, now: Moment) -> int:
+def _width(kind: str, row: Observation, now: TaskView) -> int:
     """Number of columns that a row of the observation table has in the observation.
 
     Args:
@@ -205,7 +205,7 @@ def _width(kind: str, row: Observation, now: Moment) -> int:
     return int(width[1])
 
 
-def _element(name: str, now: Moment) -> str:
+def _element(name: str, now: TaskView) -> str:
     """Advice for a row of the observation table that is named after an element of the model; "" if no element has this name."""
     model = now.sim.model
     for kind, quantity in _QUANTITIES.items():
@@ -225,7 +225,7 @@ _QUANTITIES = {
 """Most likely quantity of an element that a task observes, by kind of element."""
 
 
-def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
+def rewards_of(task: Task, now: TaskView, num_envs: int) -> tuple[Array, Terms]:
     """Rewards (num_envs,) and entries for the info dict from `Task.reward`, after a check.
 
     Raises:
@@ -248,7 +248,7 @@ def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
     return rows_of(task, "reward", result[0], np.float64, num_envs), terms
 
 
-def position_of(task: Task, now: Moment, num_envs: int) -> Array | None:
+def position_of(task: Task, now: TaskView, num_envs: int) -> Array | None:
     """Result of `Task.position`, (num_envs, ...) in its unit, or None; a ValueError if it is anything else."""
     found: Any = task.position(now)
     if found is not None and not (isinstance(found, np.ndarray) and found.shape[:1] == (num_envs,)):
@@ -259,7 +259,7 @@ def position_of(task: Task, now: Moment, num_envs: int) -> Array | None:
     return found
 
 
-def infos_of(task: Task, now: Moment, num_envs: int) -> Terms:
+def infos_of(task: Task, now: TaskView, num_envs: int) -> Terms:
     """Entries for the info dict from `Task.info`; a ValueError if it does not return arrays (num_envs, ...) by name."""
     infos: Any = task.info(now)
     if not isinstance(infos, Mapping):

@@ -24,7 +24,7 @@ from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_setti
 from stepper.envs.groups import Observed, each_group
 from stepper.envs.making import autoreset, make_task
 from stepper.envs.state import EnvState
-from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
+from stepper.envs.task import Array, Camera, Contact, Task, TaskView, Terms
 from stepper.shared.arguments import check_mapping
 
 
@@ -120,7 +120,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         return self._batch.sim
 
     @property
-    def now(self) -> Moment:
+    def now(self) -> TaskView:
         """View of the batch after the last step or reset, from which the task computes observations and rewards."""
         return self._batch.now
 

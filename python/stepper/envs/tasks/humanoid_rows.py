@@ -7,7 +7,7 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_per_model
 from stepper.envs.observations import Observation
-from stepper.envs.task import Array, Moment, Terms
+from stepper.envs.task import Array, TaskView, Terms
 
 
 @cache_per_model
@@ -23,7 +23,7 @@ def _tendon_matrices(model: Model) -> tuple[Array, Array]:
     return lengths, rates
 
 
-def tendons(now: Moment) -> Terms:
+def tendons(now: TaskView) -> Terms:
     """Returns the lengths and velocities of the fixed tendons, (num_envs, ntendon) each.
 
     The names in the result are "tendon_length" (m or rad) and "tendon_velocity" (m/s or rad/s).

@@ -17,7 +17,6 @@ LIBRARIES = {
     "torch": "torch",
     "torch_rollout": "torch",
     "torchrl": "torchrl",
-    "unisim": "unisim.contract",
 }
 REMEDIES = {
     "jax": "pip install jax",
@@ -27,7 +26,6 @@ REMEDIES = {
     "stable_baselines3": "pip install stable-baselines3",
     "torch": "pip install torch",
     "torchrl": "pip install torchrl",
-    "unisim.contract": "pip install unisim-core",
 }
 
 

@@ -132,7 +132,7 @@ class Batch:
         Args:
             changed: Mask of these environments, (num_envs,).
         """
-        self._now = self._now.reread(changed)
+        self._now = self._now._reread(changed)
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
         """Seeds the random number generators of some environments.
@@ -214,12 +214,12 @@ class Batch:
                     "the state is from another task, or from another number of environments"
                 )
         restore(self.sim, state, mask)
-        last, kept = self._now.step_values(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
+        last, kept = self._now._step_values(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
         for name, values in mine.items():
             if name not in last:
                 values[mask] = theirs[name][mask]
         self.terms.events.read_parameters(self.sim)
-        self._now = self._now.restored({name: theirs[name] for name in last}, kept, mask)
+        self._now = self._now._restored({name: theirs[name] for name in last}, kept, mask)
 
     def _episodes(self) -> dict[str, Array]:
         """Arrays (num_envs, ...) by name that describe the running episodes, such as returns and lengths.
@@ -227,7 +227,7 @@ class Batch:
         They are references, not copies.
         """
         values = {"returns": self.returns, "lengths": self.lengths, "rng": self.streams.state, "ages": self.streams.ages}
-        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now.step_values()
+        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now._step_values()
         values |= self.terms.state() | self.observations.state()
         return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
 
@@ -265,7 +265,7 @@ class Batch:
             self._reread(begins)
         now = self._now
         if before is not None:
-            now.velocity = (task.position(now.without_kept()) - before) / self.dt
+            now.velocity = (task.position(now._without_kept()) - before) / self.dt
             if begins is not None:
                 now.velocity[begins] = 0.0
         now.reward_terms = self.terms.rewards.values(now)
@@ -303,11 +303,11 @@ class Batch:
         self.terms.make_events(self.sim, begins)
         # A new view, because the caller may have changed the stepper since the last step.
         before = self.task.position(self._moment(action, self._now.action))
-        self._now.expire()
+        self._now._expire()
         self._now = self._moment(action, self._now.action)
         self._now.velocity = None if before is None else np.zeros_like(before)
         call_hook(self.task, "advance", self._now)
-        self._now.end_step()
+        self._now._end_step()
         self.lengths += 1
         self.streams.ages += np.uint64(1)
         return before

@@ -196,12 +196,12 @@ class TaskView(BatchView):
         """
         self._values[name] = self._kept[name] = value
 
-    def end_step(self) -> None:
+    def _end_step(self) -> None:
         """Ends the steps of an action: drops values that were read between them, and notes the state that kept values belong to."""
         self._end = (self.sim.qpos, self.sim.qvel) if self._kept else None
         self.forget()
 
-    def without_kept(self) -> TaskView:
+    def _without_kept(self) -> TaskView:
         """Returns a view of the batch after the same step, without the values that `keep` has fixed."""
         return self._same_step(self.action, self.previous_action) if self._kept else self
 
@@ -215,7 +215,7 @@ class TaskView(BatchView):
         shared = {"default_qpos": self.default_qpos, "episode_state": self.episode_state, "terms": self._terms, "streams": self._streams}
         return TaskView(self.sim, self.task, self.dt, (action, previous_action), **shared)
 
-    def reread(self, changed: Array) -> TaskView:
+    def _reread(self, changed: Array) -> TaskView:
         """Returns a new view of all environments after a reset or change of some of them. This view ends.
 
         Args:
@@ -227,7 +227,7 @@ class TaskView(BatchView):
         if self._end is not None and not changed.all():
             nowhere = np.where(changed, np.nan, 0.0)[:, None]  # NaN equals no state.
             made._kept, made._end = dict(self._kept), (self._end[0] + nowhere, self._end[1] + nowhere)
-        self.expire()
+        self._expire()
         return made
 
     @property
@@ -235,28 +235,28 @@ class TaskView(BatchView):
         """Values that `keep` has fixed, (num_envs, ...) by name of the quantity."""
         return {name: getattr(self, name) for name in self._kept}
 
-    def step_values(self) -> Terms:
+    def _step_values(self) -> Terms:
         """Returns the arrays of the last step that a saved state contains, by name: actions, and "velocity" for tasks with a position."""
         return {name: value for name in ("action", "previous_action", "velocity") if (value := getattr(self, name)) is not None}
 
-    def restored(self, step_values: Terms, kept: Terms, mask: Array) -> TaskView:
+    def _restored(self, step_values: Terms, kept: Terms, mask: Array) -> TaskView:
         """Returns a new view of the batch after some environments were restored from a saved state.
 
         Args:
-            step_values: Action and velocity in the saved state, by name, as returned by `step_values()`.
+            step_values: Action and velocity in the saved state, by name, as returned by `_step_values()`.
             kept: Values that `keep` had fixed in the saved state, by name of the quantity, as in the attribute `kept`.
             mask: Environments that were restored, (num_envs,) bool.
         """
-        made = self.reread(mask)
+        made = self._reread(mask)
         for name, values in step_values.items():
             setattr(made, name, select(mask, values, getattr(made, name)))
         for name in {*kept, *made._kept}:
             present = getattr(made, name)
             made.keep(name, select(mask, kept.get(name, getattr(self.sim, name)), present))
-        made.end_step()
+        made._end_step()
         return made
 
-    def expire(self) -> None:
+    def _expire(self) -> None:
         """Ends this view of the batch: quantities that were not read before raise RuntimeError from now on."""
         self._expired = True
 

@@ -24,6 +24,7 @@ INSTALL = {
     "rerun": 'pip install "stepper-sim[viewer]"',
     "jinja2": 'pip install "stepper-sim[cli]"',
     "rich": 'pip install "stepper-sim[cli]"',
+    "rsl_rl": "pip install rsl-rl-lib",
     "stable_baselines3": "pip install stable-baselines3",
     "onnxruntime": 'pip install "stepper-sim[onnx]"',
     "torch": "pip install torch",

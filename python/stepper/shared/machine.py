@@ -26,6 +26,7 @@ INSTALL = {
     "rich": 'pip install "stepper-sim[cli]"',
     "rsl_rl": "pip install rsl-rl-lib",
     "stable_baselines3": "pip install stable-baselines3",
+    "onnx": "pip install onnx",
     "onnxruntime": 'pip install "stepper-sim[onnx]"',
     "torch": "pip install torch",
     "torchrl": "pip install torchrl",

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 import gymnasium
 import numpy as np
-import stepper.envs
+import stepper.envs  # noqa: F401, its import registers the environments
 from PIL import Image, ImageDraw
 
 IMAGES = Path(__file__).parents[1] / "docs/images"

@@ -107,7 +107,7 @@ class Observation:
 
         Args:
             now: View of the batch.
-            bias: Errors of the episodes from `bias`, (num_envs, n); None means none.
+            bias: Errors of the episodes from `bias`, (num_envs, n), in the unit of the row or as factors; None means none.
         """
         if self.func is not None:
             value: Array = self.func(now)
@@ -200,9 +200,14 @@ class RowMemory:
             self.delay[envs] = low + (rng.uniform(0.0, high - low + 1, 1)[:, 0]).astype(np.int64)
 
     def remember(self, values: Array, ages: Array) -> Array:
-        """Stores values (num_envs, size) of environments with `ages`, (num_envs,), and returns the observed ones, (num_envs, n).
+        """Stores present values, and returns the observed ones. Values that are stored again at the same age replace the newest ones.
 
-        Values that are stored a second time at the same age replace the newest ones.
+        Args:
+            values: Present values of the row, (num_envs, size), in its unit.
+            ages: Ages of the environments, (num_envs,), a number of actions and resets.
+
+        Returns:
+            Delayed values and their history, (num_envs, n), in the unit of the row.
         """
         is_next = (ages != self.ages) | (self.count == 0)
         self.count += is_next

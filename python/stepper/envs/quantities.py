@@ -1,8 +1,8 @@
 """Quantities of a robot with a base on a free joint: velocities, gravity and heading of the base, angles and velocities of joints, sites.
 
 Each is a function of a `BatchView`, for observations and rewards of a task, `Observation(base_linvel)`, and for controllers and measures
-of a study. It is computed once per step. The base is the
-body of the first free joint of the model, and the joints are all hinges and slides.
+of a study. It is computed once per step. The base is the body of the first free joint of the model, and the joints are all hinges and
+slides.
 """
 
 from __future__ import annotations

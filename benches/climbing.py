@@ -28,7 +28,7 @@ from stepper.envs import StepperVectorEnv
 from stepper.envs.commands import VelocityCommand
 from stepper.envs.locomotion import Go1Rough
 from stepper.envs.locomotion.velocity import ROUGH
-from stepper.envs.task import Array, Moment, Terms
+from stepper.envs.task import Array, TaskView, Terms
 from stepper.envs.terrain import PyramidStairs, Terrain
 from stepper.loading import origin_of
 from stepper.policies import Evaluation, evaluate, load
@@ -78,11 +78,11 @@ class Go1Climb(Go1Rough):
 
     twist: VelocityCommand = ALONG_X
 
-    def truncated(self, now: Moment) -> Array:
+    def truncated(self, now: TaskView) -> Array:
         """Whether a robot has climbed all steps, (num_envs,)."""
         return np.asarray(np.abs(now.qpos[:, :2]).max(axis=1) > OUTSIDE)
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Info of `Go1Rough`, with "climbed": 1 if the robot has climbed all steps, else 0."""
         return super().info(now) | {"climbed": self.truncated(now).astype(np.float64)}
 

@@ -36,7 +36,7 @@ import mujoco_vector
 import numpy as np
 import stepper
 from gymnasium.vector import SyncVectorEnv
-from stepper.envs import TASKS, Moment, StepperVectorEnv, Task
+from stepper.envs import TASKS, StepperVectorEnv, Task, TaskView
 from stepper.shared.machine import cpu_name, one_core
 
 NAMES = ("HalfCheetah", "Hopper", "Ant", "Humanoid")
@@ -119,7 +119,7 @@ def ours(name: str, num_envs: int, contact: str, precision: str) -> Contender:
     kind: Any = TASKS[name]
     times: list[float] = []
 
-    def advance(self: Task, now: Moment) -> None:
+    def advance(self: Task, now: TaskView) -> None:
         begin = time.process_time()
         kind.advance(self, now)
         times.append(time.process_time() - begin)

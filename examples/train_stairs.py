@@ -29,7 +29,7 @@ from stepper.envs import Rng
 from stepper.envs.commands import VelocityCommand
 from stepper.envs.locomotion import Go1Rough
 from stepper.envs.quantities import base_angvel, base_linvel, gravity, joint_pos, joint_vel
-from stepper.envs.task import Array, Moment
+from stepper.envs.task import Array, TaskView
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain
 from stepper.policies import Policy, load
 from stepper.policies.ppo import Run, train
@@ -113,7 +113,7 @@ class Go1Stairs(Go1Rough):
         ranges = {name: getattr(self.twist, name) for name in ("x", "y", "yaw", "standing", "turning", "forward")}
         return {"twist": StraightCommand(straight=self.straight, **ranges)}
 
-    def truncated(self, now: Moment) -> Array:
+    def truncated(self, now: TaskView) -> Array:
         """Whether the robot has left its tile, (num_envs,)."""
         away = now.qpos[:, :2] - now.episode_state["terrain_origin"][:, :2]
         return np.asarray(super().truncated(now) | (np.abs(away).max(axis=1) > EDGE))
@@ -131,7 +131,7 @@ if ENVIRONMENT not in gymnasium.registry:
     )
 
 
-def teacher_actions(teacher: Policy, now: Moment) -> Array:
+def teacher_actions(teacher: Policy, now: TaskView) -> Array:
     """Actions of the task on stairs, (num_envs, nu), that the policy of `Go1Velocity` chooses in the states of all environments (`now`).
 
     The function builds the observations of `Go1Velocity`. Both tasks have the same actions, within other bounds.
@@ -161,15 +161,16 @@ def imitate(run: Run, teacher: Policy, *, rounds: int, steps: int) -> None:
         for _ in range(steps):
             wanted = teacher_actions(teacher, batch.now) / run.half
             with torch.no_grad():
-                own = run.net.actor(run.normal(run.observation)).numpy()
-            seen.append(run.observation.astype(np.float32))
+                own = run.net.actor(run.normal(run.observation["policy"])).numpy()
+            seen.append(run.observation["policy"].astype(np.float32))
             shown.append(wanted.astype(np.float32))
             teacher_acts = rng.random((len(own), 1)) < 0.5**k
             action = np.where(teacher_acts, wanted, own) + NOISE * rng.standard_normal(own.shape)
-            run.observation, *_, info = run.envs.step(run.half * np.clip(action, -1.0, 1.0))
+            observation, *_, info = run.envs.step(run.half * np.clip(action, -1.0, 1.0))
+            run.observation = run.groups(observation)
             error += info["tracking_error"].mean() / steps
         if k == 0:
-            run.observed.update(np.concatenate(seen))
+            run.observed["policy"].update(np.concatenate(seen))
         states, actions = run.normal(np.concatenate(seen)), torch.from_numpy(np.concatenate(shown))
         for _ in range(PASSES):
             for part in torch.randperm(len(states)).split(MINIBATCH):
@@ -199,7 +200,7 @@ def train_critic(run: Run, updates: int) -> None:
 
 def settings(seed: int, steps: Sequence[int]) -> tuple[Settings, Settings]:
     """Settings of stages 2 and 3, with this seed and these numbers of steps."""
-    task = Settings.of_task("stepper/Go1Rough-v0", seed=seed, hidden=128, entropy=0.002, learning_rate=3e-4, initial_std=NOISE)
+    task = Settings.of_task("stepper/Go1Rough-v0", seed=seed, hidden=(128, 128), entropy=0.002, learning_rate=3e-4, initial_std=NOISE)
     stairs = dataclasses.replace(task, env=ENVIRONMENT)
     plain, noisy = {"noise": 0.0, "push": 0.0}, {"straight": 0.6, "max_init_level": STAIRS.num_rows - 1}
     second, third = (

@@ -15,7 +15,7 @@ import pytest
 import stepper
 import stepper.envs
 from models import full_mass_matrix
-from stepper.envs import Observation, StepperVectorEnv, Task
+from stepper.envs import Group, Observation, StepperVectorEnv, Task
 
 PAGES = Path(__file__).parents[1] / "docs/coming_from"
 SCENE = """<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="plane" size="5 5 .1"/><body name="hand" pos="0 0 .3">
@@ -229,6 +229,16 @@ class Reach(Task):
         reset.qpos[:, 2] = 0.5
 
 
+def observation_groups(*_):
+    """The critic has no errors, and the policy sees a bias that stays for the episode."""
+    rows = (Observation("qpos", bias=0.015),)
+    kind = type("Biased", (Reach,), {"observations": lambda self: {"policy": rows, "critic": Group(rows, noise=False)}})
+    envs = StepperVectorEnv(kind(), num_envs=2, groups=True)
+    errors = [seen["policy"] - seen["critic"] for seen in (envs.reset(seed=0)[0], envs.step(np.zeros((2, 1)))[0])]
+    same(errors[0], errors[1])
+    assert 0.0 < np.abs(errors[0]).max() < 0.015
+
+
 def noise_of_an_observation(*_):
     envs = StepperVectorEnv(Reach(), num_envs=64)
     observation, _ = envs.reset(seed=0)
@@ -303,8 +313,10 @@ def decimation(*_):
 
 ISAAC = {
     "`ManagerBasedRlEnv` with a config": methods("model", "reward"),
-    "observation manager, `ObservationTermCfg`": methods("observations"),
-    "noise of an observation term": noise_of_an_observation,
+    "observation manager, `ObservationGroupCfg`": observation_groups,
+    "`ObservationTermCfg` with `noise`, `clip`, `scale`, `delay_max_lag`, `history_length`": noise_of_an_observation,
+    "`enable_corruption=False`": observation_groups,
+    "encoder bias": observation_groups,
     "noise, bias, delay and dropout of a sensor": noise_of_a_sensor,
     "reward manager, terms with weights": reward_terms,
     "termination manager": methods("terminated"),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from python_texts import texts_of
-from rust_comments import Comment, comments_of, prose, sentences, words
+from rust_comments import Comment, comments_of, paragraphs, prose, sentences, words
 
 ROOT = Path(__file__).parents[1]
 MOST_WORDS = 25
@@ -47,6 +47,28 @@ REMAINING = {
 
 PYTHON = ("python/stepper", "examples", "benches")
 """Folders whose docstrings, comments and messages are read."""
+LEFT = {
+    "adapters": (4, 0, 13),
+    "api": (22, 0, 53),
+    "envs": (19, 0, 30),
+    "examples": (3, 0, 10),
+    "fuzz": (6, 0, 13),
+    "golden": (7, 2, 13),
+    "helpers": (19, 5, 22),
+    "identification": (5, 0, 18),
+    "laws": (26, 11, 99),
+    "policies": (2, 0, 2),
+    "reference": (6, 7, 19),
+    "studies": (13, 0, 28),
+    "study_libraries": (0, 0, 5),
+    "viewer": (8, 0, 3),
+    ".": (4, 0, 14),
+    "_stepper.pyi": (0, 3, 1),
+}
+"""Openings, long sentences and words that are left in folders of tests/, in tests/ itself, and in the stub. The numbers may only fall."""
+PAGES = {"docs": (0, 63), "README.md": (0, 0)}
+"""Long sentences and words that are left in the documentation. The numbers may only fall."""
+STUB = ROOT / "python/stepper/_stepper.pyi"
 
 
 def comments(place: str) -> list[Comment]:
@@ -123,6 +145,27 @@ def python_findings() -> dict[str, list[list[str]]]:
             for kind, check in zip(kinds, (openings, long_sentences, replaced_words), strict=True):
                 kind.extend(check(found))
     return findings
+
+
+def test_texts_of_tests_and_of_the_stub_do_not_get_worse():
+    """The folders that are not listed have none."""
+    findings: dict[str, list[int]] = {}
+    for file in [STUB, *sorted((ROOT / "tests").rglob("*.py"))]:
+        folder = STUB.name if file == STUB else file.relative_to(ROOT / "tests").parts[0] if file.parent != ROOT / "tests" else "."
+        found, counts = list(texts_of(file, ROOT)), findings.setdefault(folder, [0, 0, 0])
+        for k, check in enumerate((openings, long_sentences, replaced_words)):
+            counts[k] += len(check(found))
+    assert len(findings) > 10
+    worse = {folder for folder, counts in findings.items() if any(n > m for n, m in zip(counts, LEFT.get(folder, (0, 0, 0)), strict=True))}
+    assert {folder: findings[folder] for folder in worse} == {}
+
+
+@pytest.mark.parametrize("place", PAGES)
+def test_pages_do_not_get_worse(place):
+    files = [ROOT / place] if place.endswith(".md") else sorted((ROOT / place).rglob("*.md"))
+    found = [Comment(str(file.relative_to(ROOT)), False, tuple(paragraphs(file.read_text().splitlines()))) for file in files]
+    counts = [len(check(found)) for check in (long_sentences, replaced_words)]
+    assert all(count <= most for count, most in zip(counts, PAGES[place], strict=True)), (counts, PAGES[place])
 
 
 def test_python_texts_are_plain():

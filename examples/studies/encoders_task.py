@@ -18,7 +18,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 import encoders  # type: ignore[import-not-found]  # noqa: E402
 import gymnasium  # noqa: E402
 import stepper  # noqa: E402
-from stepper.envs.task import Observation  # noqa: E402
+from stepper.envs.observations import Observation  # noqa: E402
 from stepper.envs.tasks.inverted_double_pendulum import InvertedDoublePendulum  # noqa: E402
 
 

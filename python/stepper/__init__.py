@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from stepper.loading import ModelWarning, load
     from stepper.recording import Recorder
     from stepper.sensors import SensorModel, Transfer
-    from stepper.shared.draws import add, log_uniform, scale, uniform
+    from stepper.shared.draws import add, log_uniform, normal, scale, uniform
 
 __all__ = [
     "ActuatorModel",
@@ -43,6 +43,7 @@ __all__ = [
     "lab",
     "load",
     "log_uniform",
+    "normal",
     "policies",
     "recording",
     "scale",
@@ -62,7 +63,7 @@ _MODULE_OF = {
     **dict.fromkeys(("ModelWarning", "load"), "loading"),
     "Recorder": "recording",
     **dict.fromkeys(("SensorModel", "Transfer"), "sensors"),
-    **dict.fromkeys(("add", "log_uniform", "scale", "uniform"), "shared.draws"),
+    **dict.fromkeys(("add", "log_uniform", "normal", "scale", "uniform"), "shared.draws"),
 }
 """Submodule of each name that is imported at its first use."""
 

@@ -79,7 +79,7 @@ IGNORED_BY_ENVIRONMENTS = _by_name(
 """Advice on members of a task with names of other libraries, or of arguments of an environment, which environments do not read."""
 PARTS_OF_OTHER_TASKS = _by_name(
     {
-        "return rows for a critic in observations(self) too, and let the learner select columns by env.unwrapped.observation_structure": (
+        "return {'policy': rows, 'critic': Group(rows, noise=False, extra=(...))} in observations(self)": (
             "critic_observations critic_obs privileged_observations privileged_obs get_privileged_observations get_critic_observations "
             "compute_critic_observations get_states states"
         ),
@@ -94,7 +94,7 @@ PARTS_OF_OTHER_TASKS = _by_name(
     }
 )
 """Advice on methods and tables of a task that other libraries read and environments do not, by name."""
-RENAMED = {"Task": _METHODS_OF_TASKS, "Moment": replacements("Moment")}
+RENAMED = {"Task": _METHODS_OF_TASKS, "TaskView": replacements("TaskView")}
 """Current names of methods and attributes of tasks: for each class, a table from the name of another library to the current one."""
 NEW_NAMES = {kind: replacements("StepperEnv") | replacements(kind) for kind in ("StepperEnv", "StepperVectorEnv")}
 """Replacements for attributes that an environment does not have, by its class, then by name."""

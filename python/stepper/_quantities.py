@@ -35,7 +35,7 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
     """Values of a quantity for all or some elements, (num_envs, n, ...), in its unit; see `Stepper.read`.
 
     Args:
-        now: A `Stepper`, a `stepper.envs.Moment` or a `World` of a study, which have the same attributes.
+        now: A `Stepper`, a `stepper.envs.TaskView` or a `World` of a study, which have the same attributes.
         name: Name of the quantity, such as "xpos".
         of: Name or index of an element, or several; None selects all elements.
 

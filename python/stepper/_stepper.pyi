@@ -1,8 +1,8 @@
 """The binary: models and steppers.
 
 Arrays are C-contiguous NumPy arrays, float64 unless `precision="f32"`. With `num_envs=None` the leading axis is absent. SI units,
-quaternions (w, x, y, z). What an attribute gives is a read-only copy, unless its documentation says that it is writable; what a method
-returns belongs to whoever asked.
+quaternions (w, x, y, z). Attributes are read-only copies, unless they are documented as writable. Returned arrays are copies unless stated
+otherwise.
 """
 
 import builtins

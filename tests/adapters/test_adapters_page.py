@@ -38,12 +38,12 @@ def test_every_library_of_its_table_has_an_example():
 @pytest.mark.parametrize(("library", "package"), [
     ("EnvPool's calls, without it", "envpool"),
     ("Stable-Baselines3", "stable-baselines3"),
+    ("rsl_rl 5", "rsl-rl-lib"),
     ("PyTorch", "torch"),
     ("TorchRL", "torchrl"),
     ("RLlib, new API stack", "ray"),
     ("PufferLib 3", "pufferlib-core"),
     ("CleanRL", "gymnasium"),
-    ("UniSim", "unisim-core"),
     ("Ray", "ray"),
 ])  # fmt: skip
 def test_versions_are_those_of_the_table(library, package):

@@ -4,12 +4,14 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper.envs  # names for Gymnasium
+from envs.test_observation_groups import Grouped
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecCheckNan, VecFrameStack, VecMonitor, VecNormalize
 from stepper.adapters.sb3 import StepperVecEnv
+from stepper.envs import StepperVectorEnv
 
 NUM_ENVS = 5
 
@@ -159,3 +161,17 @@ def test_names_of_make_vec_env_and_another_mode_are_named():
         StepperVecEnv(gymnasium.make("stepper/Hopper-v5"))
     with pytest.raises(ValueError, match="autoreset_mode is NEXT_STEP, must be SAME_STEP for Stable-Baselines3: leave it out"):
         StepperVecEnv("stepper/Hopper-v5", autoreset_mode="NEXT_STEP")
+
+
+def test_observation_groups_are_a_dictionary():
+    """Observations and final observations equal those of the vector environment, and PPO learns from both groups."""
+    ours = StepperVecEnv(Grouped(), 3, seed=0, max_episode_steps=4, groups=True)
+    envs = StepperVectorEnv(Grouped(), 3, max_episode_steps=4, groups=True, autoreset_mode="SAME_STEP")
+    found, (expected, _) = ours.reset(), envs.reset(seed=0)
+    for _ in range(8):
+        same(found, expected)
+        found, _, over, infos = ours.step(np.full((3, 1), 0.5))
+        expected, *_, theirs = envs.step(np.full((3, 1), 0.5))
+        for k in np.flatnonzero(over):
+            same(infos[k]["terminal_observation"], theirs["final_obs"][k])
+    PPO("MultiInputPolicy", ours, n_steps=8, batch_size=12, n_epochs=1, device="cpu").learn(24)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from envs.test_observation_groups import Grouped
 from stepper.adapters.torchrl import StepperTorchRLEnv
 from stepper.envs import StepperVectorEnv
 from tensordict.nn import TensorDictModule
@@ -113,3 +114,17 @@ def test_a_policy_gradient_learns_to_balance():
         optimizer.step()
     assert lengths[0] < 20
     assert lengths[-1] > 2 * lengths[0]
+
+
+def test_observation_groups_are_entries():
+    env = StepperTorchRLEnv(Grouped(), NUM_ENVS, max_episode_steps=5, groups=True)
+    check_env_specs(env, seed=0)
+    env.set_seed(3)
+    rollout = env.rollout(8, break_when_any_done=False)
+    envs = StepperVectorEnv(Grouped(), NUM_ENVS, max_episode_steps=5, groups=True, dtype="float32", autoreset_mode="SAME_STEP")
+    observation, _ = envs.reset(seed=3)
+    assert "observation" not in rollout
+    for t in range(8):
+        for name in ("policy", "critic"):
+            np.testing.assert_array_equal(rollout[name][:, t], observation[name])
+        observation, *_ = envs.step(rollout["action"][:, t].numpy())

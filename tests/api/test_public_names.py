@@ -26,24 +26,11 @@ from stepper import _stepper
 
 LISTED = Path(__file__).with_name("public_names.txt")
 RENEW = "PYTHONPATH=python:tests/helpers .venv/bin/python tests/api/test_public_names.py"
-MODULES = (
-    "actuators",
-    "adapters",
-    "derivatives",
-    "doctor",
-    "elements",
-    "envs",
-    "lab",
-    "policies",
-    "recording",
-    "sensors",
-    "sysid",
-    "viewer",
-)
+MODULES = stepper._SUBMODULES
 ROOT = {
     *("load", "Model", "Stepper", "Options", "Status", "State", "ModelError", "ModelWarning", "SensorModel", "Transfer"),
     *("ActuatorModel", "Drive", "Recorder", "__version__"),
-    *("add", "log_uniform", "scale", "uniform"),
+    *("add", "log_uniform", "normal", "scale", "uniform"),
 }
 """Names of the engine, in `stepper` itself."""
 

@@ -15,7 +15,7 @@ from stepper import Stepper, _hints
 from stepper._hints import hint_of, replacements
 from stepper._other_names import NEW_NAMES
 from stepper.envs import StepperEnv, StepperVectorEnv
-from stepper.envs.task import Moment
+from stepper.envs.task import TaskView
 
 NAME = "stepper/Hopper-v5"
 ENV, ENVS = gymnasium.make(NAME), gymnasium.make_vec(NAME, num_envs=3)
@@ -93,7 +93,7 @@ class Wrong:
         return [].top
 
 
-@pytest.mark.parametrize("kind", [Slide, StepperEnv, StepperVectorEnv, Moment, _hints.Hints])
+@pytest.mark.parametrize("kind", [Slide, StepperEnv, StepperVectorEnv, TaskView, _hints.Hints])
 def test_an_error_inside_a_property_shows(kind):
     own = type("Own", (Wrong, kind), {})
     with pytest.raises(AttributeError, match=r"^'list' object has no attribute 'top'$"):
@@ -114,10 +114,10 @@ def test_a_misspelled_attribute_of_an_environment_is_suggested():
         ENVS.unwrapped.call("healthy_reward")
 
 
-@pytest.mark.parametrize("name", replacements("Moment"))
+@pytest.mark.parametrize("name", replacements("TaskView"))
 def test_an_attribute_that_now_has_not_has_a_hint(name):
-    hint = replacements("Moment")[name]
-    with pytest.raises(AttributeError, match=f"^now, a stepper.envs.Moment, has no attribute '{name}'; ") as error:
+    hint = replacements("TaskView")[name]
+    with pytest.raises(AttributeError, match=f"^now, a stepper.envs.TaskView, has no attribute '{name}'; ") as error:
         getattr(NOW, name)
     assert hint in str(error.value)
     if re.match(r"(velocity|action|episode_state|sim|time|default_qpos)\b", hint):
@@ -128,8 +128,8 @@ def test_an_attribute_that_now_has_not_has_a_hint(name):
 
 def test_hints_of_the_stepper_are_those_of_now():
     for name in replacements("Stepper"):
-        if name not in replacements("Moment") and not hasattr(Moment, name) and name not in vars(NOW):
-            with pytest.raises(AttributeError, match=f"^now, a stepper.envs.Moment, has no attribute '{name}'; ") as error:
+        if name not in replacements("TaskView") and not hasattr(TaskView, name) and name not in vars(NOW):
+            with pytest.raises(AttributeError, match=f"^now, a stepper.envs.TaskView, has no attribute '{name}'; ") as error:
                 getattr(NOW, name)
             assert re.sub(r"(?<![\w.])sim\.", "now.sim.", hint_of(Stepper, name)) in str(error.value)
     with pytest.raises(AttributeError, match=r"; now\.sim\.model\.body_mass has the model's values"):

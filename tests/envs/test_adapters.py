@@ -13,21 +13,21 @@ LIBRARIES = {
     "pufferlib": "pufferlib",
     "ray": "ray",
     "rllib": "ray.rllib",
+    "rsl_rl": "rsl_rl",
     "sb3": "stable_baselines3",
     "torch": "torch",
     "torch_rollout": "torch",
     "torchrl": "torchrl",
-    "unisim": "unisim.contract",
 }
 REMEDIES = {
     "jax": "pip install jax",
     "pufferlib": "pip install pufferlib-core",
     "ray": "pip install ray",
     "ray.rllib": 'pip install "ray[rllib]"',
+    "rsl_rl": "pip install rsl-rl-lib",
     "stable_baselines3": "pip install stable-baselines3",
     "torch": "pip install torch",
     "torchrl": "pip install torchrl",
-    "unisim.contract": "pip install unisim-core",
 }
 
 

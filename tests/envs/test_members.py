@@ -381,10 +381,7 @@ def test_a_method_that_the_class_itself_calls_is_no_warning(name):
     assert len(warnings_of(lambda: exec(recursive, scope))) == 1
 
 
-def test_history_of_an_observation_is_an_array_of_the_task():
-    """A delay of a sensor is another thing."""
-    with pytest.raises(TypeError, match=r"'history': use an array of episode_state") as error:
-        Observation("qpos", history=3)
-    assert "SensorModel" not in str(error.value)
-    with pytest.raises(TypeError, match=r"'delay': use Task.sensors, whose SensorModel delays sensordata"):
-        Observation("qpos", delay=3)
+def test_names_of_other_libraries_for_the_memory_of_an_observation_are_named():
+    for name, remedy in (("history_length", "history, the number of observations"), ("lag", "delay, in actions")):
+        with pytest.raises(TypeError, match=rf"'{name}': use {remedy}"):
+            Observation("qpos", **{name: 3})

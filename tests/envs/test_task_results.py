@@ -99,7 +99,7 @@ TABLES = {
     "the function of the row 'x' returns an array of shape (1,), must return": (Observation("x", lambda now: now.qpos[0]),),
     "columns of the row 'qpos' is 0, must be a slice": (Observation("qpos", columns=0),),
     "has the row 'step' without func, which is a function and no array": (Observation("step"),),
-    "has the row 'qpoz' without func, so that it must be a quantity of the stepper: now, a stepper.envs.Moment, has no attribute 'qpoz'":
+    "has the row 'qpoz' without func, so that it must be a quantity of the stepper: now, a stepper.envs.TaskView, has no attribute 'qpoz'":
         (Observation("qpoz"),),
 }  # fmt: skip
 

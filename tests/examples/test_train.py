@@ -15,7 +15,7 @@ torch = pytest.importorskip("torch", reason="torch is not installed: make traini
 from stepper.policies import ppo as train  # noqa: E402
 from stepper.policies import ppo_settings  # noqa: E402
 
-SMALL = {"num_envs": 32, "horizon": 16, "minibatch": 256, "threads": 1, "hidden": 16}
+SMALL = {"num_envs": 32, "horizon": 16, "minibatch": 256, "threads": 1, "hidden": (16, 16)}
 PER_ITERATION = 32 * 16
 
 
@@ -51,7 +51,7 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_curve(env, tmp_path, monkeyp
     assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
     assert len(rows_of(tmp_path / "whole")) == 12
     assert 0 < half.episodes < parts.episodes
-    observation = np.random.default_rng(0).normal(size=(7, len(whole.observed.mean)))
+    observation = np.random.default_rng(0).normal(size=(7, len(whole.observed["policy"].mean)))
     np.testing.assert_array_equal(parts.policy()(observation), whole.policy()(observation))
 
 
@@ -159,3 +159,35 @@ def test_it_learns(tmp_path):
     train.train(settings, tmp_path, quiet=True)
     rows = rows_of(tmp_path)
     assert float(rows[-1]["return"]) > 10.0 * float(rows[1]["return"])
+
+
+def test_the_critic_sees_its_group_and_the_policy_the_other(tmp_path):
+    """A run with an asymmetric critic continues to the same curve, and its policy acts on the group "policy" alone."""
+    from envs.test_observation_groups import Grouped
+
+    gymnasium.register(
+        "test/Grouped-v0", vector_entry_point="stepper.envs:StepperVectorEnv", kwargs={"task": Grouped}, max_episode_steps=20
+    )
+    given = {"env": "test/Grouped-v0", **SMALL}
+    whole = train.train(train.Settings(steps=4 * PER_ITERATION, **given), tmp_path / "whole", quiet=True)
+    train.train(train.Settings(steps=2 * PER_ITERATION, **given), tmp_path / "parts", quiet=True)
+    parts = train.train(train.Settings(steps=4 * PER_ITERATION, **given), tmp_path / "parts", quiet=True)
+    assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
+    assert (whole.net.actor[0].in_features, whole.net.critic[0].in_features) == (8, 9)
+    assert not np.array_equal(whole.observed["critic"].mean[:8], whole.observed["policy"].mean)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        policy = load(tmp_path / "whole/policy.npz", env=make("test/Grouped-v0", 2, precision="f32"))
+    assert policy(np.zeros((2, 8))).shape == (2, 1)
+    np.testing.assert_array_equal(parts.policy()(np.ones(8)), policy(np.ones(8)))
+
+
+def test_layers_activation_and_deviation_are_settings():
+    given = vars(train.arguments().parse_args(["--hidden", "32,16,8", "--activation", "elu", "--action-std", "0.5"]))
+    settings = train.Settings(hidden=given["hidden"], activation=given["activation"], action_std=given["action_std"])
+    net = train.ActorCritic(3, 2, settings, half=np.array([1.0, 2.0]))
+    assert [layer.out_features for layer in net.actor if isinstance(layer, torch.nn.Linear)] == [32, 16, 8, 2]
+    assert isinstance(net.actor[1], torch.nn.ELU)
+    np.testing.assert_allclose(torch.exp(net.log_std).detach(), [0.5, 0.25], rtol=1e-6)  # rounding of 32 bits
+    with pytest.raises(ValueError, match="activation is 'gelu', must be one of tanh, elu, relu"):
+        train.Settings(activation="gelu")

@@ -43,7 +43,7 @@ def test_imitation_moves_the_actor_towards_the_teacher(run):
 
     def distance():
         with torch.no_grad():
-            own = run.net.actor(run.normal(run.observation)).numpy()
+            own = run.net.actor(run.normal(run.observation["policy"])).numpy()
         return np.sqrt(np.mean((own - train_stairs.teacher_actions(teacher, run.envs.unwrapped.now) / run.half) ** 2))
 
     train_stairs.imitate(run, teacher, rounds=1, steps=20)

@@ -30,7 +30,8 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         infos: Environments whose info dictionaries are filled: "all" environments, or with "ended" only those whose episode ended in the
             step. With a thousand environments, "all" takes a tenth to a third of the time of a step.
         episode_statistics: Whether the info of an ended episode has the entry "episode", in the format of `Monitor`.
-        **settings: Further arguments of `stepper.envs.StepperVectorEnv`.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`. With `groups=True`, observations are a dictionary of the
+            observation groups, for the policies "MultiInputPolicy".
 
     Raises:
         ValueError: `infos` is neither "all" nor "ended".
@@ -56,8 +57,8 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         if seed is not None:
             self.seed(seed)
 
-    def reset(self) -> Array:
-        """Begins new episodes, with the seeds that the method `seed` has set, and returns observations, (num_envs, n).
+    def reset(self) -> Any:
+        """Begins new episodes, with the seeds that the method `seed` has set, and returns observations, (num_envs, n) or by group.
 
         Raises:
             ValueError: Options were set; the environments have no options.
@@ -100,6 +101,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
             for info in result:
                 info["TimeLimit.truncated"] = False
         if ended.size:
+            final_infos.pop("episode", None)  # The entry "episode" of the step has it too.
             begun, last = _rows(infos, ended, self.num_envs), _rows(final_infos, ended, self.num_envs)
             for k in ended.tolist():
                 self.reset_infos[k] = begun[k]

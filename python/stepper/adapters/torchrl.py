@@ -22,6 +22,8 @@ from torchrl.envs import EnvBase  # noqa: E402
 class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
     """TorchRL environment with the batch size (num_envs,) and the entries "observation", "action" and "reward".
 
+    With `groups=True`, the observation groups of the task are entries in place of "observation", such as "policy" and "critic".
+
     Partial resets and partial steps by TorchRL's masks "_reset" and "_step" are supported. On the CPU, observations share memory with NumPy
     arrays. Later steps do not overwrite returned tensors.
 
@@ -39,11 +41,12 @@ class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
         self._seed: int | None = None
         self._last: TensorDictBase | None = None
         self._ended: Array = np.zeros(num_envs, dtype=bool)
-        dtype = {"float32": torch.float32, "float64": torch.float64}[str(self.envs.single_observation_space.dtype)]
         space: Any = self.envs.action_space
         low, high = (torch.from_numpy(bound).to(device) for bound in (space.low, space.high))
-        observed = Unbounded(self.envs.observation_space.shape, dtype=dtype, device=device)
-        self.observation_spec = Composite(observation=observed, shape=self.batch_size, device=device)
+        spaces = _by_entry(getattr(self.envs.observation_space, "spaces", self.envs.observation_space))
+        dtypes = {"float32": torch.float32, "float64": torch.float64}
+        observed = {name: Unbounded(box.shape, dtype=dtypes[str(box.dtype)], device=device) for name, box in spaces.items()}
+        self.observation_spec = Composite(observed, shape=self.batch_size, device=device)
         self.action_spec = Bounded(low, high, shape=low.shape, dtype=torch.float32, device=device)
         self.reward_spec = Unbounded((num_envs, 1), dtype=torch.float32, device=device)
         flag = Categorical(2, shape=(num_envs, 1), dtype=torch.bool, device=device)
@@ -78,14 +81,20 @@ class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
         result["reward"] = torch.from_numpy(reward).float().to(self.device).unsqueeze(-1)
         if last is not None and not mask.all():  # Environments that do not step keep their last entries, as TorchRL requires.
             out = torch.from_numpy(~mask).to(self.device)
-            for name in ("observation", "done", "terminated", "truncated"):
+            for name in (*self.observation_spec, "done", "terminated", "truncated"):
                 result[name] = torch.where(out.unsqueeze(-1), last[name], result[name])
         self._ended = result["done"].cpu().numpy()[:, 0]
         self._last = result
         return result
 
-    def _entries(self, observation: Array, terminated: Array, truncated: Array) -> TensorDictBase:
-        """Entries of the result of a reset or step: the observation (num_envs, n) and the flags (num_envs, 1)."""
+    def _entries(self, observation: Any, terminated: Array, truncated: Array) -> TensorDictBase:
+        """Entries of the result of a reset or step: the observation (num_envs, n), or one per group, and the flags (num_envs, 1)."""
         flags = {"terminated": terminated, "truncated": truncated, "done": terminated | truncated}
         values = {name: torch.from_numpy(flag).to(self.device).unsqueeze(-1) for name, flag in flags.items()}
-        return TensorDict({"observation": torch.from_numpy(observation).to(self.device), **values}, self.batch_size, device=self.device)
+        seen = {name: torch.from_numpy(value).to(self.device) for name, value in _by_entry(observation).items()}
+        return TensorDict(seen | values, self.batch_size, device=self.device)
+
+
+def _by_entry(observation: Any) -> dict[str, Any]:
+    """Observations or spaces by name of the entry: "observation", or the observation groups."""
+    return observation if isinstance(observation, dict) else {"observation": observation}

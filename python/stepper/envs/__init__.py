@@ -19,20 +19,23 @@ from stepper.envs import commands, quantities, terrain  # noqa: E402
 from stepper.envs.actions import Servo  # noqa: E402
 from stepper.envs.contacts import contact_forces  # noqa: E402
 from stepper.envs.events import at_reset, at_start, every, push  # noqa: E402
+from stepper.envs.observations import Group, Observation  # noqa: E402
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.rewards import Reward  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
 from stepper.envs.state import EnvState  # noqa: E402
-from stepper.envs.task import Moment, MujocoTask, Observation, Reset, Task, all_within, per_moment, square_sum, within  # noqa: E402
+from stepper.envs.task import MujocoTask, Reset, Task, TaskView, all_within, square_sum, within  # noqa: E402
 from stepper.envs.tasks import TASKS  # noqa: E402
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
-from stepper.shared.draws import add, log_uniform, scale, uniform  # noqa: E402
+from stepper.shared.draws import add, log_uniform, normal, scale, uniform  # noqa: E402
 from stepper.shared.streams import Rng, seeds  # noqa: E402
+from stepper.shared.view import BatchView, per_moment  # noqa: E402
 
 __all__ = [
     "TASKS",
+    "BatchView",
     "EnvState",
-    "Moment",
+    "Group",
     "MujocoTask",
     "Observation",
     "Reset",
@@ -42,6 +45,7 @@ __all__ = [
     "StepperEnv",
     "StepperVectorEnv",
     "Task",
+    "TaskView",
     "add",
     "all_within",
     "at_reset",
@@ -50,6 +54,7 @@ __all__ = [
     "contact_forces",
     "every",
     "log_uniform",
+    "normal",
     "per_moment",
     "push",
     "quantities",

@@ -19,7 +19,7 @@ def missing_from_task(task: object, name: str, names_of_moment: Collection[str])
     Args:
         task: The task.
         name: Name of the attribute.
-        names_of_moment: Names of the attributes of a `Moment` that are not quantities.
+        names_of_moment: Names of the attributes of a `TaskView` that are not quantities.
     """
     if name in names_of_moment or inspect.isdatadescriptor(getattr(Stepper, name, None)):
         hint = f"; now has it, as now.{name}, in methods that take now"
@@ -31,16 +31,16 @@ def missing_from_task(task: object, name: str, names_of_moment: Collection[str])
 
 
 def missing_from_now(name: str, moment: type, names_of_moment: Collection[str]) -> AttributeError:
-    """Error for an attribute that a `Moment` does not have, with a hint: the quantity to use, or similar names.
+    """Error for an attribute that a `TaskView` does not have, with a hint: the quantity to use, or similar names.
 
     Args:
         name: Name of the attribute.
-        moment: The class `Moment`.
+        moment: The class `TaskView`.
         names_of_moment: Names of its attributes that are not quantities.
     """
     hint = hint_of(moment, name) or re.sub(r"(?<![\w.])sim\.", "now.sim.", hint_of(Stepper, name))
     hint = hint or did_you_mean(name, {*dir(Stepper), *dir(moment), *names_of_moment})
-    return AttributeError(f"now, a stepper.envs.Moment, has no attribute {name!r}{hint}")
+    return AttributeError(f"now, a stepper.envs.TaskView, has no attribute {name!r}{hint}")
 
 
 def missing_from_environment(owner: type, env: Any, name: str) -> AttributeError:

@@ -15,7 +15,7 @@ from stepper.shared.arguments import check_number
 from stepper.shared.selectors import parse, rows_of
 
 if TYPE_CHECKING:
-    from stepper.envs.task import Moment
+    from stepper.envs.task import TaskView
 
 Array = NDArray[Any]
 Scale: TypeAlias = float | Mapping[str, float] | Callable[[Model], Array]
@@ -30,8 +30,8 @@ class Servo:
         actuators: Names or patterns of the actuators, as in a selector: "*", or "*_hip,*_knee".
         scale: Change of a control by an action of 1, in the unit of the control. It is a number, or numbers by pattern of the actuators'
             names, of which the first that fits counts. Or it is a function of the model that returns a number for each actuator, (nu,).
-        offset: Control for the action 0. It is a number, or the name of a keyframe, whose controls count. Or it is a function of a `Moment`
-            that returns numbers (num_envs, nu) or (nu,). None selects the task's `keyframe`, or 0 without one.
+        offset: Control for the action 0. It is a number, or the name of a keyframe, whose controls count. Or it is a function of a
+            `TaskView` that returns numbers (num_envs, nu) or (nu,). None selects the task's `keyframe`, or 0 without one.
         bound: Bound of the magnitude of an action.
         delay: Smallest and largest number of time steps for which the action before still acts. Each episode draws a number.
     """
@@ -86,7 +86,7 @@ class ServoActions:
             bounds += [servo.bound] * len(rows)
         self.bounds, self.delays = np.array(bounds), (min(s.delay[0] for s in servos), max(s.delay[1] for s in servos))
 
-    def controls(self, now: Moment, action: Array) -> Array:
+    def controls(self, now: TaskView, action: Array) -> Array:
         """Controls (num_envs, nu) of actions (num_envs, n); actuators of no servo have the control 0."""
         made = np.zeros((len(action), now.sim.model.nu))
         first = 0

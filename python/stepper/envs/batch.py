@@ -14,13 +14,13 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from stepper._options import Options, Precision, precision_of
-from stepper._quantities import output_array
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.envs.groups import ObservationGroups, Observed
 from stepper.envs.hooks import EpisodeState, call_hook, episode_state_of
 from stepper.envs.state import EnvState, check_settings, restore, save
-from stepper.envs.task import Array, Contact, Moment, Reset, Task, Terms, with_zero_rows
-from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of, table_of
+from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, with_zero_rows
+from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
 from stepper.envs.terms import TaskTerms
 from stepper.loading import ModelWarning
 from stepper.shared.arguments import check_fields, check_number, check_whole
@@ -42,6 +42,7 @@ class Batch:
         dtype: Scalar type of observations; None selects the type that `precision` names.
         max_episode_steps: Number of actions after which an episode is truncated; None selects `task.episode_seconds`.
         rewards: Weights that replace those of terms of the reward, by name; None replaces none.
+        groups: Whether observations are a dictionary of all observation groups, and not the group "policy".
         model: Model of the scene; None calls `task.model()`.
 
     Raises:
@@ -61,6 +62,7 @@ class Batch:
         dtype: Any = None,
         max_episode_steps: int | None = None,
         rewards: Mapping[str, float] | None = None,
+        groups: bool = False,
         model: Model | None = None,
     ):
         self.task = task
@@ -82,13 +84,13 @@ class Batch:
         # Seeds of the sensor errors, and a mask of the environments whose sensor seed takes effect at the next reset.
         self._noise_seeds, self._new_seeds = np.full(num_envs, _hashed_seed(), dtype=np.uint64), np.full(num_envs, self._has_noise)
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
-        self.dtype = _dtype_of(precision if dtype is None else dtype)
+        dtype = _dtype_of(precision if dtype is None else dtype)
         if max_episode_steps is not None:
             check_whole("max_episode_steps", max_episode_steps, least=1)
         if max_episode_steps is None and task.episode_seconds is not None:
             check_number(f"episode_seconds of {type(task).__name__}", task.episode_seconds, above=0.0)
             max_episode_steps = max(1, round(task.episode_seconds / self.dt))
-        self._limit = max_episode_steps
+        self.max_episode_steps = max_episode_steps
         self.streams = Streams(num_envs, _hashed_seed())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
         self._default_qpos = _default_qpos(task, model)
@@ -101,13 +103,12 @@ class Batch:
             _warn_without_actions(task, model)
         self._actions = len(low)
         self.clear_last_step()
-        self._rows = table_of(task, self._now)
+        self.observations = ObservationGroups(task, self._now, self.streams, dtype, all_groups=groups)
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
-        self.observation_space = Box(-np.inf, np.inf, (self._rows[-1][1].stop,), dtype=self.dtype.type)
 
     @property
-    def now(self) -> Moment:
-        """View of all environments (`Moment`) after the last step or reset, or after a later change of the stepper by the caller."""
+    def now(self) -> TaskView:
+        """View of all environments (`TaskView`) after the last step or reset, or after a later change of the stepper by the caller."""
         return self._now
 
     def clear_last_step(self) -> None:
@@ -117,13 +118,13 @@ class Batch:
         position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)
 
-    def _moment(self, action: Array, previous_action: Array) -> Moment:
-        """New view (`Moment`) of all environments after steps with these actions, (num_envs, n) each.
+    def _moment(self, action: Array, previous_action: Array) -> TaskView:
+        """New view (`TaskView`) of all environments after steps with these actions, (num_envs, n) each.
 
         A view stores the quantities that it has read.
         """
         shared = {"default_qpos": self._default_qpos, "episode_state": self._episode_state, "terms": self.terms, "streams": self.streams}
-        return Moment(self.sim, self.task, self.dt, (action, previous_action), **shared)
+        return TaskView(self.sim, self.task, self.dt, (action, previous_action), **shared)
 
     def _reread(self, changed: Array) -> None:
         """Replaces the view `now` after a reset or change of some environments, so that quantities are read again.
@@ -131,12 +132,7 @@ class Batch:
         Args:
             changed: Mask of these environments, (num_envs,).
         """
-        self._now = self._now.reread(changed)
-
-    @property
-    def structure(self) -> dict[str, int]:
-        """Number of columns in the observation for each `Observation` in the table `Task.observations`, by name and in order."""
-        return {row.name: columns.stop - columns.start for row, columns in self._rows}
+        self._now = self._now._reread(changed)
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
         """Seeds the random number generators of some environments.
@@ -176,6 +172,7 @@ class Batch:
         episode_state = EpisodeState(type(self.task).__name__, state)
         reset = Reset(self.sim, envs, episode_state, Rng(self.streams, envs), default_qpos=self._default_qpos)
         self.terms.begin(reset, is_seeded)
+        self.observations.begin(envs)
         call_hook(self.task, "reset", reset)
         for name, rows in reset.episode_state.items():
             self._episode_state[name][envs] = rows
@@ -217,12 +214,12 @@ class Batch:
                     "the state is from another task, or from another number of environments"
                 )
         restore(self.sim, state, mask)
-        last, kept = self._now.step_values(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
+        last, kept = self._now._step_values(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
         for name, values in mine.items():
             if name not in last:
                 values[mask] = theirs[name][mask]
         self.terms.events.read_parameters(self.sim)
-        self._now = self._now.restored({name: theirs[name] for name in last}, kept, mask)
+        self._now = self._now._restored({name: theirs[name] for name in last}, kept, mask)
 
     def _episodes(self) -> dict[str, Array]:
         """Arrays (num_envs, ...) by name that describe the running episodes, such as returns and lengths.
@@ -230,8 +227,9 @@ class Batch:
         They are references, not copies.
         """
         values = {"returns": self.returns, "lengths": self.lengths, "rng": self.streams.state, "ages": self.streams.ages}
-        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now.step_values()
-        return values | self.terms.state() | {f"episode_state {name}": value for name, value in self._episode_state.items()}
+        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now._step_values()
+        values |= self.terms.state() | self.observations.state()
+        return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
 
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
         """Advances all environments by one action, which is `task.frame_skip` time steps.
@@ -267,14 +265,14 @@ class Batch:
             self._reread(begins)
         now = self._now
         if before is not None:
-            now.velocity = (task.position(now.without_kept()) - before) / self.dt
+            now.velocity = (task.position(now._without_kept()) - before) / self.dt
             if begins is not None:
                 now.velocity[begins] = 0.0
         now.reward_terms = self.terms.rewards.values(now)
         reward, terms = rewards_of(task, now, self.num_envs)
         ends = task.terminated(now)
         terminated = np.zeros(self.num_envs, dtype=bool) if ends is None else rows_of(task, "terminated", ends, bool, self.num_envs)
-        truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
+        truncated = np.zeros(self.num_envs, dtype=bool) if self.max_episode_steps is None else self.lengths >= self.max_episode_steps
         cut = task.truncated(now)
         if cut is not None:
             cut = rows_of(task, "truncated", cut, bool, self.num_envs)
@@ -305,11 +303,11 @@ class Batch:
         self.terms.make_events(self.sim, begins)
         # A new view, because the caller may have changed the stepper since the last step.
         before = self.task.position(self._moment(action, self._now.action))
-        self._now.expire()
+        self._now._expire()
         self._now = self._moment(action, self._now.action)
         self._now.velocity = None if before is None else np.zeros_like(before)
         call_hook(self.task, "advance", self._now)
-        self._now.end_step()
+        self._now._end_step()
         self.lengths += 1
         self.streams.ages += np.uint64(1)
         return before
@@ -345,35 +343,14 @@ class Batch:
         """Extra fields of the info dict after reset and after step."""
         return infos_of(self.task, self._now, self.num_envs)
 
-    def observation_array(self, out: Array | None = None) -> Array:
-        """Array for the observations of all environments, (num_envs, n), whose values are not set: `out`, or a new array if `out` is None.
-
-        Raises:
-            ValueError: `out` has another shape or scalar type.
-        """
-        return output_array((self.num_envs, *self.observation_space.shape), self.dtype, out)
-
-    def observation(self, out: Array | None = None) -> Array:
-        """Observations of all environments, (num_envs, n), in the array `out` (from `observation_array`) or, with None, in a new array."""
-        out = self.observation_array() if out is None else out
-        for row, columns in self._rows:
-            value = row.read(self._now)
-            if row.clip is None:
-                out[:, columns] = value
-            else:
-                np.clip(value, *row.clip, out=out[:, columns], casting="same_kind")
-            if row.scale != 1.0:
-                out[:, columns] *= row.scale
-        return out
-
-    def __getstate__(self) -> dict[str, Any]:
-        # The table may have lambda functions, which do not pickle; __setstate__ makes it again.
-        return {name: value for name, value in self.__dict__.items() if name != "_rows"}
+    def observation(self, out: Observed | None = None) -> Any:
+        """Observations of all environments, (num_envs, n) or a dictionary of such arrays by group, in `out` or in new arrays."""
+        return self.observations.read(self._now, self.observations.arrays(out) if out is None else out)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state
         self.terms.reattach(self.sim.model)
-        self._rows = table_of(self.task, self._now)
+        self.observations.reattach(self.task, self._now)
 
 
 def _default_qpos(task: Task, model: Model) -> Array:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from stepper.envs.quantities import heading
-from stepper.envs.task import Array, Moment
+from stepper.envs.task import Array, TaskView
 from stepper.shared.streams import Rng
 
 Range = tuple[float, float]
@@ -45,7 +45,7 @@ class Command:
             steps: Number of actions and resets of each environment since it was seeded, (n,), for curricula.
         """
 
-    def value(self, now: Moment, drawn: Array) -> Array:
+    def value(self, now: TaskView, drawn: Array) -> Array:
         """Returns the present commands, (num_envs, n), from the numbers of `draw`, (num_envs, size). The default is these numbers."""
         return drawn
 
@@ -101,7 +101,7 @@ class VelocityCommand(Command):
         commands[:, 4] = max(map(abs, self.yaw))
         return commands
 
-    def value(self, now: Moment, drawn: Array) -> Array:
+    def value(self, now: TaskView, drawn: Array) -> Array:
         """Commanded velocities along x and y (m/s) and about z (rad/s), (num_envs, 3)."""
         if not self.turning:
             return drawn[:, :3]

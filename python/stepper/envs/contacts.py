@@ -8,10 +8,11 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_per_model
-from stepper.envs.task import Array, Moment, per_moment
+from stepper.envs.task import Array, TaskView
+from stepper.shared.view import per_moment
 
 
-def contact_forces(now: Moment, geoms: Sequence[str], against: Sequence[str] | None = None) -> Array:
+def contact_forces(now: TaskView, geoms: Sequence[str], against: Sequence[str] | None = None) -> Array:
     """Returns the normal forces on geoms in the last time step, summed over the contacts of each geom, (num_envs, n), N.
 
     Args:
@@ -34,7 +35,7 @@ def contact_forces(now: Moment, geoms: Sequence[str], against: Sequence[str] | N
 
 
 @per_moment
-def _contacts(now: Moment) -> Array:
+def _contacts(now: TaskView) -> Array:
     """Contacts of all environments, in the format of `Stepper.contacts`, read once per moment (view of the batch after a step)."""
     contacts: Array = now.contacts()
     return contacts

@@ -59,7 +59,7 @@ def at_start(target: Target, value: Draw | None = None) -> Event:
     Args:
         target: Selector of parameters of `Stepper.randomize`, such as "geom_friction[*_foot][0]"; several selectors, which share the random
             numbers; or a function of a `Reset`.
-        value: Random values: `uniform`, `log_uniform`, `scale` or `add`. None for a function.
+        value: Random values: `uniform`, `log_uniform`, `normal`, `scale` or `add`. None for a function.
 
     Raises:
         TypeError: The target and the value do not fit.
@@ -185,7 +185,7 @@ class Events:
 
     def parameter(self, sim: Stepper, selector: str) -> Array:
         """Present values of the numbers that a selector selects, (num_envs, n), in their unit."""
-        part = parts_of(sim.model, parse(selector), "Moment.parameter")[0]
+        part = parts_of(sim.model, parse(selector), "TaskView.parameter")[0]
         if part.field in self._current:
             values = self._current[part.field]
         else:

@@ -18,7 +18,7 @@ from stepper.envs.task import Task
 from stepper.envs.tasks import TASKS
 
 SETTINGS = (
-    *("contact", "options", "precision", "dtype", "max_episode_steps", "rewards"),
+    *("contact", "options", "precision", "dtype", "max_episode_steps", "rewards", "groups"),
     *("render_mode", "width", "height", "camera_id", "camera_name", "default_camera_config"),
 )
 """Arguments of single and vector environments that belong to the environment, not to the task."""

@@ -1,18 +1,22 @@
-"""Quantities of a robot with a base on a free joint: velocities, gravity and heading of the base, angles and velocities of the joints.
+"""Quantities of a robot with a base on a free joint: velocities, gravity and heading of the base, angles and velocities of joints, sites.
 
-Each is a function of a `Moment`, for observations and rewards: `Observation(base_linvel)`. It is computed once per step. The base is the
-body of the first free joint of the model, and the joints are all hinges and slides.
+Each is a function of a `BatchView`, for observations and rewards of a task, `Observation(base_linvel)`, and for controllers and measures
+of a study. It is computed once per step. The base is the body of the first free joint of the model, and the joints are all hinges and
+slides.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from stepper._quantities import headings
 from stepper._stepper import Model
 from stepper.envs.assets import cache_per_model
-from stepper.envs.task import Array, Moment, per_moment
+from stepper.envs.task import TaskView
 from stepper.shared.rotations import matrices
+from stepper.shared.view import Array, BatchView, per_moment
 
 __all__ = [
     "action_rate",
@@ -25,6 +29,7 @@ __all__ = [
     "in_base",
     "joint_pos",
     "joint_vel",
+    "site_linvel",
 ]
 
 
@@ -51,68 +56,87 @@ def _slice(rows: list[int]) -> slice | list[int]:
 
 
 @per_moment
-def base_rotation(now: Moment) -> Array:
+def base_rotation(now: BatchView) -> Array:
     """Rotation matrices from the frame of the base to the world, (num_envs, 3, 3)."""
-    at, _ = _base(now.sim.model)
+    at, _ = _base(now.model)
     return matrices(now.qpos[:, at + 3 : at + 7])
 
 
-def in_base(now: Moment, vectors: Array) -> Array:
+def in_base(now: BatchView, vectors: Array) -> Array:
     """Components in the frame of the base of vectors in the world, (num_envs, 3), in the same unit."""
     turned: Array = np.einsum("ni,nij->nj", vectors, base_rotation(now))
     return turned
 
 
 @per_moment
-def base_linvel(now: Moment) -> Array:
+def base_linvel(now: BatchView) -> Array:
     """Linear velocity of the base in the frame of the base, (num_envs, 3), m/s."""
-    _, at = _base(now.sim.model)
+    _, at = _base(now.model)
     return in_base(now, now.qvel[:, at : at + 3])
 
 
-def base_angvel(now: Moment) -> Array:
+def base_angvel(now: BatchView) -> Array:
     """Angular velocity of the base in the frame of the base, (num_envs, 3), rad/s."""
-    _, at = _base(now.sim.model)
+    _, at = _base(now.model)
     rates: Array = now.qvel[:, at + 3 : at + 6]
     return rates
 
 
-def base_height(now: Moment) -> Array:
+def base_height(now: BatchView) -> Array:
     """Height of the base, (num_envs,), m."""
-    at, _ = _base(now.sim.model)
+    at, _ = _base(now.model)
     height: Array = now.qpos[:, at + 2]
     return height
 
 
 @per_moment
-def gravity(now: Moment) -> Array:
+def gravity(now: BatchView) -> Array:
     """Unit vector downwards in the frame of the base, (num_envs, 3): (0, 0, -1) for a level base."""
     return -base_rotation(now)[:, 2]
 
 
 @per_moment
-def heading(now: Moment) -> Array:
+def heading(now: BatchView) -> Array:
     """Heading of the base: angle of its x axis about the vertical, (num_envs,), rad."""
-    at, _ = _base(now.sim.model)
+    at, _ = _base(now.model)
     return headings(now.qpos[:, at + 3 : at + 7])
 
 
 @per_moment
-def joint_pos(now: Moment) -> Array:
+def joint_pos(now: BatchView) -> Array:
     """Positions of all hinges and slides minus those of `now.default_qpos`, (num_envs, n), rad or m."""
-    rows, _ = _joints(now.sim.model)
+    rows, _ = _joints(now.model)
     offsets: Array = now.qpos[:, rows] - now.default_qpos[rows]
     return offsets
 
 
-def joint_vel(now: Moment) -> Array:
+def joint_vel(now: BatchView) -> Array:
     """Velocities of all hinges and slides, (num_envs, n), rad/s or m/s."""
-    _, rows = _joints(now.sim.model)
+    _, rows = _joints(now.model)
     rates: Array = now.qvel[:, rows]
     return rates
 
 
-def action_rate(now: Moment) -> Array:
+def site_linvel(now: BatchView, sites: Sequence[str]) -> Array:
+    """Linear velocities of sites along the axes of the world, (num_envs, n, 3), m/s.
+
+    Args:
+        now: View of the batch.
+        sites: Names of the n sites.
+    """
+    rows, bodies = _sites(now.model, tuple(sites))
+    rates: Array = now.body_linvel[:, bodies] + np.cross(now.body_angvel[:, bodies], now.site_xpos[:, rows] - now.xpos[:, bodies])
+    return rates
+
+
+@cache_per_model
+def _sites(model: Model, names: tuple[str, ...]) -> tuple[list[int], list[int]]:
+    """Indices of sites by name, and of the bodies to which they belong."""
+    sites = [model.site(name) for name in names]
+    return [site.id for site in sites], [site.bodyid for site in sites]
+
+
+def action_rate(now: TaskView) -> Array:
     """Squared norm of the difference between the last two actions, (num_envs,), in the square of their unit."""
     change = now.action - now.previous_action
     rate: Array = np.einsum("ij,ij->i", change, change)

@@ -21,7 +21,7 @@ class Reward:
         Reward(track_velocity, 2.0, std=0.5)  # 2 track_velocity(now, std=0.5) dt
 
     Args:
-        func: Function of a `Moment` that returns the term without its weight, (num_envs,).
+        func: Function of a `TaskView` that returns the term without its weight, (num_envs,).
         weight: Weight. A term of weight 0 is not computed.
         per_second: Whether the weight is per second, so that the term is also multiplied by the time of an action (s).
         **arguments: Further arguments of `func`.

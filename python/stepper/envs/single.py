@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import itemgetter
 from typing import Any
 
 import gymnasium
@@ -16,9 +17,10 @@ from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
 from stepper.envs.checked_environment import CheckedEnvironment
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
+from stepper.envs.groups import each_group
 from stepper.envs.making import make_task
 from stepper.envs.state import EnvState
-from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
+from stepper.envs.task import Array, Camera, Contact, Task, TaskView, Terms
 
 
 class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
@@ -38,6 +40,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         max_episode_steps: Number of actions after which an episode is truncated; None means no limit. With `gymnasium.make`, the wrapper
             `TimeLimit` truncates instead.
         rewards: Weights that replace those of terms of the reward (`Task.rewards`), by name, as {"action_rate": -0.2}.
+        groups: Whether observations are a dictionary with all observation groups of the task. Otherwise they are the group "policy".
         render_mode: "rgb_array" for pictures by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists the requirements.
         width: Width of a picture in pixels.
         height: Height of a picture in pixels.
@@ -65,6 +68,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         dtype: Any = None,
         max_episode_steps: int | None = None,
         rewards: Mapping[str, float] | None = None,
+        groups: bool = False,
         render_mode: RenderMode | None = None,
         width: int = 480,
         height: int = 480,
@@ -74,13 +78,14 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         **arguments: Any,
     ):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "dtype": dtype}
-        settings |= {"max_episode_steps": max_episode_steps, "rewards": rewards}
+        settings |= {"max_episode_steps": max_episode_steps, "rewards": rewards, "groups": groups}
         self._batch = Batch(make_task(task, arguments, vector=False), 1, **settings)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
         self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
         self.metadata = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / self._batch.dt)}
-        self.observation_space, self.action_space = self._batch.observation_space, self._batch.action_space
-        self.observation_structure = self._batch.structure
+        observations = self._batch.observations
+        self.observation_space, self.observation_structure = observations.space, observations.structure
+        self.action_space = self._batch.action_space
         self._begun = False
 
     @property
@@ -89,7 +94,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         return self._batch.sim
 
     @property
-    def now(self) -> Moment:
+    def now(self) -> TaskView:
         """View of the environment after the last step or reset, from which the task computes observations and rewards."""
         return self._batch.now
 
@@ -117,7 +122,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
             options: Must be None or empty, because there are no options.
 
         Returns:
-            Observation (n,), and the info dict.
+            Observation (n,), or with `groups` a dictionary of such arrays, and the info dict.
 
         Raises:
             ValueError: `options` is not empty.
@@ -130,7 +135,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
             self._batch.seed(np.zeros(1, dtype=np.int64), [int(seed)])
         self._batch.begin(np.ones(1, dtype=bool))
         self._begun = True
-        return self._batch.observation()[0], _info_of_one(self._batch.info())
+        return self._observation(), _info_of_one(self._batch.info())
 
     @hint_keywords("StepperEnv.step")
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -155,7 +160,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         if not self._begun:
             raise ResetNeeded("call reset before step")
         reward, terminated, truncated, terms = batch.step(action[None])
-        return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _info_of_one(batch.info() | terms)
+        return self._observation(), float(reward[0]), bool(terminated[0]), bool(truncated[0]), _info_of_one(batch.info() | terms)
 
     def get_state(self) -> EnvState:
         """Returns the state of the environment, for `set_state`.
@@ -202,7 +207,11 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         else:
             self._batch.restore(qpos, mask)
             self._begun = True
-        observation: Array = self._batch.observation()[0]
+        return self._observation()
+
+    def _observation(self) -> Array:
+        """Present observation, (n,), or a dictionary of such arrays by group."""
+        observation: Array = each_group(self._batch.observation(), itemgetter(0))
         return observation
 
     def render(self) -> Array | None:

@@ -1,37 +1,31 @@
-"""Base class of tasks, and the view of the batch (`Moment`) from which tasks compute observations and rewards."""
+"""Base class of tasks, and the view of the batch (`TaskView`) from which tasks compute observations and rewards."""
 
 from __future__ import annotations
 
-import functools
 import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, ParamSpec, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import WrongArgumentError, hint_keywords, no_attribute, raise_error_of_property
+from stepper._hints import no_attribute, raise_error_of_property
 from stepper._other_names import RENAMED
-from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.envs.absent import missing_from_now, missing_from_task
 from stepper.envs.actions import Servo, actions_of
 from stepper.envs.assets import cache_per_model, load_quietly, model_file
 from stepper.envs.events import Event
-from stepper.envs.hooks import in_words
 from stepper.envs.members import TaskType, check_members
+from stepper.envs.observations import Group, Observation
 from stepper.envs.rewards import Reward
 from stepper.sensors import SensorModel
-from stepper.shared.arguments import check_number
-from stepper.shared.fields import COMPOUNDS, RANDOMIZED
-from stepper.shared.functions import check_takes
 from stepper.shared.streams import Rng
+from stepper.shared.view import BatchView
 
-P = ParamSpec("P")
 Array = NDArray[Any]
 Terms: TypeAlias = dict[str, Array]
 """Arrays (num_envs, ...) by name, such as terms of a reward or entries of an info dict."""
@@ -42,10 +36,10 @@ Camera: TypeAlias = Mapping[str, Any]
 
 
 _OWN = (
-    *("sim", "task", "dt", "action", "previous_action", "reward_terms", "default_qpos", "episode_state", "velocity"),
+    *("sim", "model", "num_envs", "task", "dt", "action", "previous_action", "reward_terms", "default_qpos", "episode_state", "velocity"),
     *("_terms", "_streams", "_kept", "_end", "_expired", "_revision_of"),
 )
-"""Names of the attributes of a `Moment` that are pickled. Other attributes are quantities, which can be read from the stepper again."""
+"""Names of the attributes of a `TaskView` that are pickled. Other attributes are quantities, which can be read from the stepper again."""
 
 
 _REVISIONS = attrgetter("actuator_force"), attrgetter("site_xpos")
@@ -56,7 +50,7 @@ the cheapest: without sites, the second one is empty.
 """
 
 
-class Moment:
+class TaskView(BatchView):
     """View of the batch after a step or a reset, from which a task computes observations, rewards and terminations.
 
     Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). The value is that of
@@ -66,6 +60,8 @@ class Moment:
 
     Attributes:
         sim: The stepper.
+        model: Model of the scene.
+        num_envs: Number of environments.
         task: The task.
         dt: Time between two observations, s.
         action: Actions of the last step, (num_envs, n); zero in environments that were just reset. n is nu, unless the task defines
@@ -80,6 +76,7 @@ class Moment:
 
     def __init__(self, sim: Stepper, task: Any, dt: float, actions: tuple[Array, Array], **parts: Any):
         self.sim, self.task, self.dt = sim, task, dt
+        self.model, self.num_envs = sim.model, sim.num_envs or 1
         self.action, self.previous_action = actions
         self.default_qpos, self.episode_state = parts["default_qpos"], parts["episode_state"]
         self._terms, self._streams = parts["terms"], parts["streams"]
@@ -97,8 +94,8 @@ class Moment:
         """Drops the stored values, so that quantities are read again."""
         self._revision, self._values = None, {}
 
-    def _stored(self) -> dict[str, Any]:
-        """Stored values by name: of the stepper's present state, or of the last state that an ended view has read."""
+    def stored(self) -> dict[str, Any]:
+        """Returns stored values by name: of the stepper's present state, or of the last state that an ended view has read."""
         if self._revision is not (present := self._revision_of(self.sim)) and not self._expired:
             self._revision, self._values = present, dict(self._kept)
             if self._end is not None:
@@ -117,9 +114,9 @@ class Moment:
         raise_error_of_property(self, name)
         if name.startswith("_"):
             raise AttributeError(name)
-        if name in RENAMED["Moment"]:
-            raise missing_from_now(name, Moment, _OWN)
-        values = self._stored()
+        if name in RENAMED["TaskView"]:
+            raise missing_from_now(name, TaskView, _OWN)
+        values = self.stored()
         if name in values:
             return values[name]
         self._check_present(name)
@@ -128,7 +125,7 @@ class Moment:
         except AttributeError:
             if hasattr(type(self.sim), name):
                 raise
-            raise missing_from_now(name, Moment, _OWN) from None
+            raise missing_from_now(name, TaskView, _OWN) from None
 
     def _check_present(self, name: str) -> None:
         """Raises RuntimeError if this view has ended, so that the quantity `name` can no longer be read."""
@@ -141,21 +138,6 @@ class Moment:
             raise TypeError(
                 f"now[{name!r}] is not defined: quantities are attributes, as now.qpos, and now.read(name, of) selects elements"
             )
-
-    def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> Array:
-        """Returns values of a quantity for all or some elements, by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
-        return read(self, name, of)
-
-    def rng(self, name: str) -> Rng:
-        """Returns a random number generator for all environments at this moment, for noise of an observation.
-
-        The numbers depend on the seed of each environment, on the number of its actions and resets since it was seeded, and on the name.
-        Every call at this moment with the same name gives the same numbers, so that reading an observation twice gives the same noise.
-
-        Args:
-            name: Name of the observation, such as "height_scan".
-        """
-        return Rng(self._streams.fork(name), np.arange(len(self._streams.state)))
 
     @property
     def steps(self) -> Array:
@@ -177,7 +159,7 @@ class Moment:
             name = next(iter(commands))
         if name not in commands:
             raise KeyError(f"{type(self.task).__name__}.commands has no {name!r}, it has {', '.join(commands) or 'none'}")
-        values, key = self._stored(), f"command {name}"
+        values, key = self.stored(), f"command {name}"
         if key not in values:
             values[key] = commands[name].value(self, self._terms.drawn[name])
         value: Array = values[key]
@@ -189,7 +171,7 @@ class Moment:
         Raises:
             ValueError: An unknown field or element.
         """
-        values, key = self._stored(), f"parameter {selector}"
+        values, key = self.stored(), f"parameter {selector}"
         if key not in values:
             values[key] = self._terms.events.parameter(self.sim, selector)
         value: Array = values[key]
@@ -214,16 +196,16 @@ class Moment:
         """
         self._values[name] = self._kept[name] = value
 
-    def end_step(self) -> None:
+    def _end_step(self) -> None:
         """Ends the steps of an action: drops values that were read between them, and notes the state that kept values belong to."""
         self._end = (self.sim.qpos, self.sim.qvel) if self._kept else None
         self.forget()
 
-    def without_kept(self) -> Moment:
+    def _without_kept(self) -> TaskView:
         """Returns a view of the batch after the same step, without the values that `keep` has fixed."""
         return self._same_step(self.action, self.previous_action) if self._kept else self
 
-    def _same_step(self, action: Array, previous_action: Array) -> Moment:
+    def _same_step(self, action: Array, previous_action: Array) -> TaskView:
         """New view of all environments after the same step, without the values that `keep` has fixed.
 
         Args:
@@ -231,9 +213,9 @@ class Moment:
             previous_action: Actions of the step before, (num_envs, n).
         """
         shared = {"default_qpos": self.default_qpos, "episode_state": self.episode_state, "terms": self._terms, "streams": self._streams}
-        return Moment(self.sim, self.task, self.dt, (action, previous_action), **shared)
+        return TaskView(self.sim, self.task, self.dt, (action, previous_action), **shared)
 
-    def reread(self, changed: Array) -> Moment:
+    def _reread(self, changed: Array) -> TaskView:
         """Returns a new view of all environments after a reset or change of some of them. This view ends.
 
         Args:
@@ -245,7 +227,7 @@ class Moment:
         if self._end is not None and not changed.all():
             nowhere = np.where(changed, np.nan, 0.0)[:, None]  # NaN equals no state.
             made._kept, made._end = dict(self._kept), (self._end[0] + nowhere, self._end[1] + nowhere)
-        self.expire()
+        self._expire()
         return made
 
     @property
@@ -253,28 +235,28 @@ class Moment:
         """Values that `keep` has fixed, (num_envs, ...) by name of the quantity."""
         return {name: getattr(self, name) for name in self._kept}
 
-    def step_values(self) -> Terms:
+    def _step_values(self) -> Terms:
         """Returns the arrays of the last step that a saved state contains, by name: actions, and "velocity" for tasks with a position."""
         return {name: value for name in ("action", "previous_action", "velocity") if (value := getattr(self, name)) is not None}
 
-    def restored(self, step_values: Terms, kept: Terms, mask: Array) -> Moment:
+    def _restored(self, step_values: Terms, kept: Terms, mask: Array) -> TaskView:
         """Returns a new view of the batch after some environments were restored from a saved state.
 
         Args:
-            step_values: Action and velocity in the saved state, by name, as returned by `step_values()`.
+            step_values: Action and velocity in the saved state, by name, as returned by `_step_values()`.
             kept: Values that `keep` had fixed in the saved state, by name of the quantity, as in the attribute `kept`.
             mask: Environments that were restored, (num_envs,) bool.
         """
-        made = self.reread(mask)
+        made = self._reread(mask)
         for name, values in step_values.items():
             setattr(made, name, select(mask, values, getattr(made, name)))
         for name in {*kept, *made._kept}:
             present = getattr(made, name)
             made.keep(name, select(mask, kept.get(name, getattr(self.sim, name)), present))
-        made.end_step()
+        made._end_step()
         return made
 
-    def expire(self) -> None:
+    def _expire(self) -> None:
         """Ends this view of the batch: quantities that were not read before raise RuntimeError from now on."""
         self._expired = True
 
@@ -284,10 +266,10 @@ class Moment:
 
 
 def _quantity(name: str) -> property:
-    """Property of `Moment` with a quantity of its stepper, which is stored until the stepper changes."""
+    """Property of `TaskView` with a quantity of its stepper, which is stored until the stepper changes."""
 
-    def quantity(now: Moment) -> Any:
-        values = now._stored()
+    def quantity(now: TaskView) -> Any:
+        values = now.stored()
         if name in values:
             return values[name]
         now._check_present(name)
@@ -301,8 +283,8 @@ def _quantity(name: str) -> property:
 
 
 for _name in dir(Stepper):
-    if inspect.isdatadescriptor(getattr(Stepper, _name)) and not hasattr(Moment, _name) and _name not in _OWN:
-        setattr(Moment, _name, _quantity(_name))
+    if inspect.isdatadescriptor(getattr(Stepper, _name)) and not hasattr(TaskView, _name) and _name not in _OWN:
+        setattr(TaskView, _name, _quantity(_name))
 
 
 def select(mask: Array, one: Array, other: Array) -> Array:
@@ -315,72 +297,6 @@ def with_zero_rows(values: Array, mask: Array) -> Array:
     made = np.array(values)
     made[mask] = 0
     return made
-
-
-def _is_parameter(name: str) -> bool:
-    """Whether the name of an observed quantity is a field of `Stepper.randomize`, or a selector of one."""
-    return name.partition("[")[0].strip() in {**RANDOMIZED, **COMPOUNDS}
-
-
-@hint_keywords("stepper.envs.Observation")
-@dataclass(frozen=True)
-class Observation:
-    """One observed quantity of a task, a row in the table that `Task.observations` returns. The observation concatenates all rows.
-
-    Attributes:
-        name: Name of the row, a text. Without `func` it is the name of a quantity of `Stepper`, such as "qpos", "qvel" or "xpos", or a
-            selector of parameters, such as "geom_friction[*_foot][0]". A function in this place is `func`, and its name that of the row.
-        func: Function of a `Moment` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
-        columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
-        clip: Lower and upper bound of the observed values; None means no bound.
-        noise: Half width of the uniform noise that is added before `clip`, in the unit of the quantity. `Moment.rng` draws the noise.
-        scale: Factor of the observed values, after `clip`.
-        unit: Unit of the values of `func`, for documentation; empty for numbers without a unit, and for quantities of `Stepper`.
-    """
-
-    name: Any
-    func: Callable[[Any], Array] | None = None
-    columns: slice | None = None
-    clip: tuple[float, float] | None = None
-    noise: float = 0.0
-    scale: float = 1.0
-    unit: str = ""
-
-    def __post_init__(self) -> None:
-        if callable(self.name) and self.func is None:
-            object.__setattr__(self, "func", self.name)
-            object.__setattr__(self, "name", getattr(self.name, "__name__", "").strip("_<>"))
-        if not isinstance(self.name, str):
-            raise WrongArgumentError(f"the name of an Observation is {in_words(self.name)}, must be a text: Observation(name, func=...)")
-        if self.func is not None and not callable(self.func):
-            elements = isinstance(self.func, str | list | tuple)
-            remedy = f": for elements by name, write func=lambda now: now.read({self.name!r}, {self.func!r})" if elements else ""
-            raise WrongArgumentError(
-                f"func of Observation {self.name!r} is {in_words(self.func)}, must be a function of now, or None{remedy}"
-            )
-        if self.func is not None:
-            check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
-        check_number(f"noise of Observation {self.name!r}", self.noise, least=0.0)
-        check_number(f"scale of Observation {self.name!r}", self.scale)
-        if self.clip is not None and np.shape(self.clip)[:1] != (2,):
-            one = isinstance(self.clip, int | float)
-            size = abs(self.clip) if one else 1.0  # type: ignore[arg-type]
-            raise TypeError(
-                f"clip of Observation {self.name!r} is {self.clip!r}, must be a lower and an upper bound: clip=({-size}, {size})"
-            )
-        low, high = (None, None) if self.clip is None else self.clip
-        if low is not None and high is not None and np.any(np.greater(low, high)):
-            raise ValueError(f"clip of Observation {self.name!r} is {self.clip!r}, must be the lower bound and then the upper bound")
-
-    def read(self, now: Moment) -> Array:
-        """Returns the values of this row of the observation table, (num_envs, n), in its unit, with noise and before `clip`."""
-        if self.func is not None:
-            value: Array = self.func(now)
-        else:
-            value = now.parameter(self.name) if _is_parameter(self.name) else getattr(now, self.name)
-        flat = value.reshape(len(value), -1)
-        flat = flat if self.columns is None else flat[:, self.columns]
-        return flat + now.rng(self.name).uniform(-self.noise, self.noise, flat.shape[1]) if self.noise else flat
 
 
 class Reset:
@@ -577,8 +493,12 @@ class Task(metaclass=TaskType):
         return low, high
 
     @abstractmethod
-    def observations(self) -> tuple[Observation, ...]:
-        """Returns the table of the observed quantities. The observation of an environment concatenates the rows of this table."""
+    def observations(self) -> tuple[Observation, ...] | Mapping[str, tuple[Observation, ...] | Group]:
+        """Returns the table of the observed quantities. The observation of an environment concatenates the rows of this table.
+
+        A dictionary has several tables, which are observation groups: "policy" for the policy, and usually "critic" for the critic.
+        Environments return the group "policy", or with `groups=True` a dictionary of all groups.
+        """
 
     def rewards(self) -> Mapping[str, Reward]:
         """Returns the terms of the reward by name, for tasks without a method `reward`.
@@ -588,7 +508,7 @@ class Task(metaclass=TaskType):
         """
         return {}
 
-    def reward(self, now: Moment) -> Array | tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> Array | tuple[Array, Terms]:
         """Returns the rewards of the last step, (num_envs,), or a pair of them and further entries for the info dict.
 
         The default is the sum of the weighted terms of `rewards`.
@@ -620,7 +540,7 @@ class Task(metaclass=TaskType):
         """
         return {}
 
-    def on_end(self, now: Moment, envs: Array) -> None:
+    def on_end(self, now: TaskView, envs: Array) -> None:
         """Hook that is called before environments start their next episode, even if `reset` ends the current episode early.
 
         The hook is not called for episodes without an action. A curriculum measures the progress of the episode here, and changes the level
@@ -631,29 +551,29 @@ class Task(metaclass=TaskType):
             envs: Indices of the environments, (n,).
         """
 
-    def terminated(self, now: Moment) -> Array | None:
+    def terminated(self, now: TaskView) -> Array | None:
         """Whether each episode ends with a failure, (num_envs,) bool. None means that no episode fails."""
         return None
 
-    def truncated(self, now: Moment) -> Array | None:
+    def truncated(self, now: TaskView) -> Array | None:
         """Whether the task truncates each episode, (num_envs,) bool, for example because the robot left the terrain without a failure.
 
         None means that the task truncates no episode. The limit `max_episode_steps` of an environment truncates independently.
         """
         return None
 
-    def position(self, now: Moment) -> Array | None:
+    def position(self, now: TaskView) -> Array | None:
         """Returns the quantity, (num_envs, ...), whose rate of change over the last action is `now.velocity`; None for no velocity.
 
         The quantity is evaluated in the states before and after the action. Values that `now.keep` has fixed are not used.
         """
         return None
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Returns extra fields of the info dict after a reset and after a step."""
         return {}
 
-    def advance(self, now: Moment) -> None:
+    def advance(self, now: TaskView) -> None:
         """Steps the simulation by one action: `now.step()`. An override can store quantities between time steps with `now.keep`."""
         now.step()
 
@@ -677,22 +597,6 @@ class MujocoTask(Task):
         if not hasattr(self, "xml_file"):
             raise TypeError(f'{type(self).__name__} has no xml_file, the file of its model: add the field `xml_file: str = "hopper.xml"`')
         return load_quietly(model_file(self.xml_file))
-
-
-def per_moment(function: Callable[P, Array]) -> Callable[P, Array]:
-    """Decorator for a function of a `Moment`, or a method of a task: the result is computed once per moment, and stored for later calls."""
-    name = f"of {function.__module__}.{function.__qualname__}"
-
-    @functools.wraps(function)
-    def quantity(*arguments: P.args, **named: P.kwargs) -> Array:
-        now: Any = arguments[-1]
-        values = now._stored()
-        if name not in values:
-            values[name] = function(*arguments, **named)
-        value: Array = values[name]
-        return value
-
-    return quantity
 
 
 def within(value: Array, bounds: tuple[float, float]) -> Array:

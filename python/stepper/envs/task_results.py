@@ -13,7 +13,8 @@ from stepper._arrays import array_of
 from stepper._hints import WrongArgumentError
 from stepper._stepper import Model
 from stepper.envs.hooks import NO_ASSIGNMENT, in_words
-from stepper.envs.task import Array, Moment, Observation, Task, Terms
+from stepper.envs.observations import Group, Observation
+from stepper.envs.task import Array, Task, TaskView, Terms
 from stepper.shared.arguments import check_mapping
 from stepper.shared.functions import check_takes
 
@@ -81,8 +82,8 @@ def _pair_in_words(found: Any) -> str:
     return f"arrays of shapes {low.shape} and {high.shape}"
 
 
-def table_of(task: Task, now: Moment) -> Table:
-    """Observed quantities of a task (rows of its table of observations), each with the slice of its columns in the observation.
+def tables_of(task: Task, now: TaskView) -> dict[str, Table]:
+    """Tables of the observed quantities of a task by name of the observation group; "policy" for a task without groups.
 
     Args:
         task: The task.
@@ -94,6 +95,29 @@ def table_of(task: Task, now: Moment) -> Table:
     """
     given: Any = task.observations()
     kind = type(task).__name__
+    if isinstance(given, Group):
+        raise ValueError(f'{kind}.observations returns a Group, must return groups by name: return {{"policy": Group(...)}}')
+    if not isinstance(given, Mapping) or any(isinstance(rows, Observation) or callable(rows) for rows in given.values()):
+        return {POLICY: _table_of(kind, given, now)}
+    if POLICY not in given:
+        known = ", ".join(map(repr, given)) or "none"
+        raise ValueError(f'{kind}.observations returns the groups {known}, must have a group "policy", which environments return')
+    groups = {name: rows.table() if isinstance(rows, Group) else rows for name, rows in given.items()}
+    return {str(name): _table_of(kind, rows, now) for name, rows in groups.items()}
+
+
+POLICY = "policy"
+"""Name of the observation group for the policy."""
+
+
+def _table_of(kind: str, given: Any, now: TaskView) -> Table:
+    """Rows of a table of observations, each with the slice of its columns in the observation.
+
+    Args:
+        kind: Name of the task's class, for error messages.
+        given: The table.
+        now: View of the batch.
+    """
     if isinstance(given, Observation):
         raise ValueError(f"{kind}.observations returns a single Observation, must return a tuple of them: return (Observation(...),)")
     if isinstance(given, str | Mapping | np.ndarray) or not isinstance(given, Iterable):
@@ -111,7 +135,7 @@ def table_of(task: Task, now: Moment) -> Table:
                 f"{kind}.observations returns two rows with the name {row.name!r}: give one another name, as Observation('name', func=...)"
             )
         at = rows[-1][1].stop if rows else 0
-        rows.append((row, slice(at, at + _width(kind, row, now))))
+        rows.append((row, slice(at, at + row.history * _width(kind, row, now))))
     if not rows:
         raise ValueError(f'{kind}.observations returns no rows: return at least one, as (Observation("qpos"), Observation("qvel"))')
     return rows
@@ -140,7 +164,7 @@ def _row_like(row: Any) -> str:
     return ""
 
 
-def _width(kind: str, row: Observation, now: Moment) -> int:
+def _width(kind: str, row: Observation, now: TaskView) -> int:
     """Number of columns that a row of the observation table has in the observation.
 
     Args:
@@ -151,7 +175,8 @@ def _width(kind: str, row: Observation, now: Moment) -> int:
     expected = len(now.qpos)
     if row.func is None:
         try:
-            value = getattr(now, row.name) if row.name.isidentifier() and hasattr(type(now), row.name) else row.read(now)
+            is_quantity = row.name.isidentifier() and hasattr(type(now), row.name) and row.name not in now.task.commands
+            value = getattr(now, row.name) if is_quantity else row.read(now)
         except AttributeError as error:
             raise AttributeError(
                 f"{kind}.observations has the row {row.name!r} without func, so that it must be a quantity of the stepper: "
@@ -180,7 +205,7 @@ def _width(kind: str, row: Observation, now: Moment) -> int:
     return int(width[1])
 
 
-def _element(name: str, now: Moment) -> str:
+def _element(name: str, now: TaskView) -> str:
     """Advice for a row of the observation table that is named after an element of the model; "" if no element has this name."""
     model = now.sim.model
     for kind, quantity in _QUANTITIES.items():
@@ -200,7 +225,7 @@ _QUANTITIES = {
 """Most likely quantity of an element that a task observes, by kind of element."""
 
 
-def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
+def rewards_of(task: Task, now: TaskView, num_envs: int) -> tuple[Array, Terms]:
     """Rewards (num_envs,) and entries for the info dict from `Task.reward`, after a check.
 
     Raises:
@@ -223,7 +248,7 @@ def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
     return rows_of(task, "reward", result[0], np.float64, num_envs), terms
 
 
-def position_of(task: Task, now: Moment, num_envs: int) -> Array | None:
+def position_of(task: Task, now: TaskView, num_envs: int) -> Array | None:
     """Result of `Task.position`, (num_envs, ...) in its unit, or None; a ValueError if it is anything else."""
     found: Any = task.position(now)
     if found is not None and not (isinstance(found, np.ndarray) and found.shape[:1] == (num_envs,)):
@@ -234,7 +259,7 @@ def position_of(task: Task, now: Moment, num_envs: int) -> Array | None:
     return found
 
 
-def infos_of(task: Task, now: Moment, num_envs: int) -> Terms:
+def infos_of(task: Task, now: TaskView, num_envs: int) -> Terms:
     """Entries for the info dict from `Task.info`; a ValueError if it does not return arrays (num_envs, ...) by name."""
     infos: Any = task.info(now)
     if not isinstance(infos, Mapping):

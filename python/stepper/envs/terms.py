@@ -13,7 +13,7 @@ from stepper.envs.actions import actions_of
 from stepper.envs.commands import commands_of
 from stepper.envs.events import Events
 from stepper.envs.rewards import RewardTerms
-from stepper.envs.task import Moment, Reset, Task
+from stepper.envs.task import Reset, Task, TaskView
 from stepper.shared.streams import Rng, Streams
 
 Array = NDArray[Any]
@@ -122,7 +122,7 @@ class TaskTerms:
                 redrawn = True
         return redrawn
 
-    def step(self, now: Moment, action: Array, before: Array, frame_skip: int) -> None:
+    def step(self, now: TaskView, action: Array, before: Array, frame_skip: int) -> None:
         """Steps the simulation by an action.
 
         Args:

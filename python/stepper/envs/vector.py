@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,10 @@ from stepper._stepper import Model, Stepper, selected
 from stepper.envs.batch import Batch
 from stepper.envs.checked_environment import CheckedEnvironment
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
+from stepper.envs.groups import Observed, each_group
 from stepper.envs.making import autoreset, make_task
 from stepper.envs.state import EnvState
-from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
+from stepper.envs.task import Array, Camera, Contact, Task, TaskView, Terms
 from stepper.shared.arguments import check_mapping
 
 
@@ -49,6 +51,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         max_episode_steps: Number of actions after which an episode is truncated; None means no limit. `gymnasium.make_vec` passes the
             registered limit.
         rewards: Weights that replace those of terms of the reward (`Task.rewards`), by name, as {"action_rate": -0.2}.
+        groups: Whether observations are a dictionary with all observation groups of the task. Otherwise they are the group "policy".
         episode_statistics: Whether infos of ended episodes have "episode": return "r", length "l" and duration "t" in s, in the format of
             Gymnasium's `RecordEpisodeStatistics`. With "SAME_STEP", "final_info" has it too.
         render_mode: "rgb_array" for a picture of every environment by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists
@@ -84,6 +87,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         dtype: Any = None,
         max_episode_steps: int | None = None,
         rewards: Mapping[str, float] | None = None,
+        groups: bool = False,
         episode_statistics: bool = False,
         render_mode: RenderMode | None = None,
         width: int = 480,
@@ -95,19 +99,17 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         **arguments: Any,
     ):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "threads": threads, "dtype": dtype}
-        settings["model"] = model
-        self._batch = Batch(
-            make_task(task, arguments, vector=True), num_envs, max_episode_steps=max_episode_steps, rewards=rewards, **settings
-        )
+        settings |= {"max_episode_steps": max_episode_steps, "rewards": rewards, "groups": groups, "model": model}
+        self._batch = Batch(make_task(task, arguments, vector=True), num_envs, **settings)
         self.num_envs, self.autoreset_mode = num_envs, autoreset(autoreset_mode)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
         self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
         frames = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / self._batch.dt)}
         self.metadata = {"autoreset_mode": self.autoreset_mode, **frames}
-        self.single_observation_space, self.single_action_space = self._batch.observation_space, self._batch.action_space
+        self.single_observation_space, self.observation_structure = self._batch.observations.space, self._batch.observations.structure
+        self.single_action_space = self._batch.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.observation_structure = self._batch.structure
         self._statistics, self._begun = episode_statistics, False
         self._over, self._any_over = np.zeros(num_envs, dtype=bool), False
         self._since = np.zeros(num_envs)
@@ -118,7 +120,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         return self._batch.sim
 
     @property
-    def now(self) -> Moment:
+    def now(self) -> TaskView:
         """View of the batch after the last step or reset, from which the task computes observations and rewards."""
         return self._batch.now
 
@@ -147,6 +149,25 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         """Number of actions of each running episode so far, (num_envs,)."""
         return self._batch.lengths.copy()
 
+    def set_episode_lengths(self, lengths: ArrayLike) -> None:
+        """Sets the number of actions of each running episode so far, so that first episodes of a training end at different times.
+
+        Args:
+            lengths: Numbers of actions, (num_envs,) int, at least 0.
+
+        Raises:
+            ValueError: A wrong shape, or a negative number.
+        """
+        given = np.asarray(lengths)
+        if given.shape != (self.num_envs,) or given.dtype.kind not in "iu" or (given < 0).any():
+            raise ValueError(f"lengths is {lengths!r}, must be {self.num_envs} whole numbers of at least 0")
+        self._batch.lengths[:] = given
+
+    @property
+    def max_episode_steps(self) -> int | None:
+        """Number of actions after which an episode is truncated; None means no limit."""
+        return self._batch.max_episode_steps
+
     @hint_keywords("StepperVectorEnv.reset")
     def reset(
         self,
@@ -154,8 +175,8 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
         envs: ArrayLike | None = None,
-        out: Array | None = None,
-    ) -> tuple[Array, dict[str, Any]]:
+        out: Observed | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
         """Starts new episodes in all or some environments.
 
         Args:
@@ -167,10 +188,11 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             envs: The environments to start, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once.
                 None selects all environments; an empty selection does nothing. With indices, a sequence of seeds has k entries in the
                 order of the indices.
-            out: Array for the observations, (num_envs, n), of type `dtype`; None allocates a new one.
+            out: Array for the observations, (num_envs, n), of type `dtype`; with `groups` a dictionary of arrays. None allocates new ones.
 
         Returns:
-            Observations of all environments (num_envs, n), and the info dict with entries for the started environments.
+            Observations of all environments (num_envs, n), or with `groups` a dictionary of such arrays; and the info dict with entries
+            for the started environments.
 
         Raises:
             TypeError: A reset_mask is not an array of bool, or indices are not integers.
@@ -179,7 +201,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             ResetNeeded: Only some environments are selected, and there was no reset of all environments before.
         """
         self._check_open("reset")
-        observations, mask = self._batch.observation_array(out), self._begins(options, envs)
+        observations, mask = self._batch.observations.arrays(out), self._begins(options, envs)
         if seed is not None and _are_indices(envs) and not isinstance(seed, int | np.integer):
             seed = _scattered(list(seed), np.array(selected(envs, self.num_envs)), self.num_envs)
         seeds = _seeds(seed, self.num_envs)
@@ -199,15 +221,15 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         return self._batch.observation(observations), _infos(self._batch.info(), mask)
 
     @hint_keywords("StepperVectorEnv.step")
-    def step(self, actions: Array, *, out: Array | None = None) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+    def step(self, actions: Array, *, out: Observed | None = None) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
         """Advances every environment by one action.
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task. A task with `action_bounds` may have another number than nu.
-            out: Array for the observations, (num_envs, n), of type `dtype`; None allocates a new one.
+            out: Array for the observations, as in `reset`.
 
         Returns:
-            Observations (num_envs, n), rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.
+            Observations in the format of `reset`, rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.
 
         Raises:
             ValueError: `actions` or `out` has a wrong shape or type, or an action is not finite; then nothing is stepped. Or a reward is
@@ -222,7 +244,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             raise ValueError(f"actions have shape {action.shape}, must be {self.action_space.shape}")
         if not self._begun:
             raise ResetNeeded("call reset before step")
-        observations = batch.observation_array(out)
+        observations = batch.observations.arrays(out)
         begins = self._over if self._any_over else None
         if begins is not None and self.autoreset_mode == AutoresetMode.DISABLED:
             raise ResetNeeded(f'episodes of environments {np.flatnonzero(begins)[:10].tolist()} are over: reset them with "reset_mask"')
@@ -236,7 +258,9 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             infos = self._episodes(over)
         if self._any_over and self.autoreset_mode == AutoresetMode.SAME_STEP:
             final = np.full(self.num_envs, None, dtype=object)
-            final[over] = np.fromiter(batch.observation()[over], dtype=object, count=int(over.sum()))
+            last = batch.observation()
+            for env in np.flatnonzero(over):
+                final[env] = each_group(last, itemgetter(env))
             ended = _infos(batch.info() | terms, over) | dict(infos)
             batch.begin(over)
             self._since[over] = time.perf_counter()
@@ -265,7 +289,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         return replace(state, episodes=state.episodes | {"over": self._over.copy(), "elapsed": time.perf_counter() - self._since})
 
     @hint_keywords("StepperVectorEnv.set_state")
-    def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Array:
+    def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Any:
         """Sets positions and velocities, or restores a state of `get_state`.
 
         Positions and velocities do not change the episodes: lengths, episode_state and random numbers stay. An `EnvState` replaces

@@ -69,12 +69,18 @@ def _of_stepper(base: Any) -> Description:
         "options": options,
         "frame_skip": task.frame_skip,
         "precision": sim.precision,
-        "observation": dict(base.observation_structure),
+        "observation": dict(of_policy(base.observation_structure)),
         "randomized": ranges,
         "drives": "drawn for each environment" if drives is not None else None,
         "actuators": None if sim.actuators is None else sim.actuators.to_dict(),
         "sensors": None if sim.sensors is None else sim.sensors.to_dict(),
     }
+
+
+def of_policy(value: Any) -> Any:
+    """Part for the policy of a dictionary or space by observation group; the argument itself if there are no groups."""
+    groups = getattr(value, "spaces", value)
+    return groups["policy"] if isinstance(groups, dict) and not isinstance(groups.get("policy", 0), int) else value
 
 
 def _of_mujoco(base: Any) -> Description:

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._arrays import array_of
-from stepper.policies.environment import Description, describe, differences
+from stepper.policies.environment import Description, describe, differences, of_policy
+from stepper.policies.onnx_file import write_onnx
 from stepper.shared.arguments import path_of
 from stepper.shared.files import existing, explained, read_arrays, write_arrays
 
@@ -135,7 +136,8 @@ class Policy:
             PolicyError: The environment has observations or actions of another size.
         """
         base = env.unwrapped
-        sizes = [getattr(base, f"single_{name}", getattr(base, name)).shape for name in ("observation_space", "action_space")]
+        spaces = [getattr(base, f"single_{name}", getattr(base, name)) for name in ("observation_space", "action_space")]
+        sizes = [of_policy(space).shape for space in spaces]
         if sizes != [self.mean.shape, self.low.shape]:
             raise PolicyError(
                 f"the environment has observations {sizes[0]} and actions {sizes[1]}, the policy {self.mean.shape} and {self.low.shape}: "
@@ -145,14 +147,21 @@ class Policy:
             warnings.warn("the policy was trained in another environment:\n  " + "\n  ".join(found), PolicyWarning, stacklevel=2)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a file for `stepper.policies.load` atomically: a NumPy archive (.npz) with arrays and JSON, without pickles.
+        """Writes a file atomically.
+
+        A name that ends in .npz gives a NumPy archive with arrays and JSON, without pickles, for `stepper.policies.load`. A name that ends
+        in .onnx gives a network from "observation" to "action" for ONNX runtimes, which includes normalisation and bounds.
 
         Raises:
-            ValueError: The name does not end in .npz.
+            ValueError: The name has another ending.
+            MissingPackageError: The package onnx is not installed, and the name ends in .onnx.
         """
         file = Path(path)
+        if file.suffix == ".onnx":
+            write_onnx(self, file)
+            return
         if file.suffix != ".npz":
-            raise ValueError(f"{file}: the ending is {file.suffix!r}, must be .npz")
+            raise ValueError(f"{file}: the ending is {file.suffix!r}, must be .npz or .onnx")
         arrays: dict[str, Any] = {"mean": self.mean, "std": self.std, "low": self.low, "high": self.high}
         for k, (weight, bias) in enumerate(self.layers):
             arrays |= {f"weight{k}": weight, f"bias{k}": bias}

@@ -12,6 +12,9 @@ To change the learner, write a copy of this file with `stepper train --copy my_p
 The method is that of Schulman et al. (2017, https://arxiv.org/abs/1707.06347), with generalised advantages (2016,
 https://arxiv.org/abs/1506.02438). Running means and variances normalise observations and rewards. The learning rate is adapted
 so that the Kullback-Leibler divergence of an update stays near a target.
+
+If the task has an observation group "critic", the critic sees this group, and the policy sees the group "policy" (Pinto et al. 2018,
+https://arxiv.org/abs/1710.06542).
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -81,16 +85,25 @@ class Moments:
 
 
 class ActorCritic(nn.Module):
-    """Two networks with two hidden layers each: the actor returns the mean of Gaussian actions, the critic the value of a state.
+    """Two networks: the actor returns the mean of Gaussian actions, the critic the value of a state.
 
     Actions are in units of half their range. Their standard deviation does not depend on the state.
+
+    Args:
+        observations: Number of columns of the actor's observations.
+        actions: Number of actions.
+        settings: Settings of the run.
+        critic: Number of columns of the critic's observations; None means those of the actor.
+        half: Half the range of each action, (actions,), for `settings.action_std`.
     """
 
-    def __init__(self, observations: int, actions: int, settings: Settings):
+    def __init__(self, observations: int, actions: int, settings: Settings, critic: int | None = None, half: Array | None = None):
         super().__init__()
-        self.actor = _network(observations, settings.hidden, actions, gain=0.01)
-        self.critic = _network(observations, settings.hidden, 1, gain=1.0)
+        self.actor = _network(observations, settings, actions, gain=0.01)
+        self.critic = _network(observations if critic is None else critic, settings, 1, gain=1.0)
         self.log_std = nn.Parameter(torch.full((actions,), float(np.log(settings.initial_std))))
+        if settings.action_std and half is not None:
+            self.log_std.data = torch.from_numpy(np.log(settings.action_std / half).astype(np.float32))
 
     def log_prob(self, mean: Tensor, action: Tensor) -> Tensor:
         """Log probability densities, (n,), of actions (n, nu) with means (n, nu)."""
@@ -98,13 +111,15 @@ class ActorCritic(nn.Module):
         return -0.5 * (scaled * scaled).sum(-1) - self.log_std.sum() - 0.5 * np.log(2.0 * np.pi) * mean.shape[-1]
 
 
-def _network(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequential:
-    """Network with two hidden layers and orthogonal initial weights; `gain` scales those of the last layer."""
-    layers = [nn.Linear(inputs, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, outputs)]
-    for layer, scale in zip(layers, (2**0.5, 2**0.5, gain), strict=True):
+def _network(inputs: int, settings: Settings, outputs: int, gain: float) -> nn.Sequential:
+    """Network with the hidden layers of the settings and orthogonal initial weights; `gain` scales those of the last layer."""
+    sizes = [inputs, *settings.hidden, outputs]
+    layers = [nn.Linear(*ends) for ends in pairwise(sizes)]
+    for layer, scale in zip(layers, [2**0.5] * len(settings.hidden) + [gain], strict=True):
         nn.init.orthogonal_(layer.weight, scale)
         nn.init.zeros_(layer.bias)
-    return nn.Sequential(layers[0], nn.Tanh(), layers[1], nn.Tanh(), layers[2])
+    activation = {"tanh": nn.Tanh, "elu": nn.ELU, "relu": nn.ReLU}[settings.activation]
+    return nn.Sequential(layers[0], *(part for layer in layers[1:] for part in (activation(), layer)))
 
 
 class Run:
@@ -113,50 +128,60 @@ class Run:
     def __init__(self, settings: Settings):
         self.settings = settings
         torch.manual_seed(settings.seed)
-        threads = {"threads": settings.threads} if is_native(settings.env) else {}
-        self.envs = make(settings.env, settings.num_envs, training=True, **settings.environment(), **threads)
+        native = {"threads": settings.threads, "groups": True} if is_native(settings.env) else {}
+        self.envs = make(settings.env, settings.num_envs, training=True, **settings.environment(), **native)
         space = self.envs.single_action_space
         check_bounds(settings.env, space)
         self.middle, self.half = (space.high + space.low) / 2, (space.high - space.low) / 2
-        size = self.envs.single_observation_space.shape[0]
-        self.net = ActorCritic(size, space.shape[0], settings)
+        seen = self.envs.single_observation_space
+        sizes = {name: box.shape[0] for name, box in seen.items()} if native else {"policy": seen.shape[0]}
+        self.has_groups, self.seen_by_critic = bool(native), "critic" if "critic" in sizes else "policy"
+        sizes = {name: sizes[name] for name in dict.fromkeys(("policy", self.seen_by_critic))}
+        self.net = ActorCritic(sizes["policy"], space.shape[0], settings, sizes[self.seen_by_critic], self.half)
         self.optimizer = torch.optim.Adam(self.net.parameters(), lr=settings.learning_rate, eps=1e-5, fused=True)
-        self.observed, self.returned = Moments(size), Moments(1)
+        self.observed, self.returned = {name: Moments(size) for name, size in sizes.items()}, Moments(1)
         self.discounted = np.zeros(settings.num_envs)
-        self.observation = self.envs.reset(seed=settings.seed * 1_000_003)[0]
-        self.observed.update(self.observation)
+        self.observation = self.groups(self.envs.reset(seed=settings.seed * 1_000_003)[0])
+        for name, moments in self.observed.items():
+            moments.update(self.observation[name])
         self.steps, self.iteration, self.seconds, self.processor = 0, 0, 0.0, 0.0
         self.episodes, self.recent = 0, deque[tuple[float, int]](maxlen=100)
         weights = getattr(self.envs.unwrapped, "reward_weights", {})
         self.terms = {f"return_{name}": deque[float](maxlen=100) for name, weight in weights.items() if weight}
 
-    def observed_std(self) -> Array:
-        """Standard deviations by which the observations are divided, (n,), in their units."""
-        return np.sqrt(self.observed.var + self.settings.min_std**2)
+    def groups(self, observation: Any) -> dict[str, Array]:
+        """Observations by group, (num_envs, n), from an observation of the environments."""
+        return dict(observation) if self.has_groups else {"policy": observation}
 
-    def normal(self, observation: Array) -> Tensor:
+    def observed_std(self, group: str = "policy") -> Array:
+        """Standard deviations by which the observations of a group are divided, (n,), in their units."""
+        return np.sqrt(self.observed[group].var + self.settings.min_std**2)
+
+    def normal(self, observation: Array, group: str = "policy") -> Tensor:
         """Observations normalised by their running mean and standard deviation, and clipped to +-10: (num_envs, n) float32 tensor."""
-        scaled = (observation - self.observed.mean) / self.observed_std()
+        scaled = (observation - self.observed[group].mean) / self.observed_std(group)
         return torch.from_numpy(np.clip(scaled, -10.0, 10.0).astype(np.float32))
 
     @torch.no_grad()
     def collect(self) -> dict[str, Tensor]:
         """Steps all environments `horizon` times and returns samples with advantages: tensors (samples, ...) by name."""
-        s, net = self.settings, self.net
+        s, net, critic = self.settings, self.net, self.seen_by_critic
         shape = (s.horizon, s.num_envs)
-        seen = np.empty((*shape, len(self.observed.mean)), dtype=np.float32)
-        states, actions = torch.empty(seen.shape), torch.empty(*shape, len(self.middle))
+        seen = {name: np.empty((*shape, len(moments.mean)), dtype=np.float32) for name, moments in self.observed.items()}
+        states, actions = {name: torch.empty(part.shape) for name, part in seen.items()}, torch.empty(*shape, len(self.middle))
         means, values = torch.empty_like(actions), torch.empty(s.horizon + 1, s.num_envs)
         rewards, lasts, ends = np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool)
         std = torch.exp(net.log_std)
         for t in range(s.horizon):
-            seen[t] = self.observation
-            states[t] = self.normal(self.observation)
-            means[t] = net.actor(states[t])
+            for name, part in seen.items():
+                part[t] = self.observation[name]
+                states[name][t] = self.normal(self.observation[name], name)
+            means[t] = net.actor(states["policy"][t])
             actions[t] = means[t] + std * torch.randn(means[t].shape)
-            values[t] = net.critic(states[t]).squeeze(-1)
+            values[t] = net.critic(states[critic][t]).squeeze(-1)
             bounded = np.clip(actions[t].numpy(), -1.0, 1.0)
-            self.observation, reward, terminated, truncated, info = self.envs.step(self.middle + self.half * bounded)
+            observation, reward, terminated, truncated, info = self.envs.step(self.middle + self.half * bounded)
+            self.observation = self.groups(observation)
             over = terminated | truncated
             self.discounted = self.discounted * s.gamma + reward
             self.returned.update(self.discounted[:, None])
@@ -166,10 +191,11 @@ class Run:
                 self._count(info, over)
                 cut = np.flatnonzero(truncated & ~terminated)
                 if len(cut):  # A truncated episode is bootstrapped with the value of its last state.
-                    final = self.normal(np.stack(list(info["final_obs"][cut])))
+                    final = self.normal(np.stack([self.groups(last)[critic] for last in info["final_obs"][cut]]), critic)
                     lasts[t, cut] = net.critic(final).squeeze(-1).numpy()
-        values[s.horizon] = net.critic(self.normal(self.observation)).squeeze(-1)
-        self.observed.update(seen)
+        values[s.horizon] = net.critic(self.normal(self.observation[critic], critic)).squeeze(-1)
+        for name, moments in self.observed.items():
+            moments.update(seen[name])
         self.steps += s.horizon * s.num_envs
         scale = 1.0 / np.sqrt(self.returned.var[0] + 1e-8)
         reward_of = torch.from_numpy((rewards * scale + s.gamma * lasts).astype(np.float32))
@@ -179,7 +205,9 @@ class Run:
             error = reward_of[t] + s.gamma * going[t] * values[t + 1] - values[t]
             ahead = error + s.gamma * s.gae_lambda * going[t] * ahead
             advantages[t] = ahead
-        flat = {"state": states, "action": actions, "mean": means, "advantage": advantages, "return": advantages + values[:-1]}
+        flat = {"state": states["policy"], "action": actions, "mean": means, "advantage": advantages, "return": advantages + values[:-1]}
+        if critic != "policy":
+            flat["seen"] = states[critic]
         samples = {name: part.flatten(0, 1) for name, part in flat.items()}
         samples["log_prob"] = net.log_prob(samples["mean"], samples["action"])
         return samples
@@ -210,7 +238,7 @@ class Run:
                 advantage = (one["advantage"] - one["advantage"].mean()) / (one["advantage"].std() + 1e-8)
                 ratio = torch.exp(net.log_prob(net.actor(one["state"]), one["action"]) - one["log_prob"])
                 gain = torch.minimum(advantage * ratio, advantage * ratio.clamp(1.0 - s.clip, 1.0 + s.clip)).mean()
-                error = 0.5 * (net.critic(one["state"]).squeeze(-1) - one["return"]).square().mean()
+                error = 0.5 * (net.critic(one.get("seen", one["state"])).squeeze(-1) - one["return"]).square().mean()
                 loss = s.value * error - gain - s.entropy * net.log_std.sum()
                 self.optimizer.zero_grad()
                 loss.backward()
@@ -240,11 +268,11 @@ class Run:
         space = self.envs.single_action_space
         training = dataclasses.asdict(self.settings) | {"seconds": round(self.seconds, 1), "torch": torch.__version__}
         return Policy(
-            mean=self.observed.mean,
+            mean=self.observed["policy"].mean,
             std=self.observed_std(),
             clip=10.0,
             layers=layers,
-            activation="tanh",
+            activation=self.settings.activation,
             low=np.asarray(space.low, dtype=np.float64),
             high=np.asarray(space.high, dtype=np.float64),
             environment=describe(self.envs),

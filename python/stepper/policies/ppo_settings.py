@@ -6,10 +6,9 @@ import argparse
 import contextlib
 import dataclasses
 import inspect
-import math
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from stepper.policies.evaluation import is_native
-from stepper.shared.arguments import check_file_name
+from stepper.policies.policy import ACTIVATIONS
+from stepper.shared.arguments import check_file_name, check_number, check_whole
 from stepper.shared.files import read_text, write_text
 from stepper.shared.name_values import argument_values
 
@@ -45,7 +45,8 @@ class Settings:
         horizon: Number of steps of each environment between two updates.
         epochs: Number of passes over the samples of an update.
         minibatch: Number of samples per gradient step; samples that do not fill a minibatch are skipped.
-        hidden: Number of units in each of the two hidden layers.
+        hidden: Number of units in each hidden layer, as 512,256,128.
+        activation: Activation function of the hidden layers: tanh, elu or relu.
         learning_rate: Initial learning rate of Adam.
         target_kl: Target Kullback-Leibler divergence of an update, nats. The learning rate falls above 2 x target, and rises below half.
         gamma: Discount factor per action.
@@ -55,6 +56,7 @@ class Settings:
         value: Weight of the loss of the critic.
         max_grad_norm: Largest norm of the gradient; larger gradients are scaled down.
         initial_std: Initial standard deviation of the actions, as a fraction of half their range.
+        action_std: Initial standard deviation of the actions in their unit, in place of initial_std; 0 selects initial_std.
         min_std: Least divisor of observed numbers. A number with the standard deviation std is divided by sqrt(std^2 + min_std^2).
             Numbers that hardly vary, such as heights of flat ground, then stay small.
         threads: Number of threads of the physics and of the learner.
@@ -62,7 +64,8 @@ class Settings:
             rewards.pose=0.5. Repeat the option for more.
 
     Raises:
-        ValueError: A minibatch has more samples than there are between two updates, or min_std is negative or not finite.
+        ValueError: A minibatch has more samples than there are between two updates. Or a deviation is negative or not finite, a layer has
+            no units, or the activation function is unknown.
     """
 
     env: str = "stepper/HalfCheetah-v5"
@@ -74,7 +77,8 @@ class Settings:
     horizon: int = 32
     epochs: int = 4
     minibatch: int = 8192
-    hidden: int = 64
+    hidden: Sequence[int] = (64, 64)
+    activation: str = "tanh"
     learning_rate: float = 1e-3
     target_kl: float = 0.015
     gamma: float = 0.99
@@ -84,13 +88,19 @@ class Settings:
     value: float = 1.0
     max_grad_norm: float = 1.0
     initial_std: float = 0.6
+    action_std: float = 0.0
     min_std: float = 1e-4
     threads: int = 2
     values: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.min_std < math.inf:
-            raise ValueError(f"min_std is {self.min_std}, must be a finite number of at least 0")
+        for name in ("min_std", "action_std"):
+            check_number(name, getattr(self, name), least=0.0)
+        object.__setattr__(self, "hidden", tuple(self.hidden))
+        for units in self.hidden:
+            check_whole("a number of hidden units", units, least=1)
+        if self.activation not in ACTIVATIONS:
+            raise ValueError(f"activation is {self.activation!r}, must be one of {', '.join(ACTIVATIONS)}")
         samples = self.num_envs * self.horizon
         if not 1 <= self.minibatch <= samples:
             raise ValueError(
@@ -127,7 +137,7 @@ ROUGH: Mapping[str, Any] = {
     "horizon": 24,
     "minibatch": 6144,
     "epochs": 5,
-    "hidden": 256,
+    "hidden": (256, 256),
     "entropy": 0.005,
     "initial_std": 0.25,
     "min_std": 0.05,
@@ -152,7 +162,7 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
     "Go1VelocityReal-v0": {"steps": 13_000_000, "epochs": 5},
     "Go1Rough-v0": ROUGH,
     "G1Rough-v0": {**ROUGH, "steps": 200_000_000},
-    "G1Velocity-v0": {"steps": 40_000_000, "epochs": 5, "contact": "mujoco", "hidden": 128, "initial_std": 0.5},
+    "G1Velocity-v0": {"steps": 40_000_000, "epochs": 5, "contact": "mujoco", "hidden": (128, 128), "initial_std": 0.5},
 }
 """Settings of each task that differ from the defaults of `Settings`, by id without the namespace, for any simulator.
 
@@ -229,10 +239,16 @@ def arguments(prog: str | None = None) -> argparse.ArgumentParser:
     texts = dict(re.findall(r"^    (\w+): (.*)$", inspect.cleandoc(str(Settings.__doc__)), re.MULTILINE))
     for setting in dataclasses.fields(Settings):
         if setting.name not in ("env", "values"):
-            flag, text = f"--{setting.name.replace('_', '-')}", f"{texts[setting.name]} [{setting.default}]"
-            parser.add_argument(flag, type=type(setting.default), help=text)
+            default = ",".join(map(str, setting.default)) if isinstance(setting.default, tuple) else setting.default
+            flag, text = f"--{setting.name.replace('_', '-')}", f"{texts[setting.name]} [{default}]"
+            parser.add_argument(flag, type=_units if setting.name == "hidden" else type(setting.default), help=text)
     parser.add_argument("--values", action="append", metavar="NAME=VALUE", help=texts["values"])
     return parser
+
+
+def _units(text: str) -> tuple[int, ...]:
+    """Numbers of hidden units from a text such as "512,256,128"; a ValueError for another text."""
+    return tuple(int(number) for number in text.split(","))
 
 
 def settings_of(env: str, given: Mapping[str, Any]) -> Settings:

@@ -1,4 +1,4 @@
-"""Random values of parameters: `uniform`, `log_uniform`, `scale` and `add`, for events of tasks and for `Stepper.randomize`."""
+"""Random values of parameters and observation errors: `uniform`, `log_uniform`, `normal`, `scale` and `add`."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """Random values of selected numbers, made by `uniform`, `log_uniform`, `scale` or `add`.
+    """Random values of selected numbers, made by `uniform`, `log_uniform`, `normal`, `scale` or `add`.
 
     Attributes:
         kind: How a random number becomes a value: the number itself, a factor of the model's value, or an addend of it.
-        low: Lower bounds of the random numbers, a number or an array that broadcasts to the selected numbers.
-        high: Upper bounds, in the same format.
-        logarithmic: Whether the logarithm of a random number is uniform, and not the number.
+        low: Lower bounds of the random numbers, a number or an array that broadcasts to the selected numbers; means of normal numbers.
+        high: Upper bounds, in the same format. Standard deviations of normal numbers.
+        distribution: Distribution of the random numbers: uniform, uniform in their logarithm, or normal.
         shared: Whether all selected numbers of an environment get the same random number.
         seed: Seed of the random numbers in `Stepper.randomize`.
     """
@@ -33,17 +33,21 @@ class Draw:
     kind: Literal["value", "scale", "add"]
     low: Array
     high: Array
-    logarithmic: bool = False
+    distribution: Literal["uniform", "log_uniform", "normal"] = "uniform"
     shared: bool = False
     seed: int = 0
 
     def numbers(self, rng: Rng, shape: tuple[int, ...]) -> Array:
         """Random numbers for n environments, (n, *shape), in the unit of `low`."""
-        drawn = rng.uniform(0.0, 1.0, 1 if self.shared else math.prod(shape))
+        size = 1 if self.shared else math.prod(shape)
+        drawn = rng.normal(size) if self.distribution == "normal" else rng.uniform(0.0, 1.0, size)
         drawn = drawn.reshape(len(drawn), *([1] * len(shape) if self.shared else shape))
-        low, high = (np.log(self.low), np.log(self.high)) if self.logarithmic else (self.low, self.high)
+        if self.distribution == "normal":
+            return np.broadcast_to(self.low + drawn * self.high, (len(drawn), *shape))
+        is_log = self.distribution == "log_uniform"
+        low, high = (np.log(self.low), np.log(self.high)) if is_log else (self.low, self.high)
         numbers = low + drawn * (high - low)
-        return np.broadcast_to(np.exp(numbers) if self.logarithmic else numbers, (len(drawn), *shape))
+        return np.broadcast_to(np.exp(numbers) if is_log else numbers, (len(drawn), *shape))
 
     def values(self, numbers: Array, reference: Array) -> Array:
         """Values (n, ...) of the selected numbers, from random numbers (n, ...) and the model's values (...), in the unit of the values."""
@@ -82,6 +86,21 @@ def log_uniform(low: ArrayLike, high: ArrayLike, *, shared: bool = False, seed: 
     return _draw("log_uniform", "value", low, high, shared=shared, seed=seed)
 
 
+def normal(mean: ArrayLike, std: ArrayLike, *, shared: bool = False, seed: int = 0) -> Draw:
+    """Values with a normal distribution.
+
+    Args:
+        mean: Mean, in the unit of the field: a number, or an array (k,) of the shape of the selected numbers.
+        std: Standard deviation, in the unit and format of `mean`, at least 0: a number or an array (k,).
+        shared: Whether all selected numbers of an environment get the same random number.
+        seed: Seed of the values in `Stepper.randomize`, as in `uniform`.
+
+    Raises:
+        ValueError: A number is not finite, or `std` is negative.
+    """
+    return _draw("normal", "value", mean, std, shared=shared, seed=seed)
+
+
 def scale(low: ArrayLike, high: ArrayLike, *, shared: bool = False, seed: int = 0) -> Draw:
     """Values of the model times factors that are uniform from `low` to `high`.
 
@@ -115,13 +134,17 @@ def add(low: ArrayLike, high: ArrayLike, *, shared: bool = False, seed: int = 0)
 def _draw(name: str, kind: Literal["value", "scale", "add"], low: ArrayLike, high: ArrayLike, *, shared: bool, seed: int) -> Draw:
     """Draw with checked bounds; `name` is the name of the function, for error messages."""
     bounds = (array_of(f"a bound of {name}", low), array_of(f"a bound of {name}", high))
-    logarithmic = name == "log_uniform"
     check_whole(f"seed of {name}", seed, least=0)
-    if not all(np.isfinite(bound).all() for bound in bounds) or np.any(bounds[0] > bounds[1]):
+    is_finite = all(np.isfinite(bound).all() for bound in bounds)
+    if name == "normal":
+        if not is_finite or np.any(bounds[1] < 0.0):
+            raise ValueError(f"normal({low!r}, {high!r}): the mean and the standard deviation must be finite, the latter at least 0")
+        return Draw(kind, bounds[0], bounds[1], "normal", shared, seed)
+    if not is_finite or np.any(bounds[0] > bounds[1]):
         raise ValueError(f"{name}({low!r}, {high!r}): the bounds must be finite numbers, the lower one first")
-    if logarithmic and not np.all(bounds[0] > 0.0):
+    if name == "log_uniform" and not np.all(bounds[0] > 0.0):
         raise ValueError(f"log_uniform({low!r}, {high!r}): the bounds must be above 0")
-    return Draw(kind, bounds[0], bounds[1], logarithmic=logarithmic, shared=shared, seed=seed)
+    return Draw(kind, bounds[0], bounds[1], "log_uniform" if name == "log_uniform" else "uniform", shared, seed)
 
 
 def present_rng(text: str, seed: int, envs: Array, values: Array) -> Rng:

@@ -10,7 +10,8 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.task import Array, Camera, Moment, Observation, Reset, Task, Terms
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, Reset, Task, TaskView, Terms
 from stepper.sensors import SensorModel, Transfer
 
 SCENE = """
@@ -63,12 +64,12 @@ class FallingBlock(Task):
         """Sensor readings of height (m) and velocity (m/s): (2,)."""
         return (Observation("sensordata"),)
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: 1 if the block is above 0.05 m (`LOWEST`), else 0."""
         height = now.qpos[:, 0]
         return (height > LOWEST).astype(np.float64), {"height": height}
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Info: the restitution of each episode."""
         return {"restitution": now.episode_state["restitution"]}
 

@@ -11,7 +11,8 @@ from stepper._options import Options
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.events import Event, at_reset
-from stepper.envs.task import Array, Camera, Moment, Observation, Reset, Task, Terms, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, Reset, Task, TaskView, Terms, square_sum
 from stepper.shared.draws import scale, uniform
 
 GRAVITY, MASS, FRICTION = 9.81, 0.8, 0.6
@@ -76,7 +77,7 @@ class Grasp(Task):
         """Joint positions and velocities: (10,)."""
         return Observation("qpos"), Observation("qvel")
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: 1 - ((height - rise) / rise)^2 - weight * sum of the squared finger controls. `rise` is the target height, m.
 
         The info "rise" is the height of the box above its initial height, m.

@@ -15,7 +15,7 @@ from stepper.envs.locomotion import rewards as terms
 from stepper.envs.locomotion.mjlab import Servo, scene
 from stepper.envs.locomotion.velocity import RoughTask, VelocityTask
 from stepper.envs.rewards import Reward
-from stepper.envs.task import Camera, Moment, Terms
+from stepper.envs.task import Camera, TaskView, Terms
 from stepper.envs.terrain import Terrain
 
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
@@ -77,7 +77,7 @@ class Go1Velocity(_Go1, VelocityTask):
         """Episode state of `VelocityTask`, the air time of each foot, s, and the value of the reward term "stride"."""
         return super().episode_state(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
 
-    def advance(self, now: Moment) -> None:
+    def advance(self, now: TaskView) -> None:
         """Steps the simulation by one action as in `VelocityTask`, detects landings of feet, and computes the reward term "stride"."""
         super().advance(now)
         air = now.episode_state["air"]

@@ -11,8 +11,9 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_per_model
 from stepper.envs.contacts import contact_forces
-from stepper.envs.quantities import base_angvel, base_linvel, gravity, heading, in_base, joint_pos
-from stepper.envs.task import Array, Moment, per_moment, square_sum
+from stepper.envs.quantities import base_angvel, base_linvel, gravity, heading, in_base, joint_pos, site_linvel
+from stepper.envs.task import Array, TaskView, square_sum
+from stepper.shared.view import per_moment
 
 SCAN = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 17), np.linspace(-0.5, 0.5, 11), indexing="ij"), axis=-1).reshape(-1, 2)
 """Points of the height scan relative to the base, ahead and to the left, (187, 2) m."""
@@ -32,13 +33,13 @@ _COLLISION_FORCE = 10.0
 """Normal force above which a contact of a thigh, shank or trunk counts as a collision, N."""
 
 
-def tracking_error(now: Moment) -> Array:
+def tracking_error(now: TaskView) -> Array:
     """Norm of the difference of the base's velocity in x and y from the command, (num_envs,), m/s."""
     error: Array = np.sqrt(square_sum(base_linvel(now)[:, :2] - now.command()[:, :2]))
     return error
 
 
-def track_linear_velocity(now: Moment, *, vertical: bool = True) -> Array:
+def track_linear_velocity(now: TaskView, *, vertical: bool = True) -> Array:
     """Agreement of the base's linear velocity with the command, from 0 to 1, (num_envs,).
 
     With `vertical`, the z velocity should be 0.
@@ -48,7 +49,7 @@ def track_linear_velocity(now: Moment, *, vertical: bool = True) -> Array:
     return np.exp(-(error + np.square(velocity[:, 2]) if vertical else error) / 0.25)
 
 
-def track_angular_velocity(now: Moment, *, variance: float = 0.5, tilting: bool = True) -> Array:
+def track_angular_velocity(now: TaskView, *, variance: float = 0.5, tilting: bool = True) -> Array:
     """Agreement of the base's angular velocity with the command, from 0 to 1, (num_envs,).
 
     With `tilting`, the rates about x and y should be 0. `variance` is the squared difference at which the term is 1/e, (rad/s)^2.
@@ -59,48 +60,48 @@ def track_angular_velocity(now: Moment, *, variance: float = 0.5, tilting: bool 
     return agreement
 
 
-def vertical_velocity(now: Moment) -> Array:
+def vertical_velocity(now: TaskView) -> Array:
     """Squared velocity of the base along its z axis, (num_envs,), m^2/s^2."""
     return np.square(base_linvel(now)[:, 2])
 
 
-def body_ang_vel(now: Moment) -> Array:
+def body_ang_vel(now: TaskView) -> Array:
     """Squared angular velocity of the base about its x and y axes, (num_envs,), rad^2/s^2."""
     return square_sum(base_angvel(now)[:, :2])
 
 
-def flat_orientation(now: Moment) -> Array:
+def flat_orientation(now: TaskView) -> Array:
     """Squared sine of the tilt of the base, from 0 to 1, (num_envs,)."""
     return square_sum(gravity(now)[:, :2])
 
 
-def joint_deviation(now: Moment) -> Array:
+def joint_deviation(now: TaskView) -> Array:
     """Squared norm of the differences of the joint angles from the stance, (num_envs,), rad^2."""
     return square_sum(joint_pos(now))
 
 
-def joint_torques(now: Moment) -> Array:
+def joint_torques(now: TaskView) -> Array:
     """Squared norm of the actuator forces, (num_envs,), N^2 m^2."""
     return square_sum(now.actuator_force)
 
 
-def set_point_rate(now: Moment) -> Array:
+def set_point_rate(now: TaskView) -> Array:
     """Squared norm of the change of the servos' set points by the last action, (num_envs,), rad^2."""
     return square_sum(action_scale(now.sim.model) * (now.action - now.previous_action))
 
 
-def stride(now: Moment) -> Array:
+def stride(now: TaskView) -> Array:
     """Time in the air of feet that just landed, beyond 0.1 s and up to 0.3 s, (num_envs,), s; 0 if the command is to stand."""
     strides: Array = now.episode_state["stride"] * (square_sum(now.command()) > 0.01)
     return strides
 
 
-def upright(now: Moment) -> Array:
+def upright(now: TaskView) -> Array:
     """Agreement of the base's z axis with the normal of the scanned ground, from 0 to 1, (num_envs,)."""
     return np.exp(-square_sum(ground_normal(now)[:, :2]) / 0.2)
 
 
-def pose(now: Moment) -> Array:
+def pose(now: TaskView) -> Array:
     """Agreement of the joint angles with the stance, from 0 to 1, (num_envs,).
 
     The tolerances of the angles (`STANDING`, `WALKING` and `RUNNING` of the task) depend on the speed of the command.
@@ -112,7 +113,7 @@ def pose(now: Moment) -> Array:
     return agreement
 
 
-def dof_pos_limits(now: Moment) -> Array:
+def dof_pos_limits(now: TaskView) -> Array:
     """Sum of the angles by which joints exceed their soft limits, (num_envs,), rad."""
     low, high = _soft_limits(now.sim.model)
     angles = now.qpos[:, 7:]
@@ -120,12 +121,12 @@ def dof_pos_limits(now: Moment) -> Array:
     return beyond
 
 
-def foot_clearance(now: Moment) -> Array:
+def foot_clearance(now: TaskView) -> Array:
     """Sum over the feet of |height - target height| times horizontal speed, (num_envs,), m^2/s; 0 if the command is to stand."""
     return _moving(now, np.abs(foot_heights(now) - _HEIGHT) * foot_speeds(now))
 
 
-def foot_swing_height(now: Moment) -> Array:
+def foot_swing_height(now: TaskView) -> Array:
     """Sum of (greatest height of the swing / target height - 1)^2 over the feet that just landed, (num_envs,), without unit.
 
     It is 0 if the command is to stand.
@@ -134,7 +135,7 @@ def foot_swing_height(now: Moment) -> Array:
     return _moving(now, np.square(state["swing"] / _HEIGHT - 1.0) * state["landed"])
 
 
-def air_time(now: Moment) -> Array:
+def air_time(now: TaskView) -> Array:
     """Number of feet that have been in the air for 0.05 to 0.5 s, (num_envs,).
 
     It is 0 if the commanded speed (m/s, plus the rate of turn in rad/s) is 0.5 or less.
@@ -144,17 +145,17 @@ def air_time(now: Moment) -> Array:
     return count
 
 
-def foot_slip(now: Moment) -> Array:
+def foot_slip(now: TaskView) -> Array:
     """Sum of the squared horizontal speeds of feet on the ground, (num_envs,), m^2/s^2; 0 if the command is to stand."""
     return _moving(now, np.square(foot_speeds(now)) * (foot_forces(now) > 0.0))
 
 
-def soft_landing(now: Moment) -> Array:
+def soft_landing(now: TaskView) -> Array:
     """Sum of the normal forces on feet that just landed, (num_envs,), N; 0 if the command is to stand."""
     return _moving(now, foot_forces(now) * now.episode_state["landed"])
 
 
-def collision(now: Moment, *, part: str) -> Array:
+def collision(now: TaskView, *, part: str) -> Array:
     """Number of time steps of the action if a part of the robot collides with the terrain in the last of them, else 0, (num_envs,).
 
     Args:
@@ -165,7 +166,7 @@ def collision(now: Moment, *, part: str) -> Array:
     return count
 
 
-def touches_terrain(now: Moment, geoms: tuple[str, ...]) -> Array:
+def touches_terrain(now: TaskView, geoms: tuple[str, ...]) -> Array:
     """Whether at least one of the geoms pressed on the terrain with more than 10 N in the last time step: (num_envs,) bool."""
     if not geoms:
         return np.zeros(len(now.action), dtype=bool)
@@ -173,14 +174,14 @@ def touches_terrain(now: Moment, geoms: tuple[str, ...]) -> Array:
 
 
 @per_moment
-def _speed(now: Moment) -> Array:
+def _speed(now: TaskView) -> Array:
     """Speed of the velocity command, (num_envs,): horizontal speed in m/s plus the absolute rate of turn in rad/s."""
     wanted = now.command()
     speed: Array = np.hypot(wanted[:, 0], wanted[:, 1]) + np.abs(wanted[:, 2])
     return speed
 
 
-def _moving(now: Moment, costs: Array) -> Array:
+def _moving(now: TaskView, costs: Array) -> Array:
     """Sum over the feet of costs (num_envs, nfeet), 0 in environments whose command is to stand: (num_envs,)."""
     # einsum, because np.sum would add the costs in another order for a single environment, with other rounding.
     sums: Array = np.einsum("ij->i", costs) * (_speed(now) > _MOVES)
@@ -188,14 +189,14 @@ def _moving(now: Moment, costs: Array) -> Array:
 
 
 @per_moment
-def ground_scan(now: Moment) -> Array:
+def ground_scan(now: TaskView) -> Array:
     """Heights of the ground at the points of the scan, which turns with the heading of the base: (num_envs, 187) m."""
     scan: Array = now.task.ground.ground.around(now.qpos[:, :2], heading(now), SCAN, beyond=0.0)
     return scan
 
 
 @per_moment
-def ground_normal(now: Moment) -> Array:
+def ground_normal(now: TaskView) -> Array:
     """Unit vector normal to the plane that fits the scanned ground best, in the frame of the base, (num_envs, 3)."""
     slopes = np.einsum("nk,ki->ni", ground_scan(now), _SLOPE_WEIGHTS)
     c, s = np.cos(heading(now)), np.sin(heading(now))
@@ -204,7 +205,7 @@ def ground_normal(now: Moment) -> Array:
 
 
 @per_moment
-def foot_heights(now: Moment) -> Array:
+def foot_heights(now: TaskView) -> Array:
     """Heights of the feet's sites above the ground: (num_envs, nfeet) m."""
     places = now.site_xpos[:, _sites(now.sim.model, tuple(now.task.FEET))]
     heights: Array = places[..., 2] - now.task.ground_height(places[..., :2])
@@ -212,18 +213,15 @@ def foot_heights(now: Moment) -> Array:
 
 
 @per_moment
-def foot_speeds(now: Moment) -> Array:
+def foot_speeds(now: TaskView) -> Array:
     """Horizontal speeds of the feet's sites: (num_envs, nfeet) m/s."""
-    model = now.sim.model
-    sites = _sites(model, tuple(now.task.FEET))
-    bodies = _bodies(model, tuple(now.task.FEET))
-    velocity = now.body_linvel[:, bodies] + np.cross(now.body_angvel[:, bodies], now.site_xpos[:, sites] - now.xpos[:, bodies])
+    velocity = site_linvel(now, tuple(now.task.FEET))
     speeds: Array = np.hypot(velocity[..., 0], velocity[..., 1])
     return speeds
 
 
 @per_moment
-def foot_forces(now: Moment) -> Array:
+def foot_forces(now: TaskView) -> Array:
     """Normal forces between the feet and the terrain in the last time step: (num_envs, nfeet) N."""
     geoms = now.task.FEET.values()
     forces = contact_forces(now, [name for names in geoms for name in names], ["terrain"])
@@ -242,12 +240,6 @@ def action_scale(model: Model) -> Array:
 def _sites(model: Model, names: tuple[str, ...]) -> list[int]:
     """Indices of the sites `names` of a model, in the same order."""
     return [model.site(name).id for name in names]
-
-
-@cache_per_model
-def _bodies(model: Model, names: tuple[str, ...]) -> list[int]:
-    """Indices of the bodies to which the sites `names` of a model belong, in the same order."""
-    return [model.site(name).bodyid for name in names]
 
 
 @cache_per_model

@@ -15,9 +15,10 @@ from stepper.envs.actions import Servo
 from stepper.envs.commands import VelocityCommand
 from stepper.envs.events import Event, at_reset, every, push
 from stepper.envs.locomotion import rewards as terms
+from stepper.envs.observations import Observation
 from stepper.envs.quantities import action_rate, base_angvel, base_linvel, gravity, joint_pos, joint_vel
 from stepper.envs.rewards import Reward
-from stepper.envs.task import Array, Moment, Observation, Reset, Task, Terms
+from stepper.envs.task import Array, Reset, Task, TaskView, Terms
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain, TerrainCurriculum, Wave
 from stepper.shared.arguments import check_fields, check_number
 from stepper.shared.draws import add, scale, uniform
@@ -253,7 +254,7 @@ class VelocityTask(Task):
         }
         return made | {function.__name__: Reward(function, weight, per_second=False) for function, weight in costs.items()}
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: sum of the weighted terms, at least 0. The info "tracking_error" is the velocity error in x and y, m/s."""
         total = sum(now.reward_terms.values(), np.zeros(len(now.action)))
         return np.maximum(total, 0.0), {"tracking_error": terms.tracking_error(now)}
@@ -275,7 +276,7 @@ class VelocityTask(Task):
         body = self.model().body_names[1]
         return (*events, every(self.PUSH_SECONDS, push(body, **pushes))) if self.push else tuple(events)
 
-    def terminated(self, now: Moment) -> Array:
+    def terminated(self, now: TaskView) -> Array:
         """Whether the base is too far from upright (`steepest`) or too low (`lowest`), or a geom of `THIGHS` collides, (num_envs,)."""
         fallen = np.zeros(len(now.action), dtype=bool)
         if self.steepest is not None:
@@ -284,11 +285,11 @@ class VelocityTask(Task):
             fallen |= ~(now.qpos[:, 2] - self.ground_height(now.qpos[:, :2]) > self.lowest)
         return fallen if self.ground is None else fallen | terms.touches_terrain(now, self.THIGHS)
 
-    def truncated(self, now: Moment) -> Array | None:
+    def truncated(self, now: TaskView) -> Array | None:
         """Whether the base is outside the terrain or within 0.3 m of the terrain's edge, (num_envs,) bool."""
         return None if self.ground is None else self.ground.leaves(now.qpos[:, :2])
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Info: the velocity command and, on terrain, the level (row of the terrain) of each environment."""
         level = {} if self.ground is None else {"terrain_level": np.array(now.episode_state["terrain_level"])}
         return {"command": now.command(), **level}
@@ -315,7 +316,7 @@ class VelocityTask(Task):
         error = self.noise * self.encoder_error
         reset.episode_state["encoder_error"] = rng.uniform(-error, error, reset.sim.model.nu)
 
-    def advance(self, now: Moment) -> None:
+    def advance(self, now: TaskView) -> None:
         """Steps the simulation by one action, and records swings and landings of the feet on terrain."""
         now.step()
         if self.ground is None:
@@ -327,7 +328,7 @@ class VelocityTask(Task):
         state["air_time"][:] = np.where(on_ground, 0.0, state["air_time"] + now.dt)
         state["peak"][:] = np.where(on_ground, 0.0, np.maximum(state["peak"], heights))
 
-    def on_end(self, now: Moment, envs: Array) -> None:
+    def on_end(self, now: TaskView, envs: Array) -> None:
         """Chooses harder or easier terrain for the next episode of the environments `envs`.
 
         If the robot left its tile, the environment moves to the next harder row of the terrain. Otherwise, if the robot covered less than
@@ -386,7 +387,7 @@ class RoughTask(VelocityTask):
         }
         return {function.__name__: Reward(function, weight) for function, weight in weights.items()} | collisions
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: sum of the weighted terms. The info "tracking_error" is the velocity error in x and y, m/s."""
         total = sum(now.reward_terms.values(), np.zeros(len(now.action)))
         return total, {"tracking_error": terms.tracking_error(now)}
@@ -398,19 +399,19 @@ def stance(model: Model) -> Array:
     return angles
 
 
-def _set_points(now: Moment) -> Array:
+def _set_points(now: TaskView) -> Array:
     """Set points of the servos for the action 0, (num_envs, nu), rad: the stance, minus the errors of the encoders."""
     points: Array = now.default_qpos[7:] - now.episode_state["encoder_error"]
     return points
 
 
-def _encoders(now: Moment) -> Array:
+def _encoders(now: TaskView) -> Array:
     """Encoder readings (joint angles with errors) minus the stance: (num_envs, nu) rad."""
     readings: Array = joint_pos(now) + now.episode_state["encoder_error"]
     return readings
 
 
-def _sensed_gravity(now: Moment) -> Array:
+def _sensed_gravity(now: TaskView) -> Array:
     """Unit vector downwards in the frame of the base, (num_envs, 3), which the observation noise turns."""
     if not now.task.noise:
         return gravity(now)
@@ -420,7 +421,7 @@ def _sensed_gravity(now: Moment) -> Array:
     return unit
 
 
-def _scan(now: Moment) -> Array:
+def _scan(now: TaskView) -> Array:
     """Height of the base above the points of the height scan, (num_envs, 187), in units of 5 m."""
     heights: Array = (now.qpos[:, 2:3] - terms.ground_scan(now)) / _SCAN_UNIT
     return heights

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, rotations, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 
 _TARGET = 0.2
 """Radius of the target, m."""
@@ -33,7 +34,7 @@ class Acrobot(SuiteTask):
             Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: 1 with the tip in the target. Outside, the score decreases with the distance; with `sparse` it is 0."""
         target, tip = (now.site_xpos[:, now.sim.model.site(name).id] for name in ("target", "tip"))
         return tolerance(norm(target - tip), 0.0, _TARGET, margin=0.0 if self.sparse else 1.0)

@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, remove_elements
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import reading, source_tree
-from stepper.envs.task import Array, Moment, Observation
+from stepper.envs.task import Array, TaskView
 from stepper.shared.streams import Rng
 
 _JOINTS = ("arm_root", "arm_shoulder", "arm_elbow", "arm_wrist", "finger", "fingertip", "thumb", "thumbtip")
@@ -49,13 +50,13 @@ def draw_arm(model: Model, qpos: Array, rng: Rng) -> None:
     qpos[:, model.joint("finger").qposadr] = qpos[:, model.joint("thumb").qposadr]
 
 
-def pose(now: Moment, body: str) -> Array:
+def pose(now: TaskView, body: str) -> Array:
     """Pose of a body in the plane, (num_envs, 4): x and z (m), and the components w and y of its quaternion."""
     index = now.sim.model.body(body).id
     return np.concatenate([now.xpos[:, index, ::2], now.xquat[:, index, ::2]], axis=1)
 
 
-def _angles(now: Moment) -> Array:
+def _angles(now: TaskView) -> Array:
     """Sine and cosine of each joint of the arm, (num_envs, 8, 2)."""
     angles = now.qpos[:, [now.sim.model.joint(name).qposadr for name in _JOINTS]]
     return np.stack([np.sin(angles), np.cos(angles)], axis=2)

@@ -13,10 +13,11 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Joint, Model, Stepper
 from stepper.envs.assets import cache_model, cache_per_model, load_quietly, remove_elements
-from stepper.envs.task import Array, Moment, Reset, Task, Terms, per_moment
+from stepper.envs.task import Array, Reset, Task, TaskView, Terms
 from stepper.shared.machine import package_file
 from stepper.shared.rotations import matrices
 from stepper.shared.streams import Rng
+from stepper.shared.view import per_moment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +38,11 @@ class SuiteTask(Task):
         """Model of the scene, loaded once from the file that the attribute `file` names."""
         return scene(self.file)
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward, (num_envs,): `score`, from 0 to 1 except for `LQR`, and no entries for the info dict."""
         return self.score(now), {}
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """dm_control's reward, (num_envs,)."""
         raise NotImplementedError
 
@@ -91,18 +92,18 @@ def hinges(model: Model) -> tuple[Joint, ...]:
 
 
 @per_moment
-def rotations(now: Moment) -> Array:
+def rotations(now: TaskView) -> Array:
     """Rotation matrices of the bodies (MuJoCo's xmat), (num_envs, nbody, 3, 3)."""
     return matrices(now.xquat)
 
 
-def rotation(now: Moment, body: str) -> Array:
+def rotation(now: TaskView, body: str) -> Array:
     """Rotation matrix of a body by name: (num_envs, 3, 3)."""
     matrix: Array = rotations(now)[:, now.sim.model.body(body).id]
     return matrix
 
 
-def reading(now: Moment, *sensors: str) -> Array:
+def reading(now: TaskView, *sensors: str) -> Array:
     """Concatenated ideal readings of the named sensors, (num_envs, n), in their units."""
     found = [now.sim.model.sensor(name) for name in sensors]
     return np.concatenate([now.sensordata_ideal[:, sensor.adr : sensor.adr + sensor.dim] for sensor in found], axis=1)
@@ -151,7 +152,7 @@ def tolerance(
     return reward
 
 
-def small_control(now: Moment) -> Array:
+def small_control(now: TaskView) -> Array:
     """Score of small controls, (num_envs,): mean over the actuators of max(0, 1 - control^2)."""
     mean: Array = tolerance(now.action, margin=1.0, fall="quadratic", value=0.0).mean(axis=1)
     return mean

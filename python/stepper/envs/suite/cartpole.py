@@ -9,8 +9,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +42,7 @@ class Cartpole(SuiteTask):
             Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: product of terms for upright and slow poles, a centred cart and small controls.
 
         With `sparse` it is 1 if the cart is near the centre and all poles are nearly upright, else 0.

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, settle, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 
 _SPEED = 10.0
 """Speed at and above which the reward is 1, m/s."""
@@ -25,7 +26,7 @@ class Cheetah(SuiteTask):
             Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: velocity of the centre of mass in x divided by 10 m/s, clipped to the range from 0 to 1."""
         return tolerance(reading(now, "torso_subtreelinvel")[:, 0], _SPEED, float("inf"), margin=_SPEED, fall="linear", value=0.0)
 

@@ -8,10 +8,12 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, cache_per_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, hinges, norm, open_floor, reading, rotation, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset, per_moment
+from stepper.envs.task import Array, Reset, TaskView
 from stepper.shared.machine import package_file
 from stepper.shared.rotations import about_vertical, matrices
+from stepper.shared.view import per_moment
 
 _EPISODE = 15.0
 """Duration of an episode, s."""
@@ -83,7 +85,7 @@ class Dog(SuiteTask):
             else rows
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: product of terms for height, upright posture and feet on the ground, and for speed or the position of the ball."""
         heights, weight = _standing(now.sim.model)
         high = tolerance(_heights(now), heights, float("inf"), margin=heights)
@@ -130,26 +132,26 @@ def _standing(model: Model) -> tuple[Array, float]:
     return _STANDING * heights, -mass * float(model.gravity[2])
 
 
-def _heights(now: Moment) -> Array:
+def _heights(now: TaskView) -> Array:
     """Heights of torso and pelvis, m: (num_envs, 2)."""
     heights: Array = now.xpos[:, [now.sim.model.body(name).id for name in ("torso", "pelvis")], 2]
     return heights
 
 
 @per_moment
-def _verticals(now: Moment) -> Array:
+def _verticals(now: TaskView) -> Array:
     """World's vertical unit vector in the frames of skull, torso and pelvis, one row each: (num_envs, 3, 3)."""
     return np.stack([rotation(now, body)[:, 2] for body in ("skull", "torso", "pelvis")], axis=1)
 
 
 @per_moment
-def _velocity(now: Moment) -> Array:
+def _velocity(now: TaskView) -> Array:
     """Velocity of the centre of mass, in the frame of the torso, m/s: (num_envs, 3)."""
     velocity: Array = np.einsum("nk,nkj->nj", reading(now, "torso_linvel"), rotation(now, "torso"))
     return velocity
 
 
-def _ball(now: Moment) -> Array:
+def _ball(now: TaskView) -> Array:
     """Position (m) and velocity (m/s) of the ball relative to the head, in the frame of the head, one per row: (num_envs, 2, 3)."""
     model = now.sim.model
     head, ball = model.site("head"), model.joint("ball_root").dofadr
@@ -158,30 +160,30 @@ def _ball(now: Moment) -> Array:
     return _to_head(now, np.stack([_from_head(now, "ball"), now.qvel[:, ball : ball + 3] - velocity], axis=1))
 
 
-def _target(now: Moment) -> Array:
+def _target(now: TaskView) -> Array:
     """Vector from the head to the target, in the frame of the head, m: (num_envs, 1, 3)."""
     return _to_head(now, _from_head(now, "target")[:, None])
 
 
-def _from_head(now: Moment, geom: str) -> Array:
+def _from_head(now: TaskView, geom: str) -> Array:
     """Vector from the dog's head to a geom, in world axes, (num_envs, 3), m."""
     offset: Array = _geom_position(now, geom) - now.site_xpos[:, now.sim.model.site("head").id]
     return offset
 
 
-def _to_head(now: Moment, vectors: Array) -> Array:
+def _to_head(now: TaskView, vectors: Array) -> Array:
     """Components of world vectors, (num_envs, n, 3), in the frame of the dog's head."""
     local: Array = vectors @ matrices(now.site_xquat[:, now.sim.model.site("head").id])
     return local
 
 
-def _geom_position(now: Moment, geom: str) -> Array:
+def _geom_position(now: TaskView, geom: str) -> Array:
     """Position of a geom, (num_envs, 3), m."""
     place: Array = now.geom_xpos[:, now.sim.model.geom(geom).id]
     return place
 
 
-def _fetching(now: Moment) -> Array:
+def _fetching(now: TaskView) -> Array:
     """Score of fetching, (num_envs,): product of a term for the ball in the mouth and a term for the ball at the target.
 
     The first term is 1 if the ball is within two target radii of the target.

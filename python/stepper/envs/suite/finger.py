@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, scene, source_tree
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 
 _SPEED = 15.0
 """Angular speed above which the body counts as spinning, rad/s."""
@@ -40,7 +41,7 @@ class Finger(SuiteTask):
             Observation("touch", func=lambda now: np.log1p(reading(now, "touchtop", "touchbottom")), unit="log(1 + N)"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: 1 if the body spins at 15 rad/s or faster in the negative direction of the hinge, else 0."""
         spins: Array = (reading(now, "hinge_velocity")[:, 0] <= -_SPEED).astype(np.float64)
         return spins
@@ -74,7 +75,7 @@ class FingerTurn(Finger):
             Observation("dist_to_target", func=self._distance, unit="m"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: 1 with the tip in the target, else 0."""
         inside: Array = (self._distance(now) <= 0.0).astype(np.float64)
         return inside
@@ -86,12 +87,12 @@ class FingerTurn(Finger):
         offsets = model.geom("cap1").size.sum() * np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
         reset.mocap_pos[:, model.body("target").mocapid] = model.body("spinner").pos + offsets
 
-    def _distance(self, now: Moment) -> Array:
+    def _distance(self, now: TaskView) -> Array:
         """Distance from the tip of the body to the surface of the target, negative inside, m: (num_envs,)."""
         return norm(_relative_to_hinge(now, "target") - _relative_to_hinge(now, "tip")) - self.target_size
 
 
-def _relative_to_hinge(now: Moment, sensor: str) -> Array:
+def _relative_to_hinge(now: TaskView, sensor: str) -> Array:
     """Reading of a position sensor minus the position of the hinge, in x and z, m: (num_envs, 2)."""
     offset: Array = (reading(now, sensor) - reading(now, "spinner"))[:, ::2]
     return offset

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, rotation, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset, per_moment
+from stepper.envs.task import Array, Reset, TaskView
 from stepper.shared.rotations import matrices
+from stepper.shared.view import per_moment
 
 _JOINTS = ("tail1", "tail_twist", "tail2", "finright_roll", "finright_pitch", "finleft_roll", "finleft_pitch")
 
@@ -34,7 +36,7 @@ class Fish(SuiteTask):
             Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: a term for an upright torso.
 
         If the task is to swim, the score is the sum of 1/8 of this term and 7/8 of a term for the distance to the target.
@@ -59,14 +61,14 @@ class Fish(SuiteTask):
             reset.sim.randomize({"geom_pos[target]": target}, envs=reset.envs)
 
 
-def _angles(now: Moment) -> Array:
+def _angles(now: TaskView) -> Array:
     """Joint angles, (num_envs, 7), rad."""
     angles: Array = now.qpos[:, [now.sim.model.joint(name).qposadr for name in _JOINTS]]
     return angles
 
 
 @per_moment
-def _to_target(now: Moment) -> Array:
+def _to_target(now: TaskView) -> Array:
     """Vector from the mouth to the target, in the frame of the mouth, m: (num_envs, 3)."""
     model = now.sim.model
     mouth = model.geom("mouth").id

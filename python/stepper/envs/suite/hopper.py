@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, small_control, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 
 _HEIGHT = 0.6
 """Height of the torso above the foot at which the robot counts as standing, m."""
@@ -35,7 +36,7 @@ class Hopper(SuiteTask):
             Observation("touch", func=lambda now: np.log1p(reading(now, "touch_toe", "touch_heel")), unit="log(1 + N)"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: product of terms for the torso above the foot, and for speed or small controls."""
         model, centers = now.sim.model, now.xipos
         height = centers[:, model.body("torso").id, 2] - centers[:, model.body("foot").id, 2]

@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, rotation, small_control, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 
 _HEIGHT = 1.4
 """Height of the head at which the humanoid counts as standing, m."""
@@ -52,7 +53,7 @@ class Humanoid(SuiteTask):
             velocity,
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: product of terms for head height, upright torso, small controls, and speed."""
         standing = tolerance(_head_height(now), _HEIGHT, float("inf"), margin=_HEIGHT / 4.0)
         upright = tolerance(rotation(now, self.torso)[:, 2, self.upwards], 0.9, float("inf"), margin=1.9, fall="linear", value=0.0)
@@ -70,13 +71,13 @@ class Humanoid(SuiteTask):
         randomize_without_overlap(self.model(), reset.qpos, reset.rng)
 
 
-def _head_height(now: Moment) -> Array:
+def _head_height(now: TaskView) -> Array:
     """Height of the head, (num_envs,), m."""
     height: Array = now.xpos[:, now.sim.model.body("head").id, 2]
     return height
 
 
-def _extremities(now: Moment) -> Array:
+def _extremities(now: TaskView) -> Array:
     """Positions of hands and feet in the frame of the torso, m: (num_envs, 4, 3)."""
     model, task = now.sim.model, now.task
     bodies = [model.body(name).id for name in task.extremities]

@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, source_tree
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 
 _STIFFNESS = (15.0, 25.0)
 """Least and largest stiffness of a spring, N/m."""
@@ -50,7 +51,7 @@ class LQR(SuiteTask):
             Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: 1 minus costs of positions and controls; velocities have no cost."""
         reward: Array = 1.0 - 0.5 * (norm(now.qpos) ** 2 + _CONTROL_COST * norm(now.action) ** 2)
         return reward
@@ -59,7 +60,7 @@ class LQR(SuiteTask):
         """No bounds, as in dm_control: minus and plus infinity, (nu,) each."""
         return np.full(model.nu, -np.inf), np.full(model.nu, np.inf)
 
-    def terminated(self, now: Moment) -> Array:
+    def terminated(self, now: TaskView) -> Array:
         """Whether positions and velocities are practically zero, (num_envs,)."""
         at_rest: Array = norm(np.hstack([now.qpos, now.qvel])) < _AT_REST
         return at_rest

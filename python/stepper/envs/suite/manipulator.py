@@ -8,9 +8,10 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model
+from stepper.envs.observations import Observation
 from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, overlapping, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 from stepper.shared.rotations import matrices
 from stepper.shared.streams import Rng
 
@@ -57,7 +58,7 @@ class Manipulator(SuiteTask):
             Observation("target_pos", func=lambda now: pose(now, f"target_{thing}"), unit="m"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: 1 with the object at the target. With a peg, a hand in the grasp pose at the peg earns up to 1/3."""
         if not self.peg:
             return _closeness(now, "ball", "target_ball")
@@ -96,7 +97,7 @@ class Manipulator(SuiteTask):
         return target
 
 
-def _closeness(now: Moment, one: str, other: str) -> Array:
+def _closeness(now: TaskView, one: str, other: str) -> Array:
     """Score of the distance of two sites, (num_envs,): 1 within 0.01 m, decreasing with the distance."""
     places = [now.site_xpos[:, now.sim.model.site(name).id] for name in (one, other)]
     return tolerance(norm(places[0] - places[1]), 0.0, _CLOSE, margin=2.0 * _CLOSE)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, rotation, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 
 _UPRIGHT = float(np.cos(np.deg2rad(8.0)))
 """Cosine of the largest rewarded angle from upright."""
@@ -27,7 +28,7 @@ class Pendulum(SuiteTask):
             Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: 1 within 8 degrees of upright, else 0."""
         return tolerance(rotation(now, "pole")[:, 2, 2], _UPRIGHT, 1.0)
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, small_control, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset, Terms
+from stepper.envs.task import Array, Reset, TaskView, Terms
 
 _PARALLEL = 0.9
 """Absolute cosine of the angle between the two control directions above which the second direction is drawn again."""
@@ -46,7 +47,7 @@ class PointMass(SuiteTask):
             Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: 1 with the mass in the target and without controls, decreasing with the distance and with the controls."""
         model = now.sim.model
         target = model.geom("target")
@@ -69,7 +70,7 @@ class PointMass(SuiteTask):
             directions[again, 1] = _unit(rng.of(again).normal(2))
             again[again] = np.abs(np.einsum("ni,ni->n", directions[again, 0], directions[again, 1])) > _PARALLEL
 
-    def advance(self, now: Moment) -> None:
+    def advance(self, now: TaskView) -> None:
         """Steps the simulation by one action. With `turned`, each action pushes along the direction that `reset` has drawn for it."""
         control = now.action
         if self.turned:

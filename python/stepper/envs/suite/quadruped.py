@@ -8,6 +8,7 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly, remove_elements
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import (
     SuiteTask,
     hinges,
@@ -19,7 +20,7 @@ from stepper.envs.suite.base import (
     source_tree,
     tolerance,
 )
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 from stepper.shared.rotations import about_vertical
 
 _TOES = ("front_left", "front_right", "back_right", "back_left")
@@ -75,7 +76,7 @@ class Quadruped(SuiteTask):
             return rows
         return (*rows, Observation("ball_state", func=_ball, unit="m, m/s, rad/s"), Observation("target_position", func=_target, unit="m"))
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: product of terms for an upright torso, and for speed or for the positions of robot and ball."""
         upright = tolerance(rotation(now, "torso")[:, 2, 2], 1.0, float("inf"), margin=2.0, fall="linear", value=0.0)
         if not self.fetch:
@@ -112,20 +113,20 @@ class Quadruped(SuiteTask):
         reset.qvel[:, ball.dofadr : ball.dofadr + 2] = 5.0 * reset.rng.normal(2)
 
 
-def _egocentric_state(now: Moment) -> Array:
+def _egocentric_state(now: TaskView) -> Array:
     """Angles and velocities of the hinges, activations: (num_envs, 44)."""
     joints = hinges(now.sim.model)
     angles, rates = now.qpos[:, [joint.qposadr for joint in joints]], now.qvel[:, [joint.dofadr for joint in joints]]
     return np.concatenate([angles, rates, now.act], axis=1)
 
 
-def _at_the_toes(now: Moment) -> Array:
+def _at_the_toes(now: TaskView) -> Array:
     """Inverse hyperbolic sines of the forces (N) and torques (N m) measured at the toes: (num_envs, 24)."""
     loads: Array = np.arcsinh(reading(now, *(f"{kind}_toe_{toe}" for kind in ("force", "torque") for toe in _TOES)))
     return loads
 
 
-def _ball(now: Moment) -> Array:
+def _ball(now: TaskView) -> Array:
     """Position, velocity and angular velocity of the ball, one per row, in the frame of the torso: (num_envs, 3, 3).
 
     Position (m) and velocity (m/s) are relative to the torso. The angular velocity (rad/s) is rotated as in dm_control, which treats its
@@ -141,14 +142,14 @@ def _ball(now: Moment) -> Array:
     return state
 
 
-def _target(now: Moment) -> Array:
+def _target(now: TaskView) -> Array:
     """Position of the site `target`, at the middle of the floor, relative to the torso and in its frame, (num_envs, 3), m."""
     offset = now.site_xpos[:, now.sim.model.site("target").id] - _body_position(now, "torso")
     local: Array = np.einsum("ni,nij->nj", offset, rotation(now, "torso"))
     return local
 
 
-def _body_position(now: Moment, body: str) -> Array:
+def _body_position(now: TaskView, body: str) -> Array:
     """Position of a body by name, in world axes, (num_envs, 3), m."""
     place: Array = now.xpos[:, now.sim.model.body(body).id]
     return place

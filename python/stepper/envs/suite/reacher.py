@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset, per_moment
+from stepper.envs.task import Array, Reset, TaskView
+from stepper.shared.view import per_moment
 
 _FINGER = 0.01
 """Radius of the finger, m."""
@@ -33,7 +35,7 @@ class Reacher(SuiteTask):
             Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: 1 with the finger in the target, else 0."""
         return tolerance(norm(_to_target(now)), 0.0, self.target_size + _FINGER)
 
@@ -46,7 +48,7 @@ class Reacher(SuiteTask):
 
 
 @per_moment
-def _to_target(now: Moment) -> Array:
+def _to_target(now: TaskView) -> Array:
     """Vector from the finger to the target, m: (num_envs, 2)."""
     model = now.sim.model
     difference: Array = (now.geom_xpos[:, model.geom("target").id] - now.geom_xpos[:, model.geom("finger").id])[:, :2]

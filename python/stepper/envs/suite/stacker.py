@@ -8,9 +8,10 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model
+from stepper.envs.observations import Observation
 from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 from stepper.shared.streams import Rng
 
 _CLOSE = 0.01
@@ -49,7 +50,7 @@ class Stacker(SuiteTask):
             Observation("target_pos", func=lambda now: pose(now, "target")[:, :2], unit="m"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: product of a term for a box at the target and a term for the hand away from the target."""
         size = float(now.sim.model.geom("target").size[0])
         nearest = np.min([_to_target(now, box) for box in self._names], axis=0)
@@ -71,7 +72,7 @@ class Stacker(SuiteTask):
         """Names of the boxes, "box0" and so on."""
         return [f"box{k}" for k in range(self.boxes)]
 
-    def _rates(self, now: Moment) -> Array:
+    def _rates(self, now: TaskView) -> Array:
         """Velocities of the boxes, (num_envs, 3 * boxes): for each box along x (m/s), about y (rad/s) and along z (m/s)."""
         rates: Array = now.qvel[:, [now.sim.model.joint(f"{box}_{k}").dofadr for box in self._names for k in "xyz"]]
         return rates
@@ -85,7 +86,7 @@ class Stacker(SuiteTask):
                 qpos[:, at : at + 1] = rng.uniform(low, high, 1)
 
 
-def _to_target(now: Moment, site: str) -> Array:
+def _to_target(now: TaskView, site: str) -> Array:
     """Distance of a site from the target, m: (num_envs,)."""
     model = now.sim.model
     return norm(now.site_xpos[:, model.site(site).id] - now.site_xpos[:, model.site("target").id])

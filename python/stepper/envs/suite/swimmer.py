@@ -8,8 +8,10 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, reading, rotation, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset, per_moment
+from stepper.envs.task import Array, Reset, TaskView
+from stepper.shared.view import per_moment
 
 _SIZE = 0.1
 """Radius of the target, m."""
@@ -39,7 +41,7 @@ class Swimmer(SuiteTask):
             Observation("body_velocities", func=_velocities, unit="m/s, rad/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: 1 with the nose in the target, decreasing with the distance from it."""
         return tolerance(norm(_to_target(now)), 0.0, _SIZE, margin=5.0 * _SIZE, fall="long_tail")
 
@@ -51,7 +53,7 @@ class Swimmer(SuiteTask):
 
 
 @per_moment
-def _to_target(now: Moment) -> Array:
+def _to_target(now: TaskView) -> Array:
     """Vector from the nose to the target, in the frame of the head, m: (num_envs, 2)."""
     model = now.sim.model
     difference = now.geom_xpos[:, model.geom("target").id] - now.geom_xpos[:, model.geom("nose").id]
@@ -59,7 +61,7 @@ def _to_target(now: Moment) -> Array:
     return local
 
 
-def _velocities(now: Moment) -> Array:
+def _velocities(now: TaskView) -> Array:
     """Velocity along x and y (m/s) and about z (rad/s) of every link, in the link's frame: (num_envs, links, 3)."""
     names = [f"{kind}_{k}" for k in range(now.sim.model.nbody - 2) for kind in ("velocimeter", "gyro")]
     both: Array = reading(now, "head_vel", "head_gyro", *names).reshape(len(now.qpos), -1, 6)

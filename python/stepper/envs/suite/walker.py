@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stepper.envs.observations import Observation
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, rotations, tolerance
-from stepper.envs.task import Array, Moment, Observation, Reset
+from stepper.envs.task import Array, Reset, TaskView
 
 _HEIGHT = 1.2
 """Height of the torso at which the walker counts as standing, m."""
@@ -31,7 +32,7 @@ class Walker(SuiteTask):
             Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
-    def score(self, now: Moment) -> Array:
+    def score(self, now: TaskView) -> Array:
         """Score: term for height and upright posture, times a term for the speed if `move_speed` is not 0."""
         standing = tolerance(now.xpos[:, 1, 2], _HEIGHT, float("inf"), margin=_HEIGHT / 2.0)
         stand: Array = (3.0 * standing + (1.0 + rotations(now)[:, 1, 2, 2]) / 2.0) / 4.0

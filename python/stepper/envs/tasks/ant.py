@@ -7,8 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, per_moment, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
 from stepper.shared.arguments import check_whole
+from stepper.shared.view import per_moment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +51,7 @@ class Ant(MujocoTask):
         contacts = Observation("cfrc_ext", func=_contact_forces, columns=slice(6, None), unit="N m, N")
         return (*rows, contacts) if self.include_cfrc_ext_in_observation else rows
 
-    def position(self, now: Moment) -> Array:
+    def position(self, now: TaskView) -> Array:
         """Position of the main body in x and y, (num_envs, 2), m."""
         model = now.sim.model
         body = model.body(self.main_body).id if isinstance(self.main_body, str) else self.main_body
@@ -58,18 +60,18 @@ class Ant(MujocoTask):
         return xy
 
     @per_moment
-    def healthy(self, now: Moment) -> Array:
+    def healthy(self, now: TaskView) -> Array:
         """Whether the torso's height is within `healthy_z_range`, (num_envs,) bool."""
         low, high = self.healthy_z_range
         z = now.qpos[:, 2]
         healthy: Array = (low <= z) & (z <= high)
         return healthy
 
-    def terminated(self, now: Moment) -> Array | None:
+    def terminated(self, now: TaskView) -> Array | None:
         """Whether each environment is unhealthy, (num_envs,) bool. None (no episode terminates) with `terminate_when_unhealthy=False`."""
         return ~self.healthy(now) if self.terminate_when_unhealthy else None
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: velocity in x plus a bonus for being healthy, minus costs of squared controls and contact forces."""
         x_velocity, y_velocity = now.velocity.T
         forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * self.healthy(now)
@@ -79,7 +81,7 @@ class Ant(MujocoTask):
         terms |= {"reward_contact": -contact, "reward_survive": survive}
         return forward + survive - (control + contact), terms
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Info: position of the torso, m."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
@@ -92,7 +94,7 @@ class Ant(MujocoTask):
 
 
 @per_moment
-def _contact_forces(now: Moment) -> Array:
+def _contact_forces(now: TaskView) -> Array:
     """Clipped contact torques (N m) and forces (N) on the bodies, (num_envs, nbody, 6)."""
     forces: Array = np.clip(now.cfrc_ext, *now.task.contact_force_range)
     return forces

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,18 +29,18 @@ class HalfCheetah(MujocoTask):
             Observation("qvel"),
         )
 
-    def position(self, now: Moment) -> Array:
+    def position(self, now: TaskView) -> Array:
         """Position of the robot in x, (num_envs,), m."""
         x: Array = now.qpos[:, 0]
         return x
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: velocity in x minus a cost of squared controls."""
         forward = self.forward_reward_weight * now.velocity
         control = self.ctrl_cost_weight * square_sum(now.action)
         return forward - control, {"x_velocity": now.velocity, "reward_forward": forward, "reward_ctrl": -control}
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Info: position of the robot, m."""
         return {"x_position": now.qpos[:, 0]}
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, all_within, per_moment, square_sum, within
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, all_within, square_sum, within
+from stepper.shared.view import per_moment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,13 +35,13 @@ class Hopper(MujocoTask):
             Observation("qvel", clip=(-10.0, 10.0)),
         )
 
-    def position(self, now: Moment) -> Array:
+    def position(self, now: TaskView) -> Array:
         """Position of the robot in x, (num_envs,), m."""
         x: Array = now.qpos[:, 0]
         return x
 
     @per_moment
-    def healthy(self, now: Moment) -> Array:
+    def healthy(self, now: TaskView) -> Array:
         """Whether the robot is healthy, (num_envs,) bool.
 
         The height must be in `healthy_z_range`, and the torso's angle in `healthy_angle_range`. The torso's angle, all joint angles and all
@@ -50,18 +52,18 @@ class Hopper(MujocoTask):
         healthy: Array = upright & moderate
         return healthy
 
-    def terminated(self, now: Moment) -> Array | None:
+    def terminated(self, now: TaskView) -> Array | None:
         """Whether each environment is unhealthy, (num_envs,) bool. None (no episode terminates) with `terminate_when_unhealthy=False`."""
         return ~self.healthy(now) if self.terminate_when_unhealthy else None
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: velocity in x plus a bonus for being healthy, minus a cost of squared controls."""
         forward, survive = self.forward_reward_weight * now.velocity, self.healthy_reward * self.healthy(now)
         control = self.ctrl_cost_weight * square_sum(now.action)
         terms = {"x_velocity": now.velocity, "reward_forward": forward, "reward_ctrl": -control, "reward_survive": survive}
         return forward + survive - control, terms
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Info: position of the robot, m. The height is measured from the reference pose."""
         return {"x_position": now.qpos[:, 0], "z_distance_from_origin": now.qpos[:, 1] - now.default_qpos[1]}
 

@@ -7,8 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.observations import BODY_TABLES, tendons
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, per_moment, square_sum, within
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum, within
+from stepper.envs.tasks.humanoid_rows import BODY_TABLES, tendons
+from stepper.shared.view import per_moment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,21 +51,21 @@ class Humanoid(MujocoTask):
             *(table for table in BODY_TABLES if getattr(self, f"include_{table.name}_in_observation")),
         )
 
-    def position(self, now: Moment) -> Array:
+    def position(self, now: TaskView) -> Array:
         """Position of the centre of mass in x and y, (num_envs, 2), m."""
         xy: Array = now.subtree_com[:, 0, :2]
         return xy
 
     @per_moment
-    def healthy(self, now: Moment) -> Array:
+    def healthy(self, now: TaskView) -> Array:
         """Whether the torso's height is within `healthy_z_range`, (num_envs,) bool."""
         return within(now.qpos[:, 2], self.healthy_z_range)
 
-    def terminated(self, now: Moment) -> Array | None:
+    def terminated(self, now: TaskView) -> Array | None:
         """Whether each environment is unhealthy, (num_envs,) bool. None (no episode terminates) with `terminate_when_unhealthy=False`."""
         return ~self.healthy(now) if self.terminate_when_unhealthy else None
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: velocity in x plus a bonus for being healthy, minus costs of squared controls and contact forces."""
         x_velocity, y_velocity = now.velocity.T
         forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * self.healthy(now)
@@ -73,7 +75,7 @@ class Humanoid(MujocoTask):
         terms |= {"reward_ctrl": -control, "reward_contact": -contact}
         return forward + survive - (control + contact), terms
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Info: position of the torso, m, and lengths and velocities of the tendons."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, **tendons(now), "distance_from_origin": np.hypot(x, y)}

@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.observations import BODY_TABLES, tendons
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
+from stepper.envs.tasks.humanoid_rows import BODY_TABLES, tendons
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,7 @@ class HumanoidStandup(MujocoTask):
             *(table for table in BODY_TABLES if getattr(self, f"include_{table.name}_in_observation")),
         )
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: height of the torso divided by the time step, plus 1, minus costs of squared controls and contact forces.
 
         `uph_cost_weight` has no effect, as in Gymnasium's environment.
@@ -55,7 +56,7 @@ class HumanoidStandup(MujocoTask):
         impact = np.clip(self.impact_cost_weight * square_sum(now.cfrc_ext), *self.impact_cost_range)
         return up - control - impact + 1.0, {"reward_linup": up, "reward_quadctrl": -control, "reward_impact": -impact}
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Info: position of the torso, m, and lengths and velocities of the tendons."""
         x, y, z = now.qpos[:, :3].T
         return {"x_position": x, "y_position": y, "z_distance_from_origin": z - now.default_qpos[2], **tendons(now)}

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms
 
 WITHIN = (-10.0, 10.0)
 """Bounds to which the observation clips velocities (m/s, rad/s) and the constraint force (N)."""
@@ -39,12 +40,12 @@ class InvertedDoublePendulum(MujocoTask):
             Observation("qfrc_constraint", columns=slice(0, 1), clip=WITHIN),
         )
 
-    def terminated(self, now: Moment) -> Array:
+    def terminated(self, now: TaskView) -> Array:
         """Whether the tip is at most 1 m high, (num_envs,)."""
         low: Array = ~(now.site_xpos[:, 0, 2] > 1.0)
         return low
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: a bonus while the tip is above 1 m, minus weighted squares of its offset from (0, 2) m and of the hinge velocities."""
         x, _, z = now.site_xpos[:, 0].T
         survive = self.healthy_reward * ~self.terminated(now)

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,12 +25,12 @@ class InvertedPendulum(MujocoTask):
         """Positions and velocities: (4,)."""
         return Observation("qpos"), Observation("qvel")
 
-    def terminated(self, now: Moment) -> Array:
+    def terminated(self, now: TaskView) -> Array:
         """Whether the pole is more than 0.2 rad from upright, (num_envs,) bool."""
         fallen: Array = ~(np.abs(now.qpos[:, 1]) <= 0.2)
         return fallen
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: 1 while the pole is upright."""
         survive = (~self.terminated(now)).astype(np.int64)
         return survive, {"reward_survive": survive}

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
 
 NEAREST = 0.17
 """Smallest initial distance of the cylinder from the goal, m."""
@@ -40,7 +41,7 @@ class Pusher(MujocoTask):
             Observation("goal", func=lambda now: _body_position(now, "goal"), unit="m"),
         )
 
-    def advance(self, now: Moment) -> None:
+    def advance(self, now: TaskView) -> None:
         """Steps the simulation by one action. As in Gymnasium, `now.xpos` has the body positions before the last time step."""
         now.sim.step(now.action, self.frame_skip - 1)
         now.keep("xpos", now.sim.xpos)
@@ -48,7 +49,7 @@ class Pusher(MujocoTask):
         now.sim.step(now.action)
         now.keep("status", np.asarray(before | now.sim.status))
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: minus weighted distances of the cylinder from the fingertips and from the goal, minus a cost of squared controls."""
         cylinder = _body_position(now, "object")
         near = -self.reward_near_weight * np.sqrt(square_sum(cylinder - _body_position(now, "tips_arm")))
@@ -71,7 +72,7 @@ class Pusher(MujocoTask):
         reset.qvel[:, -4:] = 0.0
 
 
-def _body_position(now: Moment, body: str) -> Array:
+def _body_position(now: TaskView, body: str) -> Array:
     """Position of a body, (num_envs, 3), m."""
     place: Array = now.xpos[:, now.sim.model.body_names.index(body)]
     return place

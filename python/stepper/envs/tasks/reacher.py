@@ -7,7 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, per_moment, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
+from stepper.shared.view import per_moment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +36,7 @@ class Reacher(MujocoTask):
             Observation("fingertip", func=_to_target, columns=slice(0, 2), unit="m"),
         )
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: minus the distance from the fingertip to the target, minus a cost of squared controls."""
         distance = -self.reward_dist_weight * np.sqrt(square_sum(_to_target(now)))
         control = -self.reward_control_weight * square_sum(now.action)
@@ -53,7 +55,7 @@ class Reacher(MujocoTask):
 
 
 @per_moment
-def _to_target(now: Moment) -> Array:
+def _to_target(now: TaskView) -> Array:
     """Vector from the target to the fingertip, (num_envs, 3), m."""
     names = now.sim.model.body_names
     difference: Array = now.xpos[:, names.index("fingertip")] - now.xpos[:, names.index("target")]

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Reset, Terms, square_sum
+from stepper.envs.observations import Observation
+from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,12 +30,12 @@ class Swimmer(MujocoTask):
             Observation("qvel"),
         )
 
-    def position(self, now: Moment) -> Array:
+    def position(self, now: TaskView) -> Array:
         """Position of the robot in x and y, (num_envs, 2), m."""
         xy: Array = now.qpos[:, :2]
         return xy
 
-    def reward(self, now: Moment) -> tuple[Array, Terms]:
+    def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: velocity in x minus a cost of squared controls."""
         x_velocity, y_velocity = now.velocity.T
         forward = self.forward_reward_weight * x_velocity
@@ -42,7 +43,7 @@ class Swimmer(MujocoTask):
         terms = {"x_velocity": x_velocity, "y_velocity": y_velocity, "reward_forward": forward, "reward_ctrl": -control}
         return forward - control, terms
 
-    def info(self, now: Moment) -> Terms:
+    def info(self, now: TaskView) -> Terms:
         """Info: position of the robot, m."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}

@@ -174,6 +174,8 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
     )
     world = make_world(plan, len(values_by_env))
     world.ideal = ideal
+    if study.keyframe is not None:
+        world.default_qpos = np.array(model.keyframe(study.keyframe).qpos)
     names = dict.fromkeys(name for values in values_by_env for name in values)
     unchanged = {name: study.parameters[name].unchanged for name in study.parameters}
     world.parameters = ParameterValues(

@@ -44,8 +44,8 @@ class Outcome:
 
     Attributes:
         name: Name in tables.
-        measure: Function of a `World` that returns one number per environment, (num_envs,). A world has the attributes of a `Stepper`. Or a
-            text:
+        measure: Function of a `World` that returns one number per environment, (num_envs,). A world has the attributes of a `Stepper`, and
+            functions of `stepper.envs.quantities` take it. Or a text:
 
             * "body NAME x", "site NAME z": coordinate of a position, m
             * "joint NAME", "jointvel NAME": position (m or rad) or velocity of a joint

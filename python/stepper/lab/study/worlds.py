@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from stepper._hints import did_you_mean, no_attribute
 from stepper._options import Options, Precision
-from stepper._quantities import read
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, Stepper
 from stepper.actuators import ActuatorModel
@@ -23,6 +22,7 @@ from stepper.sensors import SensorModel
 from stepper.shared.fields import RANDOMIZED
 from stepper.shared.machine import require
 from stepper.shared.streams import Rng, Streams
+from stepper.shared.view import BatchView
 
 Array = NDArray[np.float64]
 _WEIGHT_FIELDS = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
@@ -78,7 +78,7 @@ CHANGING = frozenset({"step", "reset", "set_state", "randomize", "rollout", "rec
 """Names of the methods of `Stepper` that a `World`, the environments of a study, does not offer. Most of them change the stepper."""
 
 
-class World:
+class World(BatchView):
     """Environments of a study in one engine, which controllers and measures read. Abstract.
 
     It has these attributes of `Stepper`, with the environments as the leading axis: `qpos`, `qvel`, `xpos`, `xquat`, `site_xpos`,
@@ -109,28 +109,25 @@ class World:
         self.last_ctrl: Any = None
         self.senses = self.ideal = False
         self._streams, self._period = Streams(num_envs, 0), 1.0
+        self.default_qpos: Array = np.asarray(plan.model.qpos0, np.float64)
+        self._stored: dict[str, Any] = {}
+        self._stored_at: Any = None
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this only for attributes that do not exist.
         raise no_attribute(World, name, more=set(dir(type(self))) | set(dir(Stepper)) - CHANGING)
 
-    def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> NDArray[Any]:
-        """Returns values of a quantity for all or some elements, by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
-        return read(self, name, of)
-
     def rng(self, name: str) -> Rng:
-        """Returns a random number generator for all environments at this time: `uniform(low, high, k)` and `normal(k)`, (num_envs, k).
-
-        Its numbers depend on the seed of the study, the number of each episode, the number of control periods since the start, and the
-        name. They are the same at every value of the parameters, with all settings, and in batches of every size. Calls in the same
-        control period with the same name give the same numbers.
-
-        Args:
-            name: Name of the random quantity, such as "push".
-        """
+        """Returns a random number generator for all environments at this time; see `BatchView.rng`."""
         # The age is the number of control periods. The tolerance is for sums of time steps.
         self._streams.ages[:] = np.floor(self.time / self._period + 1e-6)
-        return Rng(self._streams.fork(name), np.arange(self.num_envs))
+        return super().rng(name)
+
+    def stored(self) -> dict[str, Any]:
+        """Returns values that were computed from the present state, by name."""
+        if self._stored_at is not self.time:  # A step replaces the array of times.
+            self._stored_at, self._stored = self.time, {}
+        return self._stored
 
     def seed_episodes(self, seed: int, episodes: Sequence[int], period: float) -> None:
         """Sets the numbers of the episodes, resets the time to 0, and seeds `rng`.

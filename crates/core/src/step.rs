@@ -62,7 +62,7 @@ pub fn step<R: Real>(
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
         span!(probe, Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
         // 10 record
-        let record = span!(probe, Record, || record(input, free_motion, problem, velocity, &outcome, accepted));
+        let record = span!(probe, Record, || record(input, free_motion, problem, velocity, &outcome, &mut evaluation.kinematics, accepted));
         // Contacts that are still deferred (left out by the solver) are not stored for the next step: their gap seemed to close, but
         // their geoms passed each other without touching. `solve_velocities` has activated those whose gap stays open, which the state
         // keeps.

@@ -7,6 +7,7 @@ use crate::asset::{HeightField, Mesh};
 use crate::equality::Equality;
 use crate::fluid::{Ellipsoid, Medium};
 use crate::force_model::ForceModel;
+use crate::muscle::Muscle;
 use crate::sensor::{Sensor, Site};
 use crate::shape::Shape;
 use crate::softness::{ContactSpring, SoftSettings, Softness};
@@ -49,7 +50,7 @@ pub struct Description {
     /// [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
     #[serde(default, with = "added_fields")]
     pub excluded_overlaps: Vec<Overlap>,
-    /// Fixed tendons: linear combinations of joint positions.
+    /// Tendons: fixed ones, and spatial ones.
     pub tendons: Vec<Tendon>,
     /// Equalities: closed loops and coupled joints.
     pub equalities: Vec<Equality>,
@@ -259,7 +260,7 @@ pub struct Pair {
 pub enum Transmission {
     /// Hinge or slide, by its index.
     Joint(usize),
-    /// Fixed tendon, by its index.
+    /// Tendon, by its index.
     Tendon(usize),
     /// Site on which a wrench acts.
     Site {
@@ -270,6 +271,15 @@ pub enum Transmission {
         reference: Option<usize>,
         /// Force and torque (N, N m) per unit of actuator force.
         wrench: [f64; 6],
+    },
+    /// Slider-crank: a rod connects the crank to a point that slides along the z axis of the slider's site. The length is that of the slide.
+    SliderCrank {
+        /// Index of the crank's site.
+        crank: usize,
+        /// Index of the slider's site.
+        slider: usize,
+        /// Length of the rod, m.
+        rod: f64,
     },
 }
 
@@ -291,6 +301,15 @@ pub enum Activation {
     Filter(f64),
     /// First-order lag with this time constant (s), integrated exactly.
     FilterExact(f64),
+    /// Activation of a muscle. It rises and falls with different time constants, which depend on the activation (Millard et al. 2013).
+    Muscle {
+        /// Time constant of activation, s.
+        rise: f64,
+        /// Time constant of deactivation, s.
+        fall: f64,
+        /// Width of the smooth switch between the two, as a difference of control and activation; 0 for a hard switch.
+        smoothing: f64,
+    },
 }
 
 /// Actuator with force = (gain . (1, length, velocity)) * input + bias . (1, length, velocity), where the input is the control or
@@ -325,6 +344,9 @@ pub struct Actuator {
     /// Types of gain and bias, which determine how the force follows from these parameters.
     #[serde(default, with = "added_fields")]
     pub force_model: ForceModel,
+    /// Parameters of a muscle; unused by other types of gain and bias.
+    #[serde(default, with = "added_fields")]
+    pub muscle: Muscle,
 }
 
 /// Keyframe: a named state with controls.
@@ -484,10 +506,3 @@ impl Description {
     }
 }
 
-impl Tendon {
-    /// Length of the tendon in the configuration `qpos` of the model.
-    pub fn length(&self, model: &Description, qpos: &[f64]) -> f64 {
-        let addresses = model.joint_addresses();
-        self.joints.iter().map(|&(j, c)| c * qpos[addresses[j].0]).sum()
-    }
-}

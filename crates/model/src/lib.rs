@@ -74,6 +74,7 @@ mod sensor;
 mod shape;
 mod simple_bodies;
 mod softness;
+mod muscle;
 mod tendon;
 mod variant;
 
@@ -103,5 +104,6 @@ pub use sensor::{
 pub use shape::Shape;
 pub use simple_bodies::simple_bodies;
 pub use softness::{Cone, ContactSpring, InverseWeights, MIN_VALUE, NoSlip, SoftSettings, Softness};
-pub use tendon::Tendon;
+pub use muscle::{MUSCLE_PARAMETERS, Muscle};
+pub use tendon::{PathElement, PathSegment, Tendon, round};
 pub use variant::{Parameter, Variants};

@@ -17,7 +17,8 @@ pub mod forces;
 pub mod losses;
 pub mod memory;
 pub mod pipeline;
-pub mod site_wrench;
+pub mod moments;
+pub(crate) mod muscle;
 
 pub use crate::actuation::actuator_models::{ActuatorModels, ActuatorUpdate};
 pub use crate::actuation::pipeline::ActuatorPipelines;

@@ -45,8 +45,9 @@ KINDS = {
     "affine": 'general {} gaintype="affine" gainprm="1 2 -3" biastype="affine" biasprm=".1 -4 -5"',
     "integrator": 'general {} dyntype="integrator" gainprm="3" biastype="affine" biasprm="0 -2 -1" actlimited="true" actrange="-.3 .3"',
     "filter": 'general {} dyntype="filter" dynprm=".05" gainprm="2"',
-    "muscle": 'muscle {} lengthrange="-2 2" force="30" timeconst=".02 .06" tausmooth=".3"',
-    "muscle without a passive force": 'general {} gaintype="muscle" gainprm=".8 1.1 20 0 .4 1.7 2 0 1.3" lengthrange="-1 3"',
+    "muscle": 'general {} gaintype="muscle" gainprm=".75 1.05 30 200 .5 1.6 1.5 1.3 1.2" biastype="muscle" lengthrange="-2 2" '
+    'biasprm=".75 1.05 30 200 .5 1.6 1.5 1.3 1.2" dyntype="muscle" dynprm=".02 .06 .3"',
+    "muscle without a passive force": 'general {} gaintype="muscle" gainprm=".8 1.1 20 200 .4 1.7 2 1.3 1.3" lengthrange="-1 3"',
     "exact filter": 'general {} dyntype="filterexact" dynprm=".05" gainprm="2" biastype="affine" biasprm="0 -3 -1"',
 }
 

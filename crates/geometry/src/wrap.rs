@@ -235,7 +235,8 @@ fn wrap_inside<R: Real>([first, second]: [V2<R>; 2], radius: R, lanes: R::Mask) 
     let middle = unit([R::of(0.5) * (first[0] + second[0]), R::of(0.5) * (first[1] + second[1])]);
     let middle = [middle[0] * radius, middle[1] * radius];
     let (a, b) = (radius / lengths[0].max(smallest), radius / lengths[1].max(smallest));
-    let cosine = (lengths[0] * lengths[0] + lengths[1] * lengths[1] - squared_length) / (R::of(2.0) * lengths[0] * lengths[1]).max(smallest);
+    let cosine =
+        (lengths[0] * lengths[0] + lengths[1] * lengths[1] - squared_length) / (R::of(2.0) * lengths[0] * lengths[1]).max(smallest);
     touches = touches.and(cosine.ge(R::of(-1.0) + smallest));
     let mut solved = touches.and(lanes).and(cosine.le(R::one() - smallest));
     let angle = cosine.max(-R::one()).min(R::one()).acos();

@@ -165,9 +165,7 @@ impl Model {
             tendons("fixed tendons", |t| t.path.is_empty()),
             tendons("spatial tendons", |t| !t.path.is_empty()),
             tendons("limits of tendons", |t| t.range.is_some()),
-            tendons("springs, dampers and inertia of tendons, implicit", |t| {
-                t.stiffness > 0.0 || t.damping > 0.0 || t.armature > 0.0
-            }),
+            tendons("springs, dampers and inertia of tendons, implicit", |t| t.stiffness > 0.0 || t.damping > 0.0 || t.armature > 0.0),
             tendons("dry friction in tendons", |t| t.frictionloss > 0.0),
         ]
     }

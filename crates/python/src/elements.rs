@@ -338,8 +338,8 @@ elements! {
         forcerange: v.bounds(actuator.force_range),
         /// Lowest and highest activation: (2,). A missing bound is infinite.
         actrange: v.bounds(actuator.act_range),
-        /// Gear: (6,). For a joint, tendon or slider-crank, entry 0 scales length, velocity and force. For a site, the entries are force and torque per
-        /// unit of actuator force.
+        /// Gear: (6,). For a site, the entries are force and torque per unit of actuator force. Otherwise entry 0 scales length, velocity and
+        /// force.
         gear: v.row(&actuator.gear_row()),
         /// Type of the gain: "fixed", "affine", "dcmotor", "pid" or "muscle".
         gaintype: v.of(actuator.force_model.gain.word()),
@@ -388,8 +388,7 @@ elements! {
     /// Names of the sensors in order. The name of an unnamed sensor is empty.
     names sensor_names;
 
-    /// Tendon of a model. The length of a fixed tendon is a linear combination of joint positions, that of a spatial tendon is the length of
-    /// its path.
+    /// Tendon of a model: a linear combination of joint positions (fixed), or a path through sites and around geoms (spatial).
     Tendon, |v, model, tendon, i| {
         let joints: Vec<i64> = tendon.joints.iter().map(|&(j, _)| j as i64).collect();
         let jntid = read_only(joints.into_pyarray(v.py).into_any())?;

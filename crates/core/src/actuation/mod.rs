@@ -16,9 +16,9 @@ pub mod force_limits;
 pub mod forces;
 pub mod losses;
 pub mod memory;
-pub mod pipeline;
 pub mod moments;
 pub(crate) mod muscle;
+pub mod pipeline;
 
 pub use crate::actuation::actuator_models::{ActuatorModels, ActuatorUpdate};
 pub use crate::actuation::pipeline::ActuatorPipelines;

@@ -9,9 +9,7 @@ use crate::actuation::ActuatorSpec;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::paths::{CompiledPath, Spot, path_of};
 use crate::compile::tree::{CompiledFriction, scalars};
-use crate::model::{
-    Activation, Actuator, BiasType, ForceModel, GainType, JointKind, MUSCLE_PARAMETERS, Model, Muscle, Transmission,
-};
+use crate::model::{Activation, Actuator, BiasType, ForceModel, GainType, JointKind, MUSCLE_PARAMETERS, Model, Muscle, Transmission};
 
 /// Compiled actuator: on a linear combination of scalar joints (a joint or a fixed tendon), or with moment arms that depend on the
 /// configuration.
@@ -256,7 +254,8 @@ impl<S: Scalar> CompiledActuators<S> {
     /// Compiles the actuators of the model. `specs` has the actuator model of every actuator, or is empty.
     pub(super) fn new(input: CompilerInput<'_, S>, specs: &[Option<ActuatorSpec>]) -> Self {
         let model = input.model;
-        let mut all = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, variable_moments: 0, num_actuator_dynamics: 0 };
+        let mut all =
+            Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, variable_moments: 0, num_actuator_dynamics: 0 };
         let mut na = 0;
         for (i, actuator) in model.actuators.iter().enumerate() {
             let spec = specs.get(i).and_then(Option::as_ref);
@@ -334,12 +333,13 @@ impl<S: Scalar> CompiledActuators<S> {
             }
         };
         let moves = |dof: usize, spot: Spot<S>| input.merged.moves(dof, spot.frame);
-        let side = |dof: usize, first: Spot<S>, second: Option<Spot<S>>| {
-            match (moves(dof, first), second.is_some_and(|second| moves(dof, second))) {
-                (true, false) => Some((dof, S::ONE)),
-                (false, true) => Some((dof, S::from_f64(-1.0))),
-                _ => None,
-            }
+        let side = |dof: usize, first: Spot<S>, second: Option<Spot<S>>| match (
+            moves(dof, first),
+            second.is_some_and(|second| moves(dof, second)),
+        ) {
+            (true, false) => Some((dof, S::ONE)),
+            (false, true) => Some((dof, S::from_f64(-1.0))),
+            _ => None,
         };
         let dofs: Vec<_> = match kind {
             MomentKind::Path { path, .. } => input.paths[path].dofs.iter().map(|&dof| (dof as usize, S::ONE)).collect(),

@@ -22,7 +22,9 @@ mod static_pairs;
 mod tree;
 
 pub use crate::model::Kernel;
-pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledMuscle, MomentKind, MotorControl, MuscleCurve, VariableMoment};
+pub use actuators::{
+    CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledMuscle, MomentKind, MotorControl, MuscleCurve, VariableMoment,
+};
 pub(crate) use collision::Symmetry;
 pub use collision::{CompiledPair, DynamicPairs, NO_PAIR_GROUP};
 pub use compiled_model::{CompiledModel, ModelStructure};

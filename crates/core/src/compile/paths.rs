@@ -115,8 +115,7 @@ pub(super) fn paths<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledPa
             let frames: Vec<Vec<usize>> = segments.iter().map(|segment| frames(model, merged, segment)).collect();
             // A degree of freedom that moves all frames of a segment does not change its length.
             let changes = |dof: usize, frames: &[usize]| frames.iter().any(|&f| merged.moves(dof, f) != merged.moves(dof, frames[0]));
-            let dofs: Vec<u32> =
-                (0..model.nv()).filter(|&dof| frames.iter().any(|f| changes(dof, f))).map(|dof| dof as u32).collect();
+            let dofs: Vec<u32> = (0..model.nv()).filter(|&dof| frames.iter().any(|f| changes(dof, f))).map(|dof| dof as u32).collect();
             let moved_by = |segment: usize, frame: usize| {
                 let all = &frames[segment];
                 let moves = |&(_, &dof): &(usize, &u32)| changes(dof as usize, all) && merged.moves(dof as usize, frame);

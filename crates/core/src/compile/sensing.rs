@@ -272,12 +272,7 @@ impl Form {
 
 impl<S: Scalar> CompiledSensing<S> {
     /// Compiles the sensors of a model. `lossy` is set if actuator forces contain friction losses, which depend on the impulses of a step.
-    pub(super) fn new(
-        model: &Model,
-        merged: &Merged,
-        (tendons, lengths): (&[CompiledTendon<S>], &[Combination<S>]),
-        lossy: bool,
-    ) -> Self {
+    pub(super) fn new(model: &Model, merged: &Merged, (tendons, lengths): (&[CompiledTendon<S>], &[Combination<S>]), lossy: bool) -> Self {
         let compiler = Compiler { model, merged, tendons, lengths, found: RefCell::default() };
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| CompiledSensor {

@@ -70,7 +70,9 @@ fn violation<R: Real>(
                 _ => gap,
             }
         }
-        EqualityRows::Coupling { first, second, polynomial } => coupling_error(first, second.as_ref(), splat(*polynomial), (q, paths)).abs(),
+        EqualityRows::Coupling { first, second, polynomial } => {
+            coupling_error(first, second.as_ref(), splat(*polynomial), (q, paths)).abs()
+        }
     }
 }
 

@@ -37,7 +37,8 @@ impl<R: Real> Kinematics<R> {
     #[inline(always)]
     fn measure_segment(&self, compiled: &LaneModel<R>, segment: &CompiledSegment<R::Scalar>, arms: &mut [R]) -> R {
         let weight = R::splat(segment.weight);
-        let ends = [self.point(segment.ends[0].frame, splat(segment.ends[0].pos)), self.point(segment.ends[1].frame, splat(segment.ends[1].pos))];
+        let ends =
+            [self.point(segment.ends[0].frame, splat(segment.ends[0].pos)), self.point(segment.ends[1].frame, splat(segment.ends[1].pos))];
         let (direct, straight) = direction(ends);
         let Some(obstacle) = &segment.obstacle else {
             self.pull(compiled, &segment.moved[0], ends[0], scale(direct, -weight), arms);

@@ -5,8 +5,8 @@
 
 use stepper_real::{Real, kernel};
 
-use crate::compile::{Combination, LaneModel};
 use crate::compile::sensing::{Bounds, CompiledSensor, Read, SensorFrame};
+use crate::compile::{Combination, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::sensing::*;
@@ -49,9 +49,7 @@ fn read<R: Real>(view: SensorView<'_, R>, sensor: &CompiledSensor<R::Scalar>, tr
         Read::ActuatorLength(a) => scalar(input.actuator_forces.length(compiled, *a, input.q)),
         Read::ActuatorRate(a) => scalar(input.actuator_forces.rate(compiled, *a, input.v)),
         Read::LimitPos(length, range) => scalar(overlap(value(length), R::one(), bounds(compiled, range))[0]),
-        Read::LimitVel(length, range) => {
-            scalar(overlap(value(length), rate(length), bounds(compiled, range))[1])
-        }
+        Read::LimitVel(length, range) => scalar(overlap(value(length), rate(length), bounds(compiled, range))[1]),
         Read::LimitForce(limit) => scalar(input.scalar_impulse[*limit] / input.h),
         Read::Nothing => scalar(R::zero()),
         Read::Clock => scalar(input.time),

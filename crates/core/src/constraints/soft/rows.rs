@@ -98,7 +98,8 @@ impl<R: Real> Assembler<'_, R> {
         for (tendon, [_, law]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
-                let law = row_law(law, input, [R::zero(), tendon.length.rate(row_input.v_free, &row_input.kinematics.paths)], row_input.alive);
+                let law =
+                    row_law(law, input, [R::zero(), tendon.length.rate(row_input.v_free, &row_input.kinematics.paths)], row_input.alive);
                 self.builder.combine(&row_input.kinematics.paths, system, &[(&tendon.length, R::one())]);
                 self.push_soft_row(input, system, law, [-most, most], row_input.alive, tendon.impulse_index + 1);
             }
@@ -123,7 +124,8 @@ impl<R: Real> Assembler<'_, R> {
         self.add_soft_ball_limits(compiled, input, system);
         for (tendon, [law, _]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             let Some([lowest, highest]) = tendon.range else { continue };
-            let (sign, error) = nearer_end(tendon.length.value(row_input.q, &row_input.kinematics.paths), [R::splat(lowest), R::splat(highest)]);
+            let (sign, error) =
+                nearer_end(tendon.length.value(row_input.q, &row_input.kinematics.paths), [R::splat(lowest), R::splat(highest)]);
             let active = row_input.alive.and(error.lt(R::zero()));
             if active.any() {
                 self.builder.combine(&row_input.kinematics.paths, system, &[(&tendon.length, sign)]);

@@ -246,8 +246,8 @@ class Actuator:
     actrange: Final[_Array]
     """Lowest and highest activation: (2,). A missing bound is infinite."""
     gear: Final[_Array]
-    """Gear: (6,). For a site, the entries are force and torque per unit of actuator force. Otherwise entry 0 scales length, velocity and
-    force."""
+    """Gear: (6,). For a site, the entries are force and torque per unit of actuator force. Otherwise entry 0 scales length, velocity
+    and force."""
     gaintype: Final[str]
     """Type of the gain: "fixed", "affine", "dcmotor", "pid" or "muscle"."""
     gainprm: Final[_Array]

@@ -1,6 +1,8 @@
 //! Description of a scene: all elements, with fields that can be edited.
 
 use serde::{Deserialize, Serialize};
+use stepper_geometry::Obstacle;
+use stepper_geometry::linear_algebra::*;
 
 use crate::added_fields;
 use crate::asset::{HeightField, Mesh};
@@ -11,7 +13,7 @@ use crate::muscle::Muscle;
 use crate::sensor::{Sensor, Site};
 use crate::shape::Shape;
 use crate::softness::{ContactSpring, SoftSettings, Softness};
-use crate::tendon::Tendon;
+use crate::tendon::{Tendon, round};
 
 /// Description of a scene before its checks: bodies in a tree, joints, shapes, actuators and sensors. Body 0 is the world.
 ///
@@ -272,7 +274,8 @@ pub enum Transmission {
         /// Force and torque (N, N m) per unit of actuator force.
         wrench: [f64; 6],
     },
-    /// Slider-crank: a rod connects the crank to a point that slides along the z axis of the slider's site. The length is that of the slide.
+    /// Slider-crank: a rod connects the crank to a point that slides along the z axis of the slider's site. The length is that of the
+    /// slide.
     SliderCrank {
         /// Index of the crank's site.
         crank: usize,
@@ -503,5 +506,37 @@ impl Description {
             Shape::HeightField { asset } => self.height_fields.iter().find(|h| h.name == *asset),
             _ => None,
         }
+    }
+}
+
+impl Tendon {
+    /// Length of the tendon in the reference configuration, with the joint positions `qpos0` and all bodies at their poses in the parent.
+    pub fn reference_length(&self, model: &Description) -> f64 {
+        let addresses = model.joint_addresses();
+        let joints: f64 = self.joints.iter().map(|&(j, c)| c * model.qpos0[addresses[j].0]).sum();
+        let pose = |body: usize, pos: [f64; 3], quat: [f64; 4]| {
+            let (mut pos, mut quat, mut body) = (pos, quat, body);
+            while body != 0 {
+                let at = &model.bodies[body];
+                (pos, quat) = (add(at.pos, rotate(&quat_to_mat(at.quat), pos)), quat_mul(at.quat, quat));
+                body = at.parent;
+            }
+            (pos, quat_to_mat(quat))
+        };
+        let site = |s: usize| pose(model.sites[s].body, model.sites[s].pos, model.sites[s].quat).0;
+        let path = self.segments().into_iter().map(|segment| {
+            let ends = segment.sites.map(site);
+            let straight = norm(sub(ends[1], ends[0]));
+            let length = segment.wrap.map_or(straight, |(g, side)| {
+                let geom = &model.geoms[g];
+                let (pos, mat) = pose(geom.body, geom.pos, geom.quat);
+                let Some((radius, is_cylinder)) = round(&geom.shape) else { return straight };
+                let wrap = Obstacle { pos, mat, radius, is_cylinder }.wrap(ends, side.map(site));
+                let around = norm(sub(wrap.points[0], ends[0])) + wrap.arc + norm(sub(ends[1], wrap.points[1]));
+                if wrap.touches { around } else { straight }
+            });
+            length / segment.divisor
+        });
+        joints + path.sum::<f64>()
     }
 }

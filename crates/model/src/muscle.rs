@@ -7,9 +7,15 @@ pub const MUSCLE_PARAMETERS: usize = 9;
 
 /// Parameters of a muscle's active force (the gain) and of its passive force (the bias).
 ///
-/// Both lists have MuJoCo's order: lowest and highest operating length relative to the optimal length, peak force (N; negative for
-/// `scale / acceleration`), scale, lowest and highest length with active force, highest shortening speed (optimal lengths per s), passive
-/// force at the highest length, and active force at the highest lengthening speed, both relative to the peak force.
+/// Both lists have nine numbers in MuJoCo's order:
+///
+/// - lowest and highest operating length, relative to the optimal length,
+/// - peak force, N; a negative number selects `scale / acceleration`,
+/// - scale,
+/// - lowest and highest length with active force, relative to the optimal length,
+/// - highest speed of shortening, optimal lengths per s,
+/// - passive force at the highest length, relative to the peak force,
+/// - active force at the highest speed of lengthening, relative to the peak force.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Muscle {
     /// Lowest and highest length of the actuator, m or rad (MuJoCo's `actuator_lengthrange`).

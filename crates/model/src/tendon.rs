@@ -1,12 +1,9 @@
 //! Tendons: linear combinations of joint positions (fixed tendons), and paths through sites and around geoms (spatial tendons).
 
-use serde::{Deserialize, Serialize};
-use stepper_geometry::Obstacle;
-use stepper_geometry::linear_algebra::*;
-
 use crate::added_fields;
+use crate::shape::Shape;
 use crate::softness::Softness;
-use crate::{Description, Shape};
+use serde::{Deserialize, Serialize};
 
 /// Tendon. Its length is the sum of a linear combination of the positions of hinges and slides, and of the length of a path. A fixed tendon
 /// has no path, and a spatial tendon no joints. The length has the unit u, m or rad; that of a path is in m.
@@ -80,36 +77,6 @@ impl Tendon {
             }
         }
         segments
-    }
-
-    /// Length of the tendon in the reference configuration, with the joint positions `qpos0` and all bodies at their poses in the parent.
-    pub fn reference_length(&self, model: &Description) -> f64 {
-        let addresses = model.joint_addresses();
-        let joints: f64 = self.joints.iter().map(|&(j, c)| c * model.qpos0[addresses[j].0]).sum();
-        let pose = |body: usize, pos: [f64; 3], quat: [f64; 4]| {
-            let (mut pos, mut quat, mut body) = (pos, quat, body);
-            while body != 0 {
-                let at = &model.bodies[body];
-                (pos, quat) = (add(at.pos, rotate(&quat_to_mat(at.quat), pos)), quat_mul(at.quat, quat));
-                body = at.parent;
-            }
-            (pos, quat_to_mat(quat))
-        };
-        let site = |s: usize| pose(model.sites[s].body, model.sites[s].pos, model.sites[s].quat).0;
-        let path = self.segments().into_iter().map(|segment| {
-            let ends = segment.sites.map(site);
-            let straight = norm(sub(ends[1], ends[0]));
-            let length = segment.wrap.map_or(straight, |(g, side)| {
-                let geom = &model.geoms[g];
-                let (pos, mat) = pose(geom.body, geom.pos, geom.quat);
-                let Some((radius, is_cylinder)) = round(&geom.shape) else { return straight };
-                let wrap = Obstacle { pos, mat, radius, is_cylinder }.wrap(ends, side.map(site));
-                let around = norm(sub(wrap.points[0], ends[0])) + wrap.arc + norm(sub(ends[1], wrap.points[1]));
-                if wrap.touches { around } else { straight }
-            });
-            length / segment.divisor
-        });
-        joints + path.sum::<f64>()
     }
 }
 

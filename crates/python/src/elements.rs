@@ -338,8 +338,8 @@ elements! {
         forcerange: v.bounds(actuator.force_range),
         /// Lowest and highest activation: (2,). A missing bound is infinite.
         actrange: v.bounds(actuator.act_range),
-        /// Gear: (6,). For a site, the entries are force and torque per unit of actuator force. Otherwise entry 0 scales length, velocity and
-        /// force.
+        /// Gear: (6,). For a site, the entries are force and torque per unit of actuator force. Otherwise entry 0 scales length, velocity
+        /// and force.
         gear: v.row(&actuator.gear_row()),
         /// Type of the gain: "fixed", "affine", "dcmotor", "pid" or "muscle".
         gaintype: v.of(actuator.force_model.gain.word()),

@@ -1,7 +1,7 @@
 //! Force and activation of muscles, as in MuJoCo.
 //!
-//! A muscle of the length l pulls with the force -(a FL(L) FV(V) + FP(L)) F0. Here a is the activation, L the length relative to the optimal
-//! length, V the velocity relative to the highest speed of shortening, and F0 the peak force.
+//! A muscle of the length l pulls with the force -(a FL(L) FV(V) + FP(L)) F0. Here a is the activation, L the length relative to the
+//! optimal length, V the velocity relative to the highest speed of shortening, and F0 the peak force.
 
 use stepper_real::{Mask, Real};
 
@@ -100,7 +100,8 @@ fn passive_length<R: Real>(curve: &MuscleCurve<R::Scalar>, x: R) -> Slope<R> {
 
 /// Time derivative of a muscle's activation `act`, 1/s, with the control `ctrl` and the time constants of activation and deactivation.
 ///
-/// The difference of control and activation selects the time constant, with a smooth switch of the width `smoothing` (MuJoCo's `tausmooth`).
+/// The difference of control and activation selects the time constant, with a smooth switch of the width `smoothing` (MuJoCo's
+/// `tausmooth`).
 #[inline(always)]
 pub(crate) fn activation_rate_of_muscle<R: Real>(ctrl: R, act: R, [rise, fall, smoothing]: [f64; 3]) -> R {
     let (zero, one, smallest) = (R::zero(), R::one(), R::of(SMALLEST));

@@ -26,8 +26,8 @@ struct SavedGroups<S> {
 impl<S: LaneScalar> Batch<S> {
     /// Saves the state of environment `env`, or of all environments, as bytes.
     ///
-    /// `ctrl` has the controls in force of the saved environments, nu for each. `eq_active` has their active equalities, neq for each, or is
-    /// empty for those of the model.
+    /// `ctrl` has the controls in force of the saved environments, nu for each. `eq_active` has their active equalities, neq for each, or
+    /// is empty for those of the model.
     pub(super) fn save(&self, env: Option<usize>, ctrl: &[f64], eq_active: &[f64]) -> Vec<u8> {
         let n = if env.is_some() { 1 } else { self.saved_lanes() };
         let first = match env {

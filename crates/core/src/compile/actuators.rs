@@ -49,8 +49,8 @@ pub struct VariableMoment<S> {
     pub kind: MomentKind<S>,
     /// Change of the actuator's length when the site makes a full rotation, if the length is an angle; otherwise `None`.
     pub turn: Option<S>,
-    /// Degrees of freedom with a moment arm, each with a sign. For an actuator on a site, the sign is 1 if only the site moves, and -1 if
-    /// only the reference site moves; for a slider-crank, these are the crank and the slider. For a tendon it is 1.
+    /// Degrees of freedom with a moment arm, each with a sign. The sign is 1 if only the site moves, and -1 if only the reference site
+    /// moves. For a slider-crank, these two are the crank and the slider. For a tendon the sign is 1.
     pub dofs: Vec<(usize, S)>,
     /// Index of the actuator's first moment arm in the list of variable moment arms.
     pub arms: usize,
@@ -199,8 +199,8 @@ pub struct CompiledServo<S> {
     /// Entries of the mass matrix to which the servo adds inertia. Each pair has the index of an entry, and the factor of the added
     /// inertia. The two degrees of freedom of these entries are on one kinematic branch.
     pub entries: Vec<(usize, S)>,
-    /// Entries of the mass matrix to which a servo with a variable moment adds inertia. Each element has the index of an entry, and the indices of two
-    /// moment arms, whose product is the factor of the added inertia.
+    /// Entries of the mass matrix to which a servo with a variable moment adds inertia. Each element has the index of an entry, and the
+    /// indices of two moment arms, whose product is the factor of the added inertia.
     pub products: Vec<(usize, [usize; 2])>,
     /// Diagonal matrix that is an upper bound of the added inertia, for an actuator on a tendon that joins several kinematic branches. A
     /// step with hard contact uses it instead of `entries`. Each pair has the index of a diagonal entry of the mass matrix, and a factor.
@@ -439,8 +439,8 @@ fn entries(moment: &[(usize, f64)], merged: &Merged) -> [Vec<(usize, f64)>; 2] {
 /// Result of [`products`]: the lists [`CompiledServo::products`] and [`CompiledServo::diagonal_bound_arms`].
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
-/// Lists the entries of the mass matrix to which a servo with a variable moment adds inertia, with the indices of two moment arms. The added inertia is
-/// proportional to the product of these arms, which depend on the configuration.
+/// Lists the entries of the mass matrix to which a servo with a variable moment adds inertia, with the indices of two moment arms. The
+/// added inertia is proportional to the product of these arms, which depend on the configuration.
 ///
 /// The first of the returned lists has these entries. If the moment acts on several kinematic branches, the second list has the diagonal
 /// entries, each with the index of its moment arm. Otherwise it is empty.

@@ -1,7 +1,7 @@
 //! Lengths and moment arms of the paths of spatial tendons.
 //!
-//! The length of a path changes only with the straight parts, because the string does not slide off the surface of an obstacle: the tangent
-//! points of a shortest path do not contribute to the first order. Each straight part pulls at its ends, along its direction. The moment
+//! To the first order, the length of a shortest path does not depend on the tangent points of its arcs. Therefore only the straight parts
+//! contribute to the moment arms. Each straight part pulls at its ends, along its direction. The moment
 //! arms are the generalized forces of these pulls. A string that does not touch an obstacle pulls at it from both sides, without effect.
 
 use stepper_geometry::Obstacle;

@@ -128,7 +128,8 @@ pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, la
     })
 }
 
-/// Largest distance of a joint or tendon beyond its range at the configuration `q`, with the path lengths `paths` there, rad or m; 0 if all are within their ranges.
+/// Largest distance of a joint or tendon beyond its range at the configuration `q`, with the path lengths `paths` there, rad or m; 0 if all
+/// are within their ranges.
 pub fn limit_overshoot<R: Real>(compiled: &LaneModel<R>, q: &[R], paths: &PathLengths<R>) -> R {
     kernel!(R, || {
         let mut farthest = R::zero();

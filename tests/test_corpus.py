@@ -118,9 +118,8 @@ def test_a_file_is_measured(tmp_path):
 
 
 def test_controls_of_actuators_that_are_left_out_are_skipped():
-    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><site name="s" pos="0 0 1"/><body><joint name="a"/><geom size=".1"/>
-      <site name="t"/></body></worldbody><tendon><spatial name="w"><site site="s"/><site site="t"/></spatial></tendon>
-      <actuator><motor tendon="w"/><motor joint="a"/></actuator></mujoco>""")
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body name="b"><joint name="a"/><geom size=".1"/></body></worldbody>
+      <actuator><adhesion body="b" ctrlrange="0 1"/><motor joint="a"/></actuator></mujoco>""")
     ours = stepper.load(model, strict=False)
     assert len(kept_controls(model, ours)) == ours.nu
 

@@ -234,9 +234,9 @@ class Actuator:
     name: Final[str]
     """Name of the actuator; may be empty."""
     trntype: Final[str]
-    """Kind of element on which the actuator acts: "joint", "tendon" or "site"."""
+    """Kind of element on which the actuator acts: "joint", "tendon", "site" or "slidercrank"."""
     trnid: Final[int]
-    """Index of the joint, tendon or site on which the actuator acts."""
+    """Index of the joint, tendon or site on which the actuator acts. For a slider-crank it is the site of the crank."""
     actadr: Final[int]
     """Address of the actuator's activation in act; -1 if the actuator has no activation."""
     ctrlrange: Final[_Array]
@@ -246,15 +246,15 @@ class Actuator:
     actrange: Final[_Array]
     """Lowest and highest activation: (2,). A missing bound is infinite."""
     gear: Final[_Array]
-    """Gear: (6,). For a joint or tendon, entry 0 scales length, velocity and force. For a site, the entries are force and torque per
-    unit of actuator force."""
+    """Gear: (6,). For a site, the entries are force and torque per unit of actuator force. Otherwise entry 0 scales length, velocity
+    and force."""
     gaintype: Final[str]
-    """Type of the gain: "fixed", "affine", "dcmotor" or "pid"."""
+    """Type of the gain: "fixed", "affine", "dcmotor", "pid" or "muscle"."""
     gainprm: Final[_Array]
     """Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of
     velocity. Unused entries are 0."""
     biastype: Final[str]
-    """Type of the bias: "none", "affine" or "dcmotor"."""
+    """Type of the bias: "none", "affine", "dcmotor" or "muscle"."""
     biasprm: Final[_Array]
     """Parameters of the bias: (10,). For the type "affine" they begin with constant, factor of length and factor of velocity. Unused
     entries are 0."""
@@ -280,14 +280,16 @@ class Sensor:
 
 @final
 class Tendon:
-    """Fixed tendon of a model, whose length is a linear combination of joint positions."""
+    """Tendon of a model: a linear combination of joint positions (fixed), or a path through sites and around geoms (spatial)."""
 
     id: Final[int]
     """Index of the tendon."""
     name: Final[str]
     """Name of the tendon; may be empty."""
+    spatial: Final[bool]
+    """Whether the tendon is spatial: a path through sites and around geoms."""
     jntid: Final[_Array]
-    """Indices of the n joints of the tendon: (n,) int64."""
+    """Indices of the n joints of a fixed tendon: (n,) int64."""
     coef: Final[_Array]
     """Coefficients of the n joints in the tendon length: (n,)."""
     limited: Final[bool]
@@ -369,7 +371,7 @@ class Model:
     keyframe_names: Final[list[str]]
     """Names of the keyframes in order. The name of an unnamed keyframe is empty."""
     tendon_names: Final[list[str]]
-    """Names of the fixed tendons in order. The name of an unnamed tendon is empty."""
+    """Names of the tendons in order. The name of an unnamed tendon is empty."""
     sensors: Final[list[dict[str, Any]]]
     """Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and
     interval. The datatype is "real", "positive", "axis" or "quaternion". The last four are properties from the source file, and 0 if
@@ -751,7 +753,7 @@ class Model:
             IndexError: The model has no sensor of that index.
         """
     def tendon(self, key: str | int) -> Tendon:
-        """Fixed tendon by name or index (negative from the end).
+        """Tendon by name or index (negative from the end).
 
         Raises:
             KeyError: The model has no tendon of that name; the message has similar names.
@@ -990,7 +992,7 @@ class Stepper:
     reset."""
     eq_active: NDArray[np.bool_]
     """Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`. Writable; each step uses it until it is changed.
-    `reset` restores the model's `eq_active0`; `get_state` and `set_state` do not include it.
+    It is part of the state of `get_state`. `reset` restores the model's `eq_active0`.
 
     The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
     `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the current one."""
@@ -1213,9 +1215,9 @@ class Stepper:
     def observe(self, out: _Array | None = None) -> _Array:
         """Writable copy of `sensordata`, (num_envs, nsensordata). If an array `out` is given, the result is that array."""
     def get_state(self, env: int | None = None) -> State:
-        """Complete state, including the current controls.
+        """Complete state, including the current controls and the active equalities.
 
-        Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize` are not part of the state.
+        Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses) and parameters of `randomize` are not part of the state.
 
         Args:
             env: Index of an environment. None saves all environments.

@@ -1,4 +1,4 @@
-"""Scenes with actuators of every kind that is simulated, on joints, fixed tendons and sites."""
+"""Scenes with actuators of every kind that is simulated, on joints, tendons, sites and slider-cranks."""
 
 TREE = """<mujoco><option timestep=".002" gravity="0 0 -9.81"><flag contact="disable"/></option>
   <worldbody><site name="base" pos=".3 -.2 .1" euler="10 20 30"/>
@@ -7,9 +7,12 @@ TREE = """<mujoco><option timestep=".002" gravity="0 0 -9.81"><flag contact="dis
       <body pos="0 .4 .1"><joint name="rail" type="slide" axis="1 0 1"/><geom type="sphere" size=".1"/>
         <site name="tip" pos=".1 .2 .3" euler="70 -30 10"/></body></body>
     <body pos="-.2 0 .1"><joint name="socket" type="ball"/><geom type="capsule" size=".05 .2" pos="0 0 .2"/>
+      <geom name="hub" size=".1" pos=".1 0 .1"/>
       <body pos="0 0 .4"><joint name="wrist" axis="0 1 0"/><geom type="sphere" size=".08" pos=".1 0 0"/>
         <site name="hand" pos="0 .1 .2" euler="5 6 7"/></body></body></body></worldbody>
-  <tendon><fixed name="belt"><joint joint="swing" coef=".7"/><joint joint="wrist" coef="-1.3"/></fixed></tendon>
+  <tendon><fixed name="belt"><joint joint="swing" coef=".7"/><joint joint="wrist" coef="-1.3"/></fixed>
+    <spatial name="rope"><site site="base"/><site site="tip"/><site site="hand"/><pulley divisor="2"/><site site="hand"/><geom geom="hub"/>
+      <site site="hull"/></spatial></tendon>
   <actuator>{actuators}</actuator><sensor>{sensors}</sensor></mujoco>"""
 
 GEAR = 'gear="1 -2 3 .5 -.4 .3"'
@@ -17,6 +20,9 @@ TARGETS = {
     "joint": 'joint="swing" gear="3"',
     "slide": 'joint="rail" gear="-2"',
     "tendon": 'tendon="belt" gear="1.5"',
+    "spatial tendon": 'tendon="rope" gear="-1.5"',
+    "slider-crank": 'cranksite="tip" slidersite="hull" cranklength="3" gear="2"',
+    "short slider-crank": 'cranksite="hand" slidersite="base" cranklength=".01" gear="2"',
     "site": f'site="tip" {GEAR}',
     "site on the world": f'site="tip" refsite="base" {GEAR}',
     "site on the same tree": f'site="tip" refsite="hand" {GEAR}',
@@ -39,6 +45,9 @@ KINDS = {
     "affine": 'general {} gaintype="affine" gainprm="1 2 -3" biastype="affine" biasprm=".1 -4 -5"',
     "integrator": 'general {} dyntype="integrator" gainprm="3" biastype="affine" biasprm="0 -2 -1" actlimited="true" actrange="-.3 .3"',
     "filter": 'general {} dyntype="filter" dynprm=".05" gainprm="2"',
+    "muscle": 'general {} gaintype="muscle" gainprm=".75 1.05 30 200 .5 1.6 1.5 1.3 1.2" biastype="muscle" lengthrange="-2 2" '
+    'biasprm=".75 1.05 30 200 .5 1.6 1.5 1.3 1.2" dyntype="muscle" dynprm=".02 .06 .3"',
+    "muscle without a passive force": 'general {} gaintype="muscle" gainprm=".8 1.1 20 200 .4 1.7 2 1.3 1.3" lengthrange="-1 3"',
     "exact filter": 'general {} dyntype="filterexact" dynprm=".05" gainprm="2" biastype="affine" biasprm="0 -3 -1"',
 }
 

@@ -187,3 +187,42 @@ def test_quantities_of_a_reset_environment_need_no_solution_of_its_neighbours(na
         one.eq_active[1, 0] = neighbour
         one.reset([0])
     assert np.array_equal(getattr(sim, name)[0], getattr(alone, name)[0])
+
+
+def test_a_state_contains_the_active_equalities():
+    """`set_state` restores them in the chosen environments, and the motion repeats bit for bit; reset restores the model's."""
+    sim = stepper.Stepper(scene(), 3)
+    sim.eq_active[1] = [False, True, True]
+    sim.step(nstep=20)
+    one, every = sim.get_state(env=1), sim.get_state()
+    sim.step(nstep=20)
+    after = sim.qpos.copy()
+    sim.eq_active[:] = True
+    sim.step(nstep=5)
+    sim.set_state(every)
+    assert sim.eq_active.tolist() == [[True, True, False], [False, True, True], [True, True, False]]
+    sim.step(nstep=20)
+    assert np.array_equal(sim.qpos, after)
+    sim.set_state(one, envs=[2])
+    assert sim.eq_active[2].tolist() == [False, True, True]
+    sim.copy_state(0, envs=[1, 2])
+    assert sim.eq_active.tolist() == [[True, True, False]] * 3
+    sim.eq_active[0, 0] = False
+    sim.copy_state(0, envs=[1])
+    assert sim.eq_active[:, 0].tolist() == [False, False, True]
+    sim.reset()
+    assert sim.eq_active.tolist() == [[True, True, False]] * 3
+    fresh = stepper.Stepper(scene())
+    fresh.set_state(one)
+    assert fresh.eq_active.tolist() == [False, True, True]
+
+
+def test_a_state_of_the_models_equalities_clears_switches():
+    """A state saved before any switch restores the model's equalities."""
+    sim = stepper.Stepper(scene(), 2)
+    before = sim.get_state()
+    sim.eq_active[:] = False
+    sim.step()
+    sim.set_state(before)
+    assert sim.eq_active.tolist() == [[True, True, False]] * 2
+    assert sim.get_state() == before

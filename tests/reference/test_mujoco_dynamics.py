@@ -8,22 +8,13 @@ the error of a light finger counts as much as that of a torso, so the bound is s
 import mujoco
 import numpy as np
 import pytest
-import stepper
 from models import SOURCES, forward, full_mass_matrix, mujoco_model, random_state, simulate, stepper_model
 from numerics import relative_error
 
 STATES = 20
 BOUND = 1e-10  # Asked for by issue 2: rounding (1e-16) times the condition of the worst mass matrix (1e6, the stacker's).
 
-INCOMPLETE = {
-    "dm_control/ball_in_cup": {"spatial tendon"},
-}
-"""Models that load with strict=False only, and the kinds of elements that are not simulated yet.
-
-Collision: of cylinders, ellipsoids, boxes with other than planes, meshes and height fields.
-"""
-
-STRICT = sorted(set(SOURCES) - set(INCOMPLETE))
+SOURCES_BY_NAME = sorted(SOURCES)
 
 
 def rng_of(name: str) -> np.random.Generator:
@@ -40,33 +31,23 @@ def kinetic_error(metric, found, expected) -> float:
     return float(np.sqrt(difference @ metric @ difference / (scale if scale > 0 else 1.0)))
 
 
-@pytest.mark.parametrize("name", sorted(SOURCES))
-def test_the_table_of_models_that_load_is_true(name):
-    """A model that starts to load, or stops, or leaves out something else, changes this table."""
-    if name in INCOMPLETE:
-        with pytest.raises(stepper.ModelError) as refused:
-            stepper.load(str(SOURCES[name]))
-        elements = [line.strip() for line in str(refused.value).splitlines()[1:-1]]
-        left_out = stepper_model(name, strict=False).omitted
-        named = {kind for kind, label, _ in left_out if any(line.startswith(f"{kind} {label}:") for line in elements)}
-        assert named == INCOMPLETE[name]
-        assert len(elements) == sum(kind in named for kind, _, _ in left_out)
-    else:
-        # What is left out has no effect on the motion (sensors, flags for MuJoCo's solver), or is how MuJoCo softens contacts and limits.
-        harmless = {kind for kind, _, _ in stepper_model(name).omitted if not kind.startswith(("sensor ", "flag "))}
-        assert harmless <= {"joint margin", "tendon margin"}
+@pytest.mark.parametrize("name", SOURCES_BY_NAME)
+def test_every_model_loads_strictly(name):
+    """What is left out has no effect on the motion (sensors, flags for MuJoCo's solver), or is how MuJoCo softens contacts and limits."""
+    harmless = {kind for kind, _, _ in stepper_model(name).omitted if not kind.startswith(("sensor ", "flag "))}
+    assert harmless <= {"joint margin", "tendon margin"}
 
 
-def states(name: str, strict: bool = True):
+def states(name: str):
     """A simulation and MuJoCo's model, with twenty random states and a source of more randomness."""
     model, rng = mujoco_model(name), rng_of(name)
-    return simulate(stepper_model(name, strict=strict)), model, [random_state(model, rng) for _ in range(STATES)], rng
+    return simulate(stepper_model(name)), model, [random_state(model, rng) for _ in range(STATES)], rng
 
 
-@pytest.mark.parametrize("name", sorted(SOURCES))
+@pytest.mark.parametrize("name", SOURCES_BY_NAME)
 def test_mass_matrix_and_qfrc_bias(name):
     """Omissions (fluid, constraints, sensors, contacts) have no part in either, so every model takes part."""
-    sim, model, many, _ = states(name, strict=name not in INCOMPLETE)
+    sim, model, many, _ = states(name)
     for state in many:
         sim.set_state(*state)
         data = forward(model, *state)
@@ -77,7 +58,7 @@ def test_mass_matrix_and_qfrc_bias(name):
         assert force_error(mass, sim.qfrc_bias, data.qfrc_bias) < BOUND
 
 
-@pytest.mark.parametrize("name", STRICT)
+@pytest.mark.parametrize("name", SOURCES_BY_NAME)
 def test_qacc_smooth(name):
     """Springs, dampers, actuators with their ranges and activations, and what the user applies to joints and bodies."""
     sim, model, many, rng = states(name)
@@ -104,7 +85,7 @@ def test_activations_act():
         assert relative_error(forces[1][0] - forces[0][0], forces[1][1] - forces[0][1]) < BOUND
 
 
-@pytest.mark.parametrize("name", STRICT)
+@pytest.mark.parametrize("name", SOURCES_BY_NAME)
 def test_energy(name):
     """Potential energy (gravity and joint springs) up to MuJoCo's constant for bodies that cannot move, kinetic energy with rotors."""
     sim, model, many, _ = states(name)

@@ -63,9 +63,10 @@ pub fn step<R: Real>(
         // 9 sense
         span!(probe, Sense, || sense_state(compiled, options, s, devices));
         // 10 record
-        let Workspace { state, inputs, free_motion, problem, velocity, alive, .. } = s;
+        let Workspace { state, inputs, evaluation, free_motion, problem, velocity, alive, .. } = s;
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
-        let record = span!(probe, Record, || record(input, R::of(state.elapsed), free_motion, problem, velocity, &outcome, accepted));
+        let end = (R::of(state.elapsed), &mut evaluation.kinematics);
+        let record = span!(probe, Record, || record(input, end, free_motion, problem, velocity, &outcome, accepted));
         // Contacts that are still deferred (left out by the solver) are not stored for the next step: their gap seemed to close, but
         // their geoms passed each other without touching. `solve_velocities` has activated those whose gap stays open, which the state
         // keeps.

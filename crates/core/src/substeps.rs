@@ -319,9 +319,10 @@ fn make_substep<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
         let outcome = solve_step(compiled, options, s, probe);
         let accepted = span!(probe, Accept, || accept(compiled, s, 0.0));
         let Workspace { state, inputs, evaluation, free_motion, problem, velocity, alive, .. } = s;
-        let elapsed = R::of(state.elapsed) + evaluation.substep.offset + evaluation.substep.length;
+        let Substep { offset, length } = evaluation.substep;
+        let end = (R::of(state.elapsed) + offset + length, &mut evaluation.kinematics);
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
-        let record = span!(probe, Record, || record(input, elapsed, free_motion, problem, velocity, &outcome, accepted));
+        let record = span!(probe, Record, || record(input, end, free_motion, problem, velocity, &outcome, accepted));
         problem.remove_deferred(&mut state.contacts, accepted.finite);
         record
     })

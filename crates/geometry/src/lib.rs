@@ -30,6 +30,7 @@
 //! | tests over lanes that two solids are too far apart to touch | [`BoundingBox`], [`SeparatingPlanes`] |
 //! | convex hull of points | [`Hull`] |
 //! | distance along a ray to a mesh or a height field | [`RaySurface`] |
+//! | path of a string around a sphere or a cylinder | [`Obstacle::wrap`] |
 //! | test whether two moving solids pass through each other | [`Narrow::may_pass`] |
 //!
 //! # Lanes
@@ -108,6 +109,7 @@ mod surface_check;
 mod vectors;
 mod warm_start;
 mod workspace;
+mod wrap;
 
 pub use approach::Approach;
 pub use bounding_box::BoundingBox;
@@ -125,3 +127,4 @@ pub use solid::Solid;
 pub use surface::{DiscHeights, Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
 pub use vectors::Pose;
 pub use workspace::Workspace;
+pub use wrap::{Obstacle, Wrap};

@@ -15,11 +15,33 @@ impl Actuator {
     /// Whether the actuator's force depends on its length or velocity.
     pub fn force_depends_on_motion(&self) -> bool {
         let (gain, bias) = self.affine_force();
-        [gain[1], gain[2], bias[1], bias[2]].iter().any(|&x| x != 0.0)
+        self.is_muscle() || [gain[1], gain[2], bias[1], bias[2]].iter().any(|&x| x != 0.0)
     }
 
-    /// Coefficients of the affine force that equals the actuator's force, for any type of gain and bias. They are zero for a disabled
-    /// actuator.
+    /// Whether the active or the passive force is that of a muscle, and the actuator is not disabled.
+    pub fn is_muscle(&self) -> bool {
+        let ForceModel { gain, bias, disabled } = self.force_model;
+        !disabled && (gain == GainType::Muscle || bias == BiasType::Muscle)
+    }
+
+    /// Parameters of the gain that the actuator uses.
+    pub fn gain_parameters(&mut self) -> &mut [f64] {
+        match self.force_model.gain {
+            GainType::Muscle => &mut self.muscle.gain,
+            gain => &mut self.gain[..gain.width()],
+        }
+    }
+
+    /// Parameters of the bias that the actuator uses.
+    pub fn bias_parameters(&mut self) -> &mut [f64] {
+        match self.force_model.bias {
+            BiasType::Muscle => &mut self.muscle.bias,
+            bias => &mut self.bias[..bias.width()],
+        }
+    }
+
+    /// Coefficients of the affine force that equals the actuator's force, for any type of gain and bias but those of muscles, which
+    /// contribute nothing. They are zero for a disabled actuator.
     pub fn affine_force(&self) -> AffineForce {
         const ZERO: [f64; 3] = [0.0; 3];
         let ForceModel { gain, bias, disabled } = self.force_model;
@@ -35,6 +57,7 @@ impl Actuator {
             }
             GainType::PidPosition => [-self.bias[1], 0.0, 0.0],
             GainType::PidVelocity => [-self.bias[2], 0.0, 0.0],
+            GainType::Muscle => ZERO,
         };
         (factors, if bias == BiasType::Affine { self.bias } else { ZERO })
     }
@@ -46,18 +69,18 @@ impl Actuator {
     pub fn gear_row(&self) -> [f64; GEAR] {
         match self.transmission {
             Transmission::Site { wrench, .. } => wrench.map(|x| x * self.gear),
-            Transmission::Joint(_) | Transmission::Tendon(_) => [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0],
+            Transmission::Joint(_) | Transmission::Tendon(_) | Transmission::SliderCrank { .. } => [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0],
         }
     }
 
     /// Values of this actuator in the field `actuator_gainprm`: parameters of the gain, padded with zeros.
     pub fn gain_row(&self) -> [f64; PARAMETERS] {
-        row(&self.gain[..self.force_model.gain.width()])
+        row(self.clone().gain_parameters())
     }
 
     /// Values of this actuator in the field `actuator_biasprm`: parameters of the bias, padded with zeros.
     pub fn bias_row(&self) -> [f64; PARAMETERS] {
-        row(&self.bias[..self.force_model.bias.width()])
+        row(self.clone().bias_parameters())
     }
 
     /// Property of the actuator that determines how many columns of `field` it uses, and this number of columns. The property is a text
@@ -68,6 +91,7 @@ impl Actuator {
             ("actuator_biasprm", _) => (format!("its biastype is {:?}", self.force_model.bias.word()), self.force_model.bias.width()),
             (_, Transmission::Joint(_)) => ("it acts on a joint".into(), 1),
             (_, Transmission::Tendon(_)) => ("it acts on a tendon".into(), 1),
+            (_, Transmission::SliderCrank { .. }) => ("it acts on a slider-crank".into(), 1),
             (_, Transmission::Site { .. }) => ("it acts on a site".into(), GEAR),
         }
     }
@@ -85,7 +109,7 @@ pub(crate) fn gear(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
         let mut row = before;
         row.iter_mut().for_each(&mut *f);
         match &mut actuator.transmission {
-            Transmission::Joint(_) | Transmission::Tendon(_) => actuator.gear = row[0],
+            Transmission::Joint(_) | Transmission::Tendon(_) | Transmission::SliderCrank { .. } => actuator.gear = row[0],
             Transmission::Site { wrench, .. } if row.map(f64::to_bits) != before.map(f64::to_bits) => {
                 (*wrench, actuator.gear) = (row, 1.0);
             }

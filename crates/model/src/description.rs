@@ -1,16 +1,19 @@
 //! Description of a scene: all elements, with fields that can be edited.
 
 use serde::{Deserialize, Serialize};
+use stepper_geometry::Obstacle;
+use stepper_geometry::linear_algebra::*;
 
 use crate::added_fields;
 use crate::asset::{HeightField, Mesh};
 use crate::equality::Equality;
 use crate::fluid::{Ellipsoid, Medium};
 use crate::force_model::ForceModel;
+use crate::muscle::Muscle;
 use crate::sensor::{Sensor, Site};
 use crate::shape::Shape;
 use crate::softness::{ContactSpring, SoftSettings, Softness};
-use crate::tendon::Tendon;
+use crate::tendon::{Tendon, round};
 
 /// Description of a scene before its checks: bodies in a tree, joints, shapes, actuators and sensors. Body 0 is the world.
 ///
@@ -49,7 +52,7 @@ pub struct Description {
     /// [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
     #[serde(default, with = "added_fields")]
     pub excluded_overlaps: Vec<Overlap>,
-    /// Fixed tendons: linear combinations of joint positions.
+    /// Tendons: fixed ones, and spatial ones.
     pub tendons: Vec<Tendon>,
     /// Equalities: closed loops and coupled joints.
     pub equalities: Vec<Equality>,
@@ -259,7 +262,7 @@ pub struct Pair {
 pub enum Transmission {
     /// Hinge or slide, by its index.
     Joint(usize),
-    /// Fixed tendon, by its index.
+    /// Tendon, by its index.
     Tendon(usize),
     /// Site on which a wrench acts.
     Site {
@@ -270,6 +273,16 @@ pub enum Transmission {
         reference: Option<usize>,
         /// Force and torque (N, N m) per unit of actuator force.
         wrench: [f64; 6],
+    },
+    /// Slider-crank: a rod connects the crank to a point that slides along the z axis of the slider's site. The length is that of the
+    /// slide.
+    SliderCrank {
+        /// Index of the crank's site.
+        crank: usize,
+        /// Index of the slider's site.
+        slider: usize,
+        /// Length of the rod, m.
+        rod: f64,
     },
 }
 
@@ -291,6 +304,15 @@ pub enum Activation {
     Filter(f64),
     /// First-order lag with this time constant (s), integrated exactly.
     FilterExact(f64),
+    /// Activation of a muscle. It rises and falls with different time constants, which depend on the activation (Millard et al. 2013).
+    Muscle {
+        /// Time constant of activation, s.
+        rise: f64,
+        /// Time constant of deactivation, s.
+        fall: f64,
+        /// Width of the smooth switch between the two, as a difference of control and activation; 0 for a hard switch.
+        smoothing: f64,
+    },
 }
 
 /// Actuator with force = (gain . (1, length, velocity)) * input + bias . (1, length, velocity), where the input is the control or
@@ -325,6 +347,9 @@ pub struct Actuator {
     /// Types of gain and bias, which determine how the force follows from these parameters.
     #[serde(default, with = "added_fields")]
     pub force_model: ForceModel,
+    /// Parameters of a muscle; unused by other types of gain and bias.
+    #[serde(default, with = "added_fields")]
+    pub muscle: Muscle,
 }
 
 /// Keyframe: a named state with controls.
@@ -485,9 +510,33 @@ impl Description {
 }
 
 impl Tendon {
-    /// Length of the tendon in the configuration `qpos` of the model.
-    pub fn length(&self, model: &Description, qpos: &[f64]) -> f64 {
+    /// Length of the tendon in the reference configuration, with the joint positions `qpos0` and all bodies at their poses in the parent.
+    pub fn reference_length(&self, model: &Description) -> f64 {
         let addresses = model.joint_addresses();
-        self.joints.iter().map(|&(j, c)| c * qpos[addresses[j].0]).sum()
+        let joints: f64 = self.joints.iter().map(|&(j, c)| c * model.qpos0[addresses[j].0]).sum();
+        let pose = |body: usize, pos: [f64; 3], quat: [f64; 4]| {
+            let (mut pos, mut quat, mut body) = (pos, quat, body);
+            while body != 0 {
+                let at = &model.bodies[body];
+                (pos, quat) = (add(at.pos, rotate(&quat_to_mat(at.quat), pos)), quat_mul(at.quat, quat));
+                body = at.parent;
+            }
+            (pos, quat_to_mat(quat))
+        };
+        let site = |s: usize| pose(model.sites[s].body, model.sites[s].pos, model.sites[s].quat).0;
+        let path = self.segments().into_iter().map(|segment| {
+            let ends = segment.sites.map(site);
+            let straight = norm(sub(ends[1], ends[0]));
+            let length = segment.wrap.map_or(straight, |(g, side)| {
+                let geom = &model.geoms[g];
+                let (pos, mat) = pose(geom.body, geom.pos, geom.quat);
+                let Some((radius, is_cylinder)) = round(&geom.shape) else { return straight };
+                let wrap = Obstacle { pos, mat, radius, is_cylinder }.wrap(ends, side.map(site));
+                let around = norm(sub(wrap.points[0], ends[0])) + wrap.arc + norm(sub(ends[1], wrap.points[1]));
+                if wrap.touches { around } else { straight }
+            });
+            length / segment.divisor
+        });
+        joints + path.sum::<f64>()
     }
 }

@@ -54,7 +54,7 @@ pub enum EqualityKind {
         /// Coefficients of the polynomial p, for the powers 0 to 4.
         polycoef: [f64; 5],
     },
-    /// Coupling `l0 - ref0 = p(l1 - ref1)` of two fixed tendons with the lengths l0 and l1. p is the polynomial, and the references ref0
+    /// Coupling `l0 - ref0 = p(l1 - ref1)` of two tendons with the lengths l0 and l1. p is the polynomial, and the references ref0
     /// and ref1 are the lengths at `qpos0`. Without a second tendon, the coupling is `l0 - ref0 = c0`, with the constant c0 of p.
     Tendon {
         /// Index of the first tendon.

@@ -160,13 +160,13 @@ impl Model {
         vec![
             actuators("actuators without activation", |a| a.activation == Activation::None),
             actuators("actuators with activation", |a| a.activation != Activation::None),
+            actuators("muscles", Actuator::is_muscle),
             actuators("delays of controls", |a| a.delay > 0.0),
-            tendons("fixed tendons", |_| true),
-            tendons("limits of fixed tendons", |t| t.range.is_some()),
-            tendons("springs, dampers and inertia of fixed tendons, implicit", |t| {
-                t.stiffness > 0.0 || t.damping > 0.0 || t.armature > 0.0
-            }),
-            tendons("dry friction in fixed tendons", |t| t.frictionloss > 0.0),
+            tendons("fixed tendons", |t| t.path.is_empty()),
+            tendons("spatial tendons", |t| !t.path.is_empty()),
+            tendons("limits of tendons", |t| t.range.is_some()),
+            tendons("springs, dampers and inertia of tendons, implicit", |t| t.stiffness > 0.0 || t.damping > 0.0 || t.armature > 0.0),
+            tendons("dry friction in tendons", |t| t.frictionloss > 0.0),
         ]
     }
 

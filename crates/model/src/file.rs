@@ -13,7 +13,8 @@
 //! - for every mesh the triangles of its convex hull, or no triangles if no geom collides as this hull,
 //! - the [`NoSlip`], from version 13 on,
 //! - the `Added` fields, from version 14 on,
-//! - the [`ForceModel`] of every actuator, from version 15 on.
+//! - the [`ForceModel`] of every actuator, from version 15 on,
+//! - the [`PathsAndMuscles`], from version 16 on.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -22,13 +23,15 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::hulls::{Source, Surfaces};
-use crate::{Description, ForceModel, Model, ModelError, NoSlip, Overlap};
+use crate::{Description, ForceModel, Model, ModelError, Muscle, NoSlip, Overlap, PathElement};
 
 /// First bytes of every saved model. The last byte is invalid in UTF-8, so that no text file begins with them.
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models. It increases when the payload of a saved model changes.
-pub const FORMAT_VERSION: u32 = 15;
+pub const FORMAT_VERSION: u32 = 16;
+/// Last version of the format without [`PathsAndMuscles`].
+const WITHOUT_PATHS: u32 = 15;
 /// Last version of the format without force models. From a file of this or an earlier version, each actuator gets the force model of
 /// [`ForceModel::of_parameters`].
 const WITHOUT_FORCE_MODELS: u32 = 14;
@@ -59,6 +62,30 @@ impl Added {
     fn write_to(self, model: &mut Description) {
         model.joints.iter_mut().zip(self.velocity_limits).for_each(|(joint, limit)| joint.velocity_limit = limit);
         model.excluded_overlaps = self.excluded_overlaps;
+    }
+}
+
+/// Paths of all tendons, and muscle parameters of all actuators. A list is empty if no element has such values.
+#[derive(Default, PartialEq, Serialize, Deserialize)]
+struct PathsAndMuscles {
+    paths: Vec<Vec<PathElement>>,
+    muscles: Vec<Muscle>,
+}
+
+impl PathsAndMuscles {
+    fn of(model: &Description) -> Self {
+        let paths: Vec<_> = model.tendons.iter().map(|tendon| tendon.path.clone()).collect();
+        let muscles: Vec<_> = model.actuators.iter().map(|actuator| actuator.muscle).collect();
+        Self {
+            paths: if paths.iter().all(Vec::is_empty) { vec![] } else { paths },
+            muscles: if muscles.iter().all(|muscle| *muscle == Muscle::default()) { vec![] } else { muscles },
+        }
+    }
+
+    /// Writes the stored values to their fields in a description.
+    fn write_to(self, model: &mut Description) {
+        model.tendons.iter_mut().zip(self.paths).for_each(|(tendon, path)| tendon.path = path);
+        model.actuators.iter_mut().zip(self.muscles).for_each(|(actuator, muscle)| actuator.muscle = muscle);
     }
 }
 
@@ -101,18 +128,21 @@ impl Model {
     pub fn digest(&self) -> [u8; 32] {
         let description = with_affine_forces(&self.description);
         // Without noslip iterations and added fields, the digest must equal that of older stepper versions, which had no such fields.
-        let (noslip, added) = (self.soft.noslip, Added::of(self));
-        let held = match (noslip == NoSlip::default(), added == Added::default()) {
-            (true, true) => encoded(&*description),
-            (false, true) => encoded(&(&*description, noslip)),
-            (_, false) => encoded(&(&*description, noslip, added)),
+        let (noslip, added, paths) = (self.soft.noslip, Added::of(self), PathsAndMuscles::of(self));
+        let held = match (noslip == NoSlip::default(), added == Added::default(), paths == PathsAndMuscles::default()) {
+            (true, true, true) => encoded(&*description),
+            (false, true, true) => encoded(&(&*description, noslip)),
+            (_, false, true) => encoded(&(&*description, noslip, added)),
+            // Muscles have no affine force, so that the types of gain and bias count.
+            (_, _, false) => encoded(&(&self.description, noslip, added, paths, ForceModels::of(self))),
         };
         Sha256::digest(held).into()
     }
 
     /// Converts the model to bytes, see [`Model::from_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
-        sealed(FORMAT_VERSION, &(&self.description, self.hulls.surfaces(), self.soft.noslip, Added::of(self), ForceModels::of(self)))
+        let (added, forces, paths) = (Added::of(self), ForceModels::of(self), PathsAndMuscles::of(self));
+        sealed(FORMAT_VERSION, &(&self.description, self.hulls.surfaces(), self.soft.noslip, added, forces, paths))
     }
 
     /// Reads a model from the bytes of [`Model::to_bytes`], bit for bit.
@@ -197,21 +227,28 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
     if digest != &Sha256::digest(payload)[..] {
         return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
     }
+    let none = PathsAndMuscles::default;
     let read = match version {
         WITHOUT_NOSLIP => postcard::take_from_bytes::<(Description, Surfaces)>(payload)
-            .map(|((m, s), rest)| ((m, s, NoSlip::default(), Added::default(), ForceModels::default()), rest)),
+            .map(|((m, s), rest)| ((m, s, NoSlip::default(), Added::default(), ForceModels::default(), none()), rest)),
         WITHOUT_ADDED => postcard::take_from_bytes::<(Description, Surfaces, NoSlip)>(payload)
-            .map(|((m, s, n), rest)| ((m, s, n, Added::default(), ForceModels::default()), rest)),
+            .map(|((m, s, n), rest)| ((m, s, n, Added::default(), ForceModels::default(), none()), rest)),
         WITHOUT_FORCE_MODELS => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added)>(payload)
-            .map(|((m, s, n, a), rest)| ((m, s, n, a, ForceModels::default()), rest)),
-        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels)>(payload),
+            .map(|((m, s, n, a), rest)| ((m, s, n, a, ForceModels::default(), none()), rest)),
+        WITHOUT_PATHS => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels)>(payload)
+            .map(|((m, s, n, a, f), rest)| ((m, s, n, a, f, none()), rest)),
+        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels, PathsAndMuscles)>(payload),
     };
     match read {
-        Ok(((mut model, surfaces, noslip, added, forces), []))
-            if fits(&added.velocity_limits, &model.joints) && fits(&forces.0, &model.actuators) =>
+        Ok(((mut model, surfaces, noslip, added, forces, paths), []))
+            if fits(&added.velocity_limits, &model.joints)
+                && fits(&forces.0, &model.actuators)
+                && fits(&paths.paths, &model.tendons)
+                && fits(&paths.muscles, &model.actuators) =>
         {
             added.write_to(&mut model);
             forces.write_to(&mut model);
+            paths.write_to(&mut model);
             model.soft.noslip = noslip;
             model.check(Source::Kept(&surfaces))
         }
@@ -281,7 +318,7 @@ mod tests {
         model.description.actuators[1].force_model.disabled = true;
         assert_ne!(model.digest(), before);
         let few = ForceModels(vec![ForceModel::default()]);
-        let misfit = sealed(FORMAT_VERSION, &(&model.description, model.hulls.surfaces(), model.soft.noslip, Added::of(&model), few));
+        let misfit = sealed(WITHOUT_PATHS, &(&model.description, model.hulls.surfaces(), model.soft.noslip, Added::of(&model), few));
         assert!(Model::from_bytes(&misfit).unwrap_err().to_string().contains("save the model again"));
     }
 
@@ -290,7 +327,7 @@ mod tests {
         let model = rich_model();
         let refused = |added: Added| {
             let file =
-                sealed(FORMAT_VERSION, &(&model.description, model.hulls.surfaces(), model.soft.noslip, added, ForceModels::default()));
+                sealed(WITHOUT_PATHS, &(&model.description, model.hulls.surfaces(), model.soft.noslip, added, ForceModels::default()));
             Model::from_bytes(&file).unwrap_err().to_string()
         };
         assert!(refused(Added { velocity_limits: vec![None], ..Added::default() }).contains("save the model again"));

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::muscle::MUSCLE_PARAMETERS;
+
 /// Gain type (MuJoCo's gaintype), which determines the parameters of the gain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum GainType {
@@ -16,6 +18,8 @@ pub enum GainType {
     PidPosition,
     /// Gain of the target velocity in a PID controller without integral term. It is `-bias[2]`, with the bias parameters of the actuator.
     PidVelocity,
+    /// Active force of a muscle ([`Muscle::gain`](crate::Muscle::gain)).
+    Muscle,
 }
 
 /// Bias type (MuJoCo's biastype), which determines the parameters of the bias.
@@ -28,6 +32,8 @@ pub enum BiasType {
     Affine,
     /// Back-EMF of a DC motor, with the parameters of the gain.
     DcMotor,
+    /// Passive force of a muscle ([`Muscle::bias`](crate::Muscle::bias)).
+    Muscle,
 }
 
 /// Types of an actuator's gain and bias, which define how the actuator's force follows from its parameters.
@@ -50,6 +56,7 @@ impl GainType {
             Self::Affine => "affine",
             Self::DcMotor => "dcmotor",
             Self::PidPosition | Self::PidVelocity => "pid",
+            Self::Muscle => "muscle",
         }
     }
 
@@ -60,6 +67,7 @@ impl GainType {
             Self::Affine => 3,
             Self::DcMotor => 2,
             Self::PidPosition | Self::PidVelocity => 0,
+            Self::Muscle => MUSCLE_PARAMETERS,
         }
     }
 }
@@ -71,6 +79,7 @@ impl BiasType {
             Self::None => "none",
             Self::Affine => "affine",
             Self::DcMotor => "dcmotor",
+            Self::Muscle => "muscle",
         }
     }
 
@@ -79,6 +88,7 @@ impl BiasType {
         match self {
             Self::Affine => 3,
             Self::None | Self::DcMotor => 0,
+            Self::Muscle => MUSCLE_PARAMETERS,
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::actuator_fields::{self, GEAR, PARAMETERS};
 use crate::hulls::Source;
 use crate::overridden_geom_fields::OverriddenGeomFields;
-use crate::{Description, Geom, Model, ModelError, Shape};
+use crate::{Actuator, Description, Geom, Model, ModelError, Shape};
 
 /// Function that calls a visitor for every value of a field, in order. The visitor may change the value.
 type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
@@ -238,10 +238,10 @@ pub const REPLACEABLE: &[Field] = &[
         actuator_fields::gear,
     ),
     rows("actuator_gainprm", PARAMETERS, "parameters of the gain: constant, per length, per velocity; others are 0", "", |m, f| {
-        actuator_fields::parameters(m, f, |a| &mut a.gain[..a.force_model.gain.width()])
+        actuator_fields::parameters(m, f, Actuator::gain_parameters)
     }),
     rows("actuator_biasprm", PARAMETERS, "parameters of the bias: constant, per length, per velocity; others are 0", "", |m, f| {
-        actuator_fields::parameters(m, f, |a| &mut a.bias[..a.force_model.bias.width()])
+        actuator_fields::parameters(m, f, Actuator::bias_parameters)
     }),
     rows("actuator_ctrlrange", 2, "bounds of the control", "", each!(actuators, ctrl_range)),
     rows("actuator_forcerange", 2, "bounds of the force", "N or N m", each!(actuators, force_range)),

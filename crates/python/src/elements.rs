@@ -317,6 +317,7 @@ elements! {
             Transmission::Joint(j) => ("joint", j),
             Transmission::Tendon(t) => ("tendon", t),
             Transmission::Site { site, .. } => ("site", site),
+            Transmission::SliderCrank { crank, .. } => ("slidercrank", crank),
         };
         let has_activation = |a: &stepper_core::model::Actuator| a.activation != Activation::None;
         let before = model.actuators[..i].iter().filter(|a| has_activation(a)).count() as i64;
@@ -325,9 +326,9 @@ elements! {
         id: v.of(i),
         /// Name of the actuator; may be empty.
         name: v.of(&actuator.name),
-        /// Kind of element on which the actuator acts: "joint", "tendon" or "site".
+        /// Kind of element on which the actuator acts: "joint", "tendon", "site" or "slidercrank".
         trntype: v.of(trntype),
-        /// Index of the joint, tendon or site on which the actuator acts.
+        /// Index of the joint, tendon or site on which the actuator acts. For a slider-crank it is the site of the crank.
         trnid: v.of(trnid),
         /// Address of the actuator's activation in act; -1 if the actuator has no activation.
         actadr: v.of(if has_activation(actuator) { before } else { -1 }),
@@ -337,15 +338,15 @@ elements! {
         forcerange: v.bounds(actuator.force_range),
         /// Lowest and highest activation: (2,). A missing bound is infinite.
         actrange: v.bounds(actuator.act_range),
-        /// Gear: (6,). For a joint or tendon, entry 0 scales length, velocity and force. For a site, the entries are force and torque per
-        /// unit of actuator force.
+        /// Gear: (6,). For a site, the entries are force and torque per unit of actuator force. Otherwise entry 0 scales length, velocity
+        /// and force.
         gear: v.row(&actuator.gear_row()),
-        /// Type of the gain: "fixed", "affine", "dcmotor" or "pid".
+        /// Type of the gain: "fixed", "affine", "dcmotor", "pid" or "muscle".
         gaintype: v.of(actuator.force_model.gain.word()),
         /// Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of
         /// velocity. Unused entries are 0.
         gainprm: v.row(&actuator.gain_row()),
-        /// Type of the bias: "none", "affine" or "dcmotor".
+        /// Type of the bias: "none", "affine", "dcmotor" or "muscle".
         biastype: v.of(actuator.force_model.bias.word()),
         /// Parameters of the bias: (10,). For the type "affine" they begin with constant, factor of length and factor of velocity. Unused
         /// entries are 0.
@@ -387,7 +388,7 @@ elements! {
     /// Names of the sensors in order. The name of an unnamed sensor is empty.
     names sensor_names;
 
-    /// Fixed tendon of a model, whose length is a linear combination of joint positions.
+    /// Tendon of a model: a linear combination of joint positions (fixed), or a path through sites and around geoms (spatial).
     Tendon, |v, model, tendon, i| {
         let joints: Vec<i64> = tendon.joints.iter().map(|&(j, _)| j as i64).collect();
         let jntid = read_only(joints.into_pyarray(v.py).into_any())?;
@@ -397,7 +398,9 @@ elements! {
         id: v.of(i),
         /// Name of the tendon; may be empty.
         name: v.of(&tendon.name),
-        /// Indices of the n joints of the tendon: (n,) int64.
+        /// Whether the tendon is spatial: a path through sites and around geoms.
+        spatial: v.of(!tendon.path.is_empty()),
+        /// Indices of the n joints of a fixed tendon: (n,) int64.
         jntid: v.of(jntid),
         /// Coefficients of the n joints in the tendon length: (n,).
         coef: v.row(&coefficients),
@@ -414,13 +417,13 @@ elements! {
         /// Dry friction of the tendon, N.
         frictionloss: v.of(tendon.frictionloss),
     }
-    /// Fixed tendon by name or index (negative from the end).
+    /// Tendon by name or index (negative from the end).
     ///
     /// Raises:
     ///     KeyError: The model has no tendon of that name; the message has similar names.
     ///     IndexError: The model has no tendon of that index.
     lookup tendon in tendons;
-    /// Names of the fixed tendons in order. The name of an unnamed tendon is empty.
+    /// Names of the tendons in order. The name of an unnamed tendon is empty.
     names tendon_names;
 
     /// Keyframe of a model: a named state for `Stepper.reset(keyframe=)`.

@@ -47,7 +47,7 @@
 //!
 //! Euler's rule predicts no velocity. With it, any servo with actuator dynamics that has another active bound leads to a new solve.
 //!
-//! Lengths, velocities and moment arms are in `site_wrench.rs`, limits of actuator models in `force_limits.rs`, losses in `losses.rs`.
+//! Lengths, velocities and moment arms are in `moments.rs`, limits of actuator models in `force_limits.rs`, losses in `losses.rs`.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -203,8 +203,8 @@ impl<R: Real> ActuatorForces<R> {
             unclamped: vec![[R::zero(); 2]; if compiled.servos_are_bounded { compiled.servos.len() } else { 0 }],
             found_saturated: never(compiled.actuators.len()),
             found_sum_saturated: never(compiled.actuator_force_ranges.len()),
-            arms: zeros(compiled.wrench_arms[0]),
-            lengths: zeros(compiled.wrench_arms[1]),
+            arms: zeros(compiled.variable_arms[0]),
+            lengths: zeros(compiled.variable_arms[1]),
             bounded_forces: vec![BoundedForce::default(); compiled.num_actuator_dynamics],
             trial_bounded_forces: vec![BoundedForce::default(); compiled.num_actuator_dynamics],
             active_bounds_unknown: true,
@@ -246,7 +246,7 @@ impl<R: Real> ActuatorForces<R> {
         for &(_, dof, arm) in &actuator.moment {
             sum = sum.with(R::splat(arm), [inertia[dof], impulse[dof]], compiled.params.dof(dof).damping);
         }
-        if let Some(wrench) = &actuator.site_wrench {
+        if let Some(wrench) = &actuator.variable_moment {
             for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
                 sum = sum.with(arm, [inertia[dof], impulse[dof]], compiled.params.dof(dof).damping);
             }
@@ -357,7 +357,7 @@ impl<R: Real> ActuatorForces<R> {
             for &(_, dof, arm) in &actuator.moment {
                 self.tau[dof] += R::splat(arm) * force;
             }
-            if let Some(wrench) = &actuator.site_wrench {
+            if let Some(wrench) = &actuator.variable_moment {
                 for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
                     self.tau[dof] += arm * force;
                 }
@@ -387,7 +387,7 @@ impl<R: Real> ActuatorForces<R> {
             #[inline(always)]
             |&(a, arm)| (a, R::splat(arm)),
         );
-        let on_sites = range.site_actuators.iter().map(
+        let on_sites = range.variable.iter().map(
             #[inline(always)]
             |&(a, k)| (a, self.arms[k]),
         );
@@ -607,7 +607,7 @@ struct ServoForce<R: Real> {
 fn lanes_of_sums<R: Real>(compiled: &LaneModel<R>, masks: &[R::Mask], actuator: usize) -> R::Mask {
     let mut lanes = R::Mask::splat(false);
     for (range, &mask) in compiled.actuator_force_ranges.iter().zip(masks) {
-        let mut acting = range.actuators.iter().map(|a| a.0).chain(range.site_actuators.iter().map(|a| a.0));
+        let mut acting = range.actuators.iter().map(|a| a.0).chain(range.variable.iter().map(|a| a.0));
         if mask.any() && acting.any(|a| a == actuator) {
             lanes = lanes.or(mask);
         }

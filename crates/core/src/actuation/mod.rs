@@ -16,8 +16,9 @@ pub mod force_limits;
 pub mod forces;
 pub mod losses;
 pub mod memory;
+pub mod moments;
+pub(crate) mod muscle;
 pub mod pipeline;
-pub mod site_wrench;
 
 pub use crate::actuation::actuator_models::{ActuatorModels, ActuatorUpdate};
 pub use crate::actuation::pipeline::ActuatorPipelines;

@@ -47,9 +47,14 @@ pub fn inverse_weights(model: &Model) -> InverseWeights {
         }
     }
     let addresses = model.joint_addresses();
+    // The paths of spatial tendons have the order of the tendons.
+    let mut paths = compiled.paths.iter();
     let tendon = |t: &crate::model::Tendon| {
         let mut row = vec![0.0; compiled.nv];
         t.joints.iter().for_each(|&(j, c)| row[addresses[j].1] += c);
+        if let Some(path) = if t.path.is_empty() { None } else { paths.next() } {
+            path.dofs.iter().zip(&kinematics.paths.arms[path.arms..]).for_each(|(&dof, arm)| row[dof as usize] += arm);
+        }
         quadratic(&row)
     };
     InverseWeights { bodies: (0..model.bodies.len()).map(body).collect(), dofs, tendons: model.tendons.iter().map(tendon).collect() }

@@ -88,9 +88,9 @@ impl Snapshot<'_> {
         }
         let mut rotors: f64 = self.v.iter().enumerate().map(|(d, v)| compiled.params.dof(d).armature * v * v).sum();
         for tendon in &compiled.tendons {
-            let Some((spring, stretch)) = tendon.stretch(&self.q[..]) else { continue };
+            let Some((spring, stretch)) = tendon.stretch(&self.q[..], &kinematics.paths) else { continue };
             potential += 0.5 * spring.stiffness * stretch.square();
-            rotors += spring.inertia * tendon.length.rate(&self.v).square();
+            rotors += spring.inertia * tendon.length.rate(&self.v, &kinematics.paths).square();
         }
         let mut velocities = vec![zero(); compiled.links.len()];
         kinematics.velocities(compiled, &self.v, &mut velocities);

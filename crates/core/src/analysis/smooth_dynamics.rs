@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use stepper_real::{Real, Scalar, kernel};
 
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
-use crate::compile::LaneModel;
+use crate::compile::{LaneModel, PathLengths};
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::Kinematics;
 use crate::integrators::inputs::Inputs;
@@ -51,11 +51,11 @@ impl<R: Real> SmoothDynamics<R> {
         smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], applied);
         actuator_forces.transmit(compiled, kinematics, v, R::zero());
         actuate(compiled, &ForceState::state(q, v, act, &inputs.ctrl, &inputs.actuator_dynamics), None, actuator_forces);
-        add_tendon_springs(compiled, q, v, &mut actuator_forces.tau);
+        add_tendon_springs(compiled, &kinematics.paths, q, v, &mut actuator_forces.tau);
         smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], v, v);
         if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > <R::Scalar as Default>::default())) {
             let matrix = self.inertia.get_or_insert_with(|| FullMass::new(compiled)).assemble(compiled, kinematics);
-            add_tendon_inertia(compiled, matrix, &mut smooth.acc);
+            add_tendon_inertia(compiled, &kinematics.paths, matrix, &mut smooth.acc);
         }
         &smooth.acc
     }
@@ -96,11 +96,18 @@ impl<R: Real> FullMass<R> {
             }
             for tendon in &compiled.tendons {
                 let Some((spring, _)) = &tendon.spring else { continue };
-                for &(_, i, a) in &tendon.length.terms {
-                    for &(_, j, b) in &tendon.length.terms {
-                        full[i * compiled.nv + j] += R::splat(spring.inertia) * R::splat(a) * R::splat(b);
-                    }
-                }
+                let (length, inertia, paths) = (&tendon.length, R::splat(spring.inertia), &kinematics.paths);
+                length.for_each_arm(
+                    paths,
+                    #[inline(always)]
+                    |i, a| {
+                        length.for_each_arm(
+                            paths,
+                            #[inline(always)]
+                            |j, b| full[i * compiled.nv + j] += inertia * a * b,
+                        );
+                    },
+                );
             }
         });
         full
@@ -120,7 +127,7 @@ struct FreeMotion<R: Real> {
 ///
 /// `matrix` is the dense mass matrix with tendon inertia. The function works lane by lane, because few models need it.
 #[cold]
-fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], acceleration: &mut [R]) {
+fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, paths: &PathLengths<R>, matrix: &[R], acceleration: &mut [R]) {
     let nv = compiled.nv;
     for lane in 0..R::LANES {
         let number = |x: &R| x.lane(lane).to_f64();
@@ -130,9 +137,9 @@ fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], accelerati
         let mut force = &full * &free;
         for tendon in &compiled.tendons {
             let Some((spring, _)) = &tendon.spring else { continue };
-            let terms = || tendon.length.terms.iter().map(|&(_, dof, c)| (dof, c.to_f64()));
-            let along = spring.inertia.to_f64() * terms().map(|(dof, c)| c * free[dof]).sum::<f64>();
-            terms().for_each(|(dof, c)| force[dof] -= c * along);
+            let mut along = 0.0;
+            tendon.length.for_each_arm(paths, |dof, arm| along += spring.inertia.to_f64() * number(&arm) * free[dof]);
+            tendon.length.for_each_arm(paths, |dof, arm| force[dof] -= number(&arm) * along);
         }
         // An unused lane may contain NaN.
         let Some(factors) = full.cholesky() else { continue };

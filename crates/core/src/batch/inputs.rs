@@ -143,6 +143,15 @@ impl AppliedInputs {
         }
     }
 
+    /// Sets one kind of input in environment `env`. Other environments keep theirs, or get the reset value if none was set.
+    pub(super) fn set_row(&mut self, input: AppliedInput, env: usize, row: &[f64], model: &Model, num_envs: usize) {
+        let array = &mut self.arrays[input as usize];
+        if array.is_empty() {
+            *array = input.at_reset(model).repeat(num_envs);
+        }
+        array[env * row.len()..][..row.len()].copy_from_slice(row);
+    }
+
     /// Resets all applied inputs of environment `env`.
     pub(super) fn reset(&mut self, env: usize, model: &Model) {
         for input in AppliedInput::ALL {

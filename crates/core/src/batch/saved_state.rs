@@ -8,7 +8,7 @@
 //! | 1 | size of the floating-point numbers, bytes: 8 or 4 |
 //! | 32 | SHA-256 of the model, see [`Model::digest`](crate::Model::digest) |
 //! | 32 | SHA-256 of all other bytes, before and after it |
-//! | rest | payload: environments and controls in force, in postcard's encoding |
+//! | rest | payload: environments, controls in force and active equalities, in postcard's encoding |
 
 use sha2::{Digest, Sha256};
 
@@ -19,9 +19,9 @@ use crate::math::precision::Precision;
 const MAGIC: [u8; 8] = *b"stepper\xfe";
 
 /// Version of the format of saved states. It must increase when the content of a state changes.
-pub const FORMAT_VERSION: u32 = 6;
-/// Oldest format version that can be read. Older states lack the position error of equalities.
-const OLDEST_VERSION: u32 = 6;
+pub const FORMAT_VERSION: u32 = 7;
+/// Oldest format version that can be read. Older states lack the active equalities.
+const OLDEST_VERSION: u32 = 7;
 
 /// Offset of the model's digest in a saved state, bytes.
 const MODEL: usize = 13;

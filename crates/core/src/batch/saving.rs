@@ -18,14 +18,17 @@ struct SavedGroups<S> {
     num_envs: usize,
     /// Controls in force, (num_envs, nu).
     ctrl: Vec<f64>,
+    /// Active equalities, (num_envs, neq). Empty if every environment has those of the model.
+    eq_active: Vec<bool>,
     groups: Vec<Group<S>>,
 }
 
 impl<S: LaneScalar> Batch<S> {
     /// Saves the state of environment `env`, or of all environments, as bytes.
     ///
-    /// `ctrl` has the controls in force of the saved environments, nu for each.
-    pub(super) fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8> {
+    /// `ctrl` has the controls in force of the saved environments, nu for each. `eq_active` has their active equalities, neq for each, or
+    /// is empty for those of the model.
+    pub(super) fn save(&self, env: Option<usize>, ctrl: &[f64], eq_active: &[f64]) -> Vec<u8> {
         let n = if env.is_some() { 1 } else { self.saved_lanes() };
         let first = match env {
             Some(env) => env..env + 1,
@@ -35,20 +38,22 @@ impl<S: LaneScalar> Batch<S> {
             let (group, lane) = self.lane(first);
             group.part(lane, n).canonical()
         });
-        let saved = SavedGroups { num_envs: first.len(), ctrl: ctrl.to_vec(), groups: parts.collect() };
+        let eq_active = eq_active.iter().map(|&active| active != 0.0).collect();
+        let saved = SavedGroups { num_envs: first.len(), ctrl: ctrl.to_vec(), eq_active, groups: parts.collect() };
         // A number takes at most ten bytes, and most take eight, as in memory. The buffer therefore never grows.
         let capacity = saved.groups.iter().map(Group::bytes).sum::<usize>() + 10 * (saved.ctrl.len() + 2);
         postcard::to_extend(&saved, Vec::with_capacity(capacity)).expect("numbers serialise")
     }
 
-    /// Restores a saved state in the environments `envs`, and returns the saved controls. [`Batch::save`] made the bytes.
+    /// Restores a saved state in the environments `envs`, and returns the saved controls and active equalities. [`Batch::save`] made the
+    /// bytes.
     ///
     /// If the saved state has as many environments as the batch, each of `envs` gets the state with the same index. A saved state of one
     /// environment goes to all of `envs`.
     ///
     /// # Errors
     /// The first mismatch between the saved state and the batch. Nothing is changed in this case.
-    pub(super) fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit> {
+    pub(super) fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<(Vec<f64>, Vec<bool>), StateMisfit> {
         let read = postcard::take_from_bytes::<SavedGroups<S>>(bytes);
         let (saved, rest) = read.map_err(|e| StateMisfit::Unreadable(e.to_string()))?;
         if !rest.is_empty() {
@@ -64,7 +69,7 @@ impl<S: LaneScalar> Batch<S> {
         } else {
             self.restore_some(&saved, envs);
         }
-        Ok(saved.ctrl)
+        Ok((saved.ctrl, saved.eq_active))
     }
 }
 
@@ -81,7 +86,9 @@ impl<S: LaneScalar> Batch<S> {
             saved.fits(&shape) && saved.alive == lane_bits(group.alive, lane, n)
         };
         let nu = self.compiled.actuators.len();
-        let whole = saved.groups.len() == saved.num_envs.div_ceil(n) && saved.ctrl.len() == saved.num_envs * nu;
+        let neq: usize = self.compiled.equalities.iter().map(|block| block.equalities.len()).sum();
+        let switches = saved.eq_active.is_empty() || saved.eq_active.len() == saved.num_envs * neq;
+        let whole = switches && saved.groups.len() == saved.num_envs.div_ceil(n) && saved.ctrl.len() == saved.num_envs * nu;
         if !whole || !saved.groups.iter().enumerate().all(fits) {
             return Err(StateMisfit::Shape);
         }

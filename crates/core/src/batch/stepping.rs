@@ -215,7 +215,7 @@ impl<S: LaneScalar> Batch<S> {
     /// this function, because a step advances the ring buffers of all environments together.
     #[cold]
     fn step_all_and_restore(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, watch: Watch<'_>) -> Result<usize, Error> {
-        let before = self.save(None, inputs.ctrl);
+        let before = self.save(None, inputs.ctrl, &[]);
         let steps = self.make_steps(&StepInputs { mask: &[], ..*inputs }, schedule, None, watch)?;
         let others: Vec<usize> = (0..self.num_envs).filter(|&env| !inputs.mask[env]).collect();
         self.restore(&before, &others).expect("a state of this batch fits it");

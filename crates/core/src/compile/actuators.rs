@@ -7,17 +7,20 @@ use stepper_real::Scalar;
 
 use crate::actuation::ActuatorSpec;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
+use crate::compile::paths::{CompiledPath, Spot, path_of};
 use crate::compile::tree::{CompiledFriction, scalars};
-use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
+use crate::model::{Activation, Actuator, BiasType, ForceModel, GainType, JointKind, MUSCLE_PARAMETERS, Model, Muscle, Transmission};
 
-/// Compiled actuator: on a linear combination of scalar joints (a joint or a fixed tendon), or on a site.
+/// Compiled actuator: on a linear combination of scalar joints (a joint or a fixed tendon), or with moment arms that depend on the
+/// configuration.
 #[derive(Clone, Debug)]
 pub struct CompiledActuator<S> {
-    /// Terms of the actuator's moment, if it is constant: address in q, degree of freedom, and moment arm with the gear. Empty for an
-    /// actuator on a site.
+    /// Terms of the actuator's moment, if it is constant: address in q, degree of freedom, and moment arm with the gear. Otherwise empty.
     pub moment: Vec<(usize, usize, S)>,
-    /// Wrench (force and torque) of an actuator on a site; `None` for an actuator on a joint or tendon.
-    pub site_wrench: Option<CompiledWrench<S>>,
+    /// Moment that depends on the configuration; `None` for an actuator on a joint or fixed tendon.
+    pub variable_moment: Option<VariableMoment<S>>,
+    /// Parameters of a muscle; `None` for other actuators.
+    pub muscle: Option<CompiledMuscle<S>>,
     /// Lowest and highest control; `None` if the control has no bounds.
     pub ctrl_range: Option<[S; 2]>,
     /// Lowest and highest force; `None` if the force has no bounds.
@@ -39,36 +42,127 @@ pub struct CompiledActuator<S> {
     pub joint_force_range: Option<usize>,
 }
 
-/// Pose of a site in a frame of the compiled model.
-#[derive(Clone, Copy, Debug)]
-pub struct Spot<S> {
-    /// Index of the frame in the compiled model.
-    pub frame: usize,
-    /// Position of the site in the frame, m.
-    pub pos: [S; 3],
-    /// Rotation matrix from the site's axes to the frame's, row-major.
-    pub mat: [S; 9],
-}
-
-/// Wrench (force and torque) of an actuator on a site. The moment of such an actuator depends on the configuration.
+/// Moment of an actuator on a site, on a spatial tendon, or of a slider-crank. It depends on the configuration.
 #[derive(Clone, Debug)]
-pub struct CompiledWrench<S> {
-    /// Pose of the site on which the wrench acts.
-    pub site: Spot<S>,
-    /// Pose of the reference site, which receives the opposite wrench. Its axes are those of the wrench. `None` if the actuator has no
-    /// reference site.
-    pub reference: Option<Spot<S>>,
-    /// Force and torque on the site per unit of the actuator's force, including the gear. They are in the axes of the reference site, or of
-    /// the site itself if there is no reference site.
-    pub wrench: [S; 6],
+pub struct VariableMoment<S> {
+    /// Element on which the actuator acts.
+    pub kind: MomentKind<S>,
     /// Change of the actuator's length when the site makes a full rotation, if the length is an angle; otherwise `None`.
     pub turn: Option<S>,
-    /// Degrees of freedom that move only the site (sign 1) or only the reference site (sign -1), with the sign.
+    /// Degrees of freedom with a moment arm, each with a sign. The sign is 1 if only the site moves, and -1 if only the reference site
+    /// moves. For a slider-crank, these two are the crank and the slider. For a tendon the sign is 1.
     pub dofs: Vec<(usize, S)>,
-    /// Index of the actuator's first moment arm in the list of arms of all wrenches.
+    /// Index of the actuator's first moment arm in the list of variable moment arms.
     pub arms: usize,
-    /// Index of this wrench among the wrenches of all actuators on sites. The lengths of these actuators have the same order.
+    /// Index of this moment among all variable moments. The lengths of these actuators have the same order.
     pub index: usize,
+}
+
+/// Element that determines a variable moment.
+#[derive(Clone, Copy, Debug)]
+pub enum MomentKind<S> {
+    /// Wrench (force and torque) on a site.
+    Site {
+        /// Pose of the site on which the wrench acts.
+        site: Spot<S>,
+        /// Pose of the reference site, which receives the opposite wrench. Its axes are those of the wrench. `None` if the actuator has no
+        /// reference site.
+        reference: Option<Spot<S>>,
+        /// Force and torque on the site per unit of the actuator's force, including the gear. They are in the axes of the reference site,
+        /// or of the site itself if there is no reference site.
+        wrench: [S; 6],
+    },
+    /// Spatial tendon.
+    Path {
+        /// Index of the path.
+        path: usize,
+        /// Index of the path's first moment arm.
+        first: usize,
+        /// Gear of the actuator.
+        gear: S,
+    },
+    /// Slider-crank.
+    SliderCrank {
+        /// Pose of the crank's site.
+        crank: Spot<S>,
+        /// Pose of the slider's site.
+        slider: Spot<S>,
+        /// Length of the rod, m.
+        rod: S,
+        /// Gear of the actuator.
+        gear: S,
+    },
+}
+
+impl<S> VariableMoment<S> {
+    /// Whether the actuator's length depends on the configuration. Without a reference site, the length of an actuator on a site is 0.
+    #[inline(always)]
+    pub fn has_length(&self) -> bool {
+        !matches!(self.kind, MomentKind::Site { reference: None, .. })
+    }
+}
+
+/// Muscle: active and passive force of [`Muscle`], with the quantities that a step needs.
+#[derive(Clone, Copy, Debug)]
+pub struct CompiledMuscle<S> {
+    /// Curve of the active force; `None` if the gain is not that of a muscle.
+    pub active: Option<MuscleCurve<S>>,
+    /// Curve of the passive force; `None` if the bias is not that of a muscle.
+    pub passive: Option<MuscleCurve<S>>,
+}
+
+/// Parameters of a muscle's force-length-velocity curve.
+#[derive(Clone, Copy, Debug)]
+pub struct MuscleCurve<S> {
+    /// Peak force, N.
+    pub force: S,
+    /// Lowest operating length, relative to the optimal length.
+    pub first: S,
+    /// Length of the actuator at the lowest operating length, m or rad.
+    pub start: S,
+    /// Optimal length, m or rad.
+    pub optimum: S,
+    /// Speed at which the active force vanishes, m/s or rad/s.
+    pub speed: S,
+    /// Lowest and highest relative length with active force.
+    pub range: [S; 2],
+    /// Passive force at the highest length, relative to the peak force.
+    pub passive: S,
+    /// Active force at the highest lengthening speed, relative to the peak force.
+    pub lengthening: S,
+}
+
+/// Smallest divisor in the curves of muscles, as in MuJoCo (`mjMINVAL`).
+const SMALLEST: f64 = 1e-15;
+
+impl<S: Scalar> MuscleCurve<S> {
+    fn new(muscle: &Muscle, parameters: &[f64; MUSCLE_PARAMETERS]) -> Self {
+        let [lowest, highest, force, scale, lmin, lmax, vmax, fpmax, fvmax] = *parameters;
+        let [short, long] = muscle.length_range;
+        let optimum = (long - short) / (highest - lowest).max(SMALLEST);
+        let force = if force < 0.0 { scale / muscle.acceleration.max(SMALLEST) } else { force };
+        let of = S::from_f64;
+        Self {
+            force: of(force),
+            first: of(lowest),
+            start: of(short),
+            optimum: of(optimum.max(SMALLEST)),
+            speed: of((optimum * vmax).max(SMALLEST)),
+            range: [of(lmin), of(lmax)],
+            passive: of(fpmax),
+            lengthening: of(fvmax),
+        }
+    }
+}
+
+impl<S: Scalar> CompiledMuscle<S> {
+    fn new(actuator: &Actuator) -> Option<Self> {
+        let (muscle, ForceModel { gain, bias, .. }) = (&actuator.muscle, actuator.force_model);
+        actuator.is_muscle().then(|| Self {
+            active: (gain == GainType::Muscle).then(|| MuscleCurve::new(muscle, &muscle.gain)),
+            passive: (bias == BiasType::Muscle).then(|| MuscleCurve::new(muscle, &muscle.bias)),
+        })
+    }
 }
 
 /// Meaning of the input of a motor with a torque-speed curve. The input is the control or, with a servo, the servo's effort.
@@ -105,14 +199,14 @@ pub struct CompiledServo<S> {
     /// Entries of the mass matrix to which the servo adds inertia. Each pair has the index of an entry, and the factor of the added
     /// inertia. The two degrees of freedom of these entries are on one kinematic branch.
     pub entries: Vec<(usize, S)>,
-    /// Entries of the mass matrix to which a servo on a site adds inertia. Each element has the index of an entry, and the indices of two
-    /// moment arms, whose product is the factor of the added inertia.
+    /// Entries of the mass matrix to which a servo with a variable moment adds inertia. Each element has the index of an entry, and the
+    /// indices of two moment arms, whose product is the factor of the added inertia.
     pub products: Vec<(usize, [usize; 2])>,
     /// Diagonal matrix that is an upper bound of the added inertia, for an actuator on a tendon that joins several kinematic branches. A
     /// step with hard contact uses it instead of `entries`. Each pair has the index of a diagonal entry of the mass matrix, and a factor.
     /// Empty if all degrees of freedom are on one branch.
     pub diagonal_bound: Vec<(usize, S)>,
-    /// Arms of a diagonal matrix that is an upper bound of the added inertia, for an actuator on a site that joins several kinematic
+    /// Arms of a diagonal matrix that is an upper bound of the added inertia, for a variable moment that joins several kinematic
     /// branches. A step with hard contact uses it instead of `products`. Each pair has the index of a diagonal entry of the mass matrix,
     /// and the index of a moment arm. Empty if all degrees of freedom are on one branch.
     pub diagonal_bound_arms: Vec<(usize, usize)>,
@@ -125,21 +219,22 @@ pub struct CompiledForceRange<S> {
     pub dof: usize,
     /// Lowest and highest sum of the actuator forces, N or N m.
     pub bounds: [S; 2],
-    /// Actuators on joints and tendons that act on this degree of freedom: index of the actuator, and moment arm.
+    /// Actuators with constant moments that act on this degree of freedom: index of the actuator, and moment arm.
     pub actuators: Vec<(usize, S)>,
-    /// Actuators on sites that act on this degree of freedom. Each has the index of the actuator, and the index of its moment arm in the
-    /// list of arms of all wrenches.
-    pub site_actuators: Vec<(usize, usize)>,
+    /// Actuators with variable moments that act on this degree of freedom. Each has the index of the actuator, and the index of its moment
+    /// arm in the list of variable moment arms.
+    pub variable: Vec<(usize, usize)>,
     /// Whether any of these actuators is a servo, whose force depends on its length or velocity.
     pub has_servos: bool,
 }
 
 /// Inputs for the compiler of actuators: the model, and parts of the compiled model.
-#[derive(Clone, Copy)]
-pub(super) struct CompilerInput<'a> {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CompilerInput<'a, S> {
     pub(super) model: &'a Model,
     pub(super) merged: &'a Merged,
     pub(super) frictions: &'a [CompiledFriction],
+    pub(super) paths: &'a [CompiledPath<S>],
 }
 
 /// Compiled actuators of a model, its servos, and its bounded sums of actuator forces.
@@ -147,19 +242,20 @@ pub(super) struct CompiledActuators<S> {
     pub(super) actuators: Vec<CompiledActuator<S>>,
     pub(super) servos: Vec<CompiledServo<S>>,
     pub(super) force_ranges: Vec<CompiledForceRange<S>>,
-    /// Number of moment arms of all actuators on sites.
+    /// Number of moment arms of all variable moments.
     pub(super) arms: usize,
-    /// Number of actuators on sites.
-    pub(super) wrenches: usize,
+    /// Number of variable moments.
+    pub(super) variable_moments: usize,
     /// Number of actuators with dynamics.
     pub(super) num_actuator_dynamics: usize,
 }
 
 impl<S: Scalar> CompiledActuators<S> {
     /// Compiles the actuators of the model. `specs` has the actuator model of every actuator, or is empty.
-    pub(super) fn new(input: CompilerInput<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
+    pub(super) fn new(input: CompilerInput<'_, S>, specs: &[Option<ActuatorSpec>]) -> Self {
         let model = input.model;
-        let mut all = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, num_actuator_dynamics: 0 };
+        let mut all =
+            Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, variable_moments: 0, num_actuator_dynamics: 0 };
         let mut na = 0;
         for (i, actuator) in model.actuators.iter().enumerate() {
             let spec = specs.get(i).and_then(Option::as_ref);
@@ -178,14 +274,14 @@ impl<S: Scalar> CompiledActuators<S> {
 
     /// Compiles the actuator `a`, and adds it. `na` is the number of activations of the actuators before it; the function increases `na` if
     /// this actuator has an activation.
-    fn push(&mut self, input: CompilerInput<'_>, a: &Actuator, spec: Option<&ActuatorSpec>, na: &mut usize) {
+    fn push(&mut self, input: CompilerInput<'_, S>, a: &Actuator, spec: Option<&ActuatorSpec>, na: &mut usize) {
         let addresses = &input.merged.addresses;
         let arms: Vec<(usize, f64)> = match a.transmission {
             Transmission::Joint(j) => vec![(j, 1.0)],
             Transmission::Tendon(t) => input.model.tendons[t].joints.clone(),
-            Transmission::Site { .. } => vec![],
+            Transmission::Site { .. } | Transmission::SliderCrank { .. } => vec![],
         };
-        let wrench = self.wrench(input, a);
+        let moment_arms = self.variable_moment(input, a);
         let act = (a.activation != Activation::None).then_some(*na);
         *na += usize::from(act.is_some());
         let dynamics = self.dynamics(input, a, spec);
@@ -196,12 +292,13 @@ impl<S: Scalar> CompiledActuators<S> {
             let moment: Vec<_> = arms.iter().map(|&(j, c)| (addresses[j].1, c * a.gear)).collect();
             let [entries, diagonal_bound] =
                 entries(&moment, input.merged).map(|list| list.into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect());
-            let (products, diagonal_bound_arms) = wrench.as_ref().map_or_else(Default::default, |w| products(w, input.merged));
+            let (products, diagonal_bound_arms) = moment_arms.as_ref().map_or_else(Default::default, |m| products(m, input.merged));
             self.servos.push(CompiledServo { actuator: self.actuators.len(), entries, products, diagonal_bound, diagonal_bound_arms });
         }
         self.actuators.push(CompiledActuator {
             moment: arms.iter().map(|&(j, c)| (addresses[j].0, addresses[j].1, S::from_f64(c * a.gear))).collect(),
-            site_wrench: wrench,
+            variable_moment: moment_arms,
+            muscle: CompiledMuscle::new(a),
             ctrl_range: a.ctrl_range.map(scalars),
             force_range: a.force_range.map(scalars),
             act_range: a.act_range.map(scalars),
@@ -214,30 +311,52 @@ impl<S: Scalar> CompiledActuators<S> {
         });
     }
 
-    /// Compiles the wrench of an actuator on a site; `None` for other actuators.
-    fn wrench(&mut self, input: CompilerInput<'_>, a: &Actuator) -> Option<CompiledWrench<S>> {
-        let Transmission::Site { site, reference, wrench } = a.transmission else { return None };
-        let at = |s: usize| spot::<S>(input, s);
-        let (site, reference) = (at(site), reference.map(at));
+    /// Compiles the moment of an actuator whose moment arms depend on the configuration; `None` for other actuators.
+    fn variable_moment(&mut self, input: CompilerInput<'_, S>, a: &Actuator) -> Option<VariableMoment<S>> {
+        let gear = S::from_f64(a.gear);
+        let (kind, turn) = match a.transmission {
+            Transmission::Joint(_) => return None,
+            Transmission::Tendon(t) => {
+                let path = path_of(input.model, t)?;
+                (MomentKind::Path { path, first: input.paths[path].arms, gear }, None)
+            }
+            Transmission::SliderCrank { crank, slider, rod } => {
+                let [crank, slider] = [crank, slider].map(|site| spot(input, site));
+                (MomentKind::SliderCrank { crank, slider, rod: S::from_f64(rod), gear }, None)
+            }
+            Transmission::Site { site, reference, wrench } => {
+                let wrench = wrench.map(|x| x * a.gear);
+                let is_angle = reference.is_some() && wrench[..3] == [0.0; 3] && wrench[3..] != [0.0; 3];
+                let turn = is_angle.then(|| S::from_f64(2.0 * PI * wrench[3..].iter().map(|x| x * x).sum::<f64>().sqrt()));
+                let (site, reference) = (spot(input, site), reference.map(|reference| spot(input, reference)));
+                (MomentKind::Site { site, reference, wrench: scalars(wrench) }, turn)
+            }
+        };
         let moves = |dof: usize, spot: Spot<S>| input.merged.moves(dof, spot.frame);
-        let side = |dof: usize| match (moves(dof, site), reference.is_some_and(|reference| moves(dof, reference))) {
+        let side = |dof: usize, first: Spot<S>, second: Option<Spot<S>>| match (
+            moves(dof, first),
+            second.is_some_and(|second| moves(dof, second)),
+        ) {
             (true, false) => Some((dof, S::ONE)),
             (false, true) => Some((dof, S::from_f64(-1.0))),
             _ => None,
         };
-        let dofs: Vec<_> = (0..input.model.nv()).filter_map(side).collect();
-        let wrench = wrench.map(|x| x * a.gear);
-        let is_angle = reference.is_some() && wrench[..3] == [0.0; 3] && wrench[3..] != [0.0; 3];
-        let turn = is_angle.then(|| S::from_f64(2.0 * PI * wrench[3..].iter().map(|x| x * x).sum::<f64>().sqrt()));
-        let compiled = CompiledWrench { site, reference, wrench: scalars(wrench), arms: self.arms, index: self.wrenches, turn, dofs };
+        let dofs: Vec<_> = match kind {
+            MomentKind::Path { path, .. } => input.paths[path].dofs.iter().map(|&dof| (dof as usize, S::ONE)).collect(),
+            MomentKind::Site { site, reference, .. } => (0..input.model.nv()).filter_map(|dof| side(dof, site, reference)).collect(),
+            MomentKind::SliderCrank { crank, slider, .. } => {
+                (0..input.model.nv()).filter_map(|dof| side(dof, crank, Some(slider))).collect()
+            }
+        };
+        let compiled = VariableMoment { kind, turn, arms: self.arms, index: self.variable_moments, dofs };
         self.arms += compiled.dofs.len();
-        self.wrenches += 1;
+        self.variable_moments += 1;
         Some(compiled)
     }
 
     /// Compiles the part of an actuator model that acts within a step; `None` if there is none. Delay, lag and sampled servos act
     /// between steps.
-    fn dynamics(&mut self, input: CompilerInput<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
+    fn dynamics(&mut self, input: CompilerInput<'_, S>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
         let spec = spec?;
         let row = |j: usize| input.frictions.iter().position(|f| f.dof == input.merged.addresses[j].1);
         let losses = match a.transmission {
@@ -257,12 +376,12 @@ impl<S: Scalar> CompiledActuators<S> {
             a.moment.iter().filter(|&&(_, d, _)| d == dof).map(|&(_, _, arm)| (i, arm)).collect::<Vec<_>>()
         };
         let actuators: Vec<_> = self.actuators.iter().enumerate().flat_map(acting).collect();
-        let wrenches = self.actuators.iter().enumerate().filter_map(|(i, a)| Some((i, a.site_wrench.as_ref()?)));
-        let arm = |w: &CompiledWrench<S>| Some(w.arms + w.dofs.iter().position(|&(d, _)| d == dof)?);
-        let site_actuators: Vec<_> = wrenches.filter_map(|(i, wrench)| Some((i, arm(wrench)?))).collect();
-        let mut acting = actuators.iter().map(|a| a.0).chain(site_actuators.iter().map(|a| a.0));
+        let moments = self.actuators.iter().enumerate().filter_map(|(i, a)| Some((i, a.variable_moment.as_ref()?)));
+        let arm = |m: &VariableMoment<S>| Some(m.arms + m.dofs.iter().position(|&(d, _)| d == dof)?);
+        let variable: Vec<_> = moments.filter_map(|(i, moment)| Some((i, arm(moment)?))).collect();
+        let mut acting = actuators.iter().map(|a| a.0).chain(variable.iter().map(|a| a.0));
         let has_servos = acting.any(|i| self.actuators[i].servo.is_some());
-        CompiledForceRange { dof, bounds: scalars(range), actuators, site_actuators, has_servos }
+        CompiledForceRange { dof, bounds: scalars(range), actuators, variable, has_servos }
     }
 
     /// Whether any servo's force may have bounds.
@@ -273,7 +392,7 @@ impl<S: Scalar> CompiledActuators<S> {
 }
 
 /// Compiles the pose of a site.
-fn spot<S: Scalar>(input: CompilerInput<'_>, site: usize) -> Spot<S> {
+fn spot<S: Scalar>(input: CompilerInput<'_, S>, site: usize) -> Spot<S> {
     let (site, merged) = (&input.model.sites[site], input.merged);
     let quat = merged.quat[site.body];
     Spot {
@@ -320,13 +439,13 @@ fn entries(moment: &[(usize, f64)], merged: &Merged) -> [Vec<(usize, f64)>; 2] {
 /// Result of [`products`]: the lists [`CompiledServo::products`] and [`CompiledServo::diagonal_bound_arms`].
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
-/// Lists the entries of the mass matrix to which a servo on a site adds inertia, with the indices of two moment arms. The added inertia is
-/// proportional to the product of these arms, which depend on the configuration.
+/// Lists the entries of the mass matrix to which a servo with a variable moment adds inertia, with the indices of two moment arms. The
+/// added inertia is proportional to the product of these arms, which depend on the configuration.
 ///
-/// The first of the returned lists has these entries. If the wrench acts on several kinematic branches, the second list has the diagonal
+/// The first of the returned lists has these entries. If the moment acts on several kinematic branches, the second list has the diagonal
 /// entries, each with the index of its moment arm. Otherwise it is empty.
-fn products<S: Scalar>(wrench: &CompiledWrench<S>, merged: &Merged) -> Products {
-    let mut arms: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
+fn products<S: Scalar>(moment: &VariableMoment<S>, merged: &Merged) -> Products {
+    let mut arms: Vec<(usize, usize)> = moment.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, moment.arms + k)).collect();
     let (on_branch, are_all) = pairs_on_branch(&mut arms, merged, |a, b| [a, b]);
     let diagonal = arms.iter().filter_map(|&(dof, arm)| Some((merged.entry(dof, dof)?, arm)));
     (on_branch, if are_all { vec![] } else { diagonal.collect() })

@@ -15,6 +15,7 @@ use crate::compile::mechanisms::Mechanisms;
 use crate::compile::merging::Merged;
 use crate::compile::parameters::Params;
 use crate::compile::passive::{CompiledFluid, CompiledSurface, GravityCompensation};
+use crate::compile::paths::CompiledPath;
 use crate::compile::sensing::CompiledSensing;
 use crate::compile::softness::CompiledSoftness;
 use crate::compile::static_pairs::StaticPairs;
@@ -126,8 +127,10 @@ pub struct ModelStructure<S: Scalar> {
     pub equalities: Vec<EqualityBlock<S>>,
     /// Limits of ball joints.
     pub ball_limits: Vec<CompiledBallLimit>,
-    /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
+    /// Tendons with limits, dry friction, springs, dampers or inertia.
     pub tendons: Vec<CompiledTendon<S>>,
+    /// Paths of all spatial tendons.
+    pub paths: Vec<CompiledPath<S>>,
     /// Length of the list of impulses of scalar constraint rows. The list begins with joint limits, followed by dry friction. Ball limits,
     /// equalities and tendons come last, each from its `impulse_index` on.
     pub scalar_impulses: usize,
@@ -141,9 +144,9 @@ pub struct ModelStructure<S: Scalar> {
     pub explicit_damping: bool,
     /// Whether any servo's force is bounded, directly or by the sum of forces on its joint.
     pub servos_are_bounded: bool,
-    /// Number of moment arms of all actuators on sites, then number of these actuators. Each such actuator has one moment arm for each
+    /// Number of variable moment arms, then number of actuators with a variable moment. Each such actuator has one moment arm for each
     /// degree of freedom on which it acts.
-    pub wrench_arms: [usize; 2],
+    pub variable_arms: [usize; 2],
     /// Number of actuators with actuator dynamics that act within a step: a continuous servo, motor, force limits or friction losses.
     pub num_actuator_dynamics: usize,
     /// Whether any actuator dynamics have friction losses.

@@ -10,7 +10,7 @@ use crate::compile::merging::Merged;
 use crate::compile::sensing::CompiledSensing;
 use crate::compile::static_pairs::StaticPairs;
 use crate::compile::tree::{CompiledJoint, CompiledSingleBody, Link, scalars};
-use crate::compile::{actuators, collision, equality, merging, passive};
+use crate::compile::{actuators, collision, equality, merging, passive, paths};
 use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{JointKind, Model};
 
@@ -29,7 +29,9 @@ impl<S: Scalar> CompiledModel<S> {
         let mut scalar_impulses = limits.len() + frictions.len();
         let ball_limits = ball_limits(model, &merged, &mut scalar_impulses);
         let compiler = equality::Compiler { model, merged: &merged };
-        let (equalities, tendons) = (compiler.equalities(&mut scalar_impulses), compiler.tendons(&mut scalar_impulses));
+        let paths = paths::paths(model, &merged);
+        let lengths = compiler.lengths(&paths);
+        let (equalities, tendons) = (compiler.equalities(&paths, &mut scalar_impulses), compiler.tendons(&paths, &mut scalar_impulses));
         let (geoms, pairs, dynamic_pairs) = collision::compile::<S>(model, &merged);
         let can_tunnel = dynamic_pairs.is_some() || pairs.iter().any(|p| !p.geoms.iter().any(|&g| geoms[g].is_plane));
         let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
@@ -37,7 +39,7 @@ impl<S: Scalar> CompiledModel<S> {
         let (links, joints) = (merging::links(model, &merged), merging::joints(model, &merged));
         let single_bodies = Self::single_bodies(&links, &joints);
         let moved_dofs = merged.moved_dofs(model.nv());
-        let input = actuators::CompilerInput { model, merged: &merged, frictions: &frictions };
+        let input = actuators::CompilerInput { model, merged: &merged, frictions: &frictions, paths: &paths };
         let actuators = actuators::CompiledActuators::new(input, specs);
         let lossy = frictions.iter().any(|f| f.driven);
         let mocap = merging::mocap(model, &merged);
@@ -84,14 +86,15 @@ impl<S: Scalar> CompiledModel<S> {
             scalar_impulses,
             explicit_damping: model.explicit_damping,
             servos_are_bounded: actuators.servos_are_bounded(),
-            wrench_arms: [actuators.arms, actuators.wrenches],
+            variable_arms: [actuators.arms, actuators.variable_moments],
             num_actuator_dynamics: actuators.num_actuator_dynamics,
             lossy,
             actuators: actuators.actuators,
             servos: actuators.servos,
             actuator_force_ranges: actuators.force_ranges,
-            sensing: CompiledSensing::new(model, &merged, &tendons, lossy),
+            sensing: CompiledSensing::new(model, &merged, (&tendons, &lengths), lossy),
             tendons,
+            paths,
             can_tunnel,
             contact_points,
             softness: None,

@@ -6,38 +6,67 @@ use stepper_real::{Real, Scalar};
 
 use crate::compile::merging::matrix;
 use crate::compile::merging::{Merged, quaternion, vector};
+use crate::compile::paths::{CompiledPath, PathLengths, PathTerm, path_of};
 use crate::compile::tree::scalars;
 use crate::model::{Equality, EqualityKind, Model};
 
-/// Linear combination of scalar joint positions: a fixed tendon, or a single joint.
+/// Length of a tendon, or position of a joint: a linear combination of scalar joint positions, and the length of a path.
 #[derive(Clone, Debug)]
 pub struct Combination<S> {
     /// Terms of the linear combination of joint positions. Each is the address of a position in q, the degree of freedom, and the
     /// coefficient.
     pub terms: Vec<(usize, usize, S)>,
-    /// Value of the linear combination of joint positions at the model's reference configuration `qpos0`.
+    /// Path of a spatial tendon, whose length is added; `None` for a fixed tendon and for a joint.
+    pub path: Option<PathTerm>,
+    /// Value of the combination at the model's reference configuration `qpos0`.
     pub reference: S,
 }
 
 impl<S: Scalar> Combination<S> {
-    /// Sum of coefficient times joint position over all joints of the linear combination, at the configuration `q`.
+    /// Value of the combination at the configuration `q`, with the lengths `paths` of all paths at the same configuration.
     #[inline(always)]
-    pub fn value<R: Real<Scalar = S>>(&self, q: &[R]) -> R {
+    pub fn value<R: Real<Scalar = S>>(&self, q: &[R], paths: &PathLengths<R>) -> R {
         let mut x = R::zero();
         for &(at, _, c) in &self.terms {
             x += R::splat(c) * q[at];
         }
+        if let Some(term) = &self.path {
+            x += paths.lengths[term.path];
+        }
         x
     }
 
-    /// Time derivative of the linear combination of joint positions, at the generalized velocity `v`.
+    /// Time derivative of the combination, at the generalized velocity `v`.
     #[inline(always)]
-    pub fn rate<R: Real<Scalar = S>>(&self, v: &[R]) -> R {
+    pub fn rate<R: Real<Scalar = S>>(&self, v: &[R], paths: &PathLengths<R>) -> R {
         let mut x = R::zero();
         for &(_, dof, c) in &self.terms {
             x += R::splat(c) * v[dof];
         }
+        if let Some(PathTerm { dofs, arms, .. }) = &self.path {
+            for (&dof, &arm) in dofs.iter().zip(&paths.arms[*arms..]) {
+                x += arm * v[dof as usize];
+            }
+        }
         x
+    }
+
+    /// Calls `f` with every entry of the combination's derivative with respect to the joint positions: degree of freedom, and moment arm.
+    #[inline(always)]
+    pub fn for_each_arm<R: Real<Scalar = S>>(&self, paths: &PathLengths<R>, mut f: impl FnMut(usize, R)) {
+        for &(_, dof, c) in &self.terms {
+            f(dof, R::splat(c));
+        }
+        if let Some(PathTerm { dofs, arms, .. }) = &self.path {
+            for (&dof, &arm) in dofs.iter().zip(&paths.arms[*arms..]) {
+                f(dof as usize, arm);
+            }
+        }
+    }
+
+    /// Degrees of freedom on which the combination depends.
+    pub fn dofs(&self) -> impl Iterator<Item = usize> {
+        self.terms.iter().map(|&(_, dof, _)| dof).chain(self.path.iter().flat_map(|term| term.dofs.iter().map(|&dof| dof as usize)))
     }
 }
 
@@ -135,12 +164,12 @@ pub struct EqualityBlock<S> {
     pub set: Vec<u64>,
 }
 
-/// Fixed tendon with constraint rows: a limit, dry friction, or a spring.
+/// Tendon with constraint rows: a limit, dry friction, or a spring.
 #[derive(Clone, Debug)]
 pub struct CompiledTendon<S> {
     /// Index of the tendon in the model.
     pub index: usize,
-    /// Length of the tendon as a combination of joints.
+    /// Length of the tendon.
     pub length: Combination<S>,
     /// Degrees of freedom of the tendon's joints, with their ancestors, ascending.
     pub dofs: Vec<u32>,
@@ -159,9 +188,9 @@ pub struct CompiledTendon<S> {
 impl<S: Scalar> CompiledTendon<S> {
     /// Spring of the tendon, and its elongation beyond the lengths between which the spring is slack, m or rad. `None` without a spring.
     #[inline(always)]
-    pub fn stretch<R: Real<Scalar = S>>(&self, q: &[R]) -> Option<(&Spring<S>, R)> {
+    pub fn stretch<R: Real<Scalar = S>>(&self, q: &[R], paths: &PathLengths<R>) -> Option<(&Spring<S>, R)> {
         let (spring, [low, high]) = self.spring.as_ref()?;
-        let length = self.length.value(q);
+        let length = self.length.value(q, paths);
         Some((spring, length - length.max(R::splat(*low)).min(R::splat(*high))))
     }
 }
@@ -180,7 +209,21 @@ impl Compiler<'_> {
     fn combination<S: Scalar>(&self, joints: &[(usize, f64)]) -> Combination<S> {
         let terms = joints.iter().map(|&(j, c)| (self.merged.addresses[j].0, self.merged.addresses[j].1, S::from_f64(c))).collect();
         let reference = joints.iter().map(|&(j, c)| c * self.model.qpos0[self.merged.addresses[j].0]).sum();
-        Combination { terms, reference: S::from_f64(reference) }
+        Combination { terms, path: None, reference: S::from_f64(reference) }
+    }
+
+    /// Lengths of all tendons.
+    pub(super) fn lengths<S: Scalar>(&self, paths: &[CompiledPath<S>]) -> Vec<Combination<S>> {
+        (0..self.model.tendons.len()).map(|t| self.length(t, paths)).collect()
+    }
+
+    /// Length of tendon `t`. `paths` are the paths of all spatial tendons.
+    fn length<S: Scalar>(&self, t: usize, paths: &[CompiledPath<S>]) -> Combination<S> {
+        let tendon = &self.model.tendons[t];
+        let path = path_of(self.model, t).map(|path| paths[path].term(path));
+        let length = self.combination(&tendon.joints);
+        let reference = path.as_ref().map_or(length.reference, |_| S::from_f64(tendon.reference_length(self.model)));
+        Combination { path, reference, ..length }
     }
 
     /// List of the given degrees of freedom and all their ancestors, ascending.
@@ -191,16 +234,17 @@ impl Compiler<'_> {
         all
     }
 
-    fn rows<S: Scalar>(&self, kind: &EqualityKind) -> (EqualityRows<S>, Vec<u32>) {
+    fn rows<S: Scalar>(&self, kind: &EqualityKind, paths: &[CompiledPath<S>]) -> (EqualityRows<S>, Vec<u32>) {
         match kind {
             EqualityKind::Connect { bodies, anchors } => self.points(*bodies, *anchors, None),
             EqualityKind::Weld { bodies, anchors, relpose, torquescale } => self.points(*bodies, *anchors, Some((*relpose, *torquescale))),
             EqualityKind::Joint { joint, other, polycoef } => {
-                self.coupling(&[(*joint, 1.0)], other.map(|j| vec![(j, 1.0)]).as_deref(), polycoef)
+                let position = |j: usize| self.combination(&[(j, 1.0)]);
+                self.coupling(position(*joint), other.map(position), polycoef)
             }
             EqualityKind::Tendon { tendon, other, polycoef } => {
-                let joints = |t: usize| &self.model.tendons[t].joints[..];
-                self.coupling(joints(*tendon), other.map(joints), polycoef)
+                let length = |t: usize| self.length(t, paths);
+                self.coupling(length(*tendon), other.map(length), polycoef)
             }
         }
     }
@@ -243,13 +287,11 @@ impl Compiler<'_> {
 
     fn coupling<S: Scalar>(
         &self,
-        first: &[(usize, f64)],
-        second: Option<&[(usize, f64)]>,
+        first: Combination<S>,
+        second: Option<Combination<S>>,
         polynomial: &[f64; 5],
     ) -> (EqualityRows<S>, Vec<u32>) {
-        let joints = first.iter().chain(second.into_iter().flatten());
-        let dofs = self.with_ancestors(joints.map(|&(j, _)| self.merged.addresses[j].1));
-        let (first, second) = (self.combination(first), second.map(|s| self.combination(s)));
+        let dofs = self.with_ancestors(first.dofs().chain(second.iter().flat_map(Combination::dofs)));
         (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, dofs)
     }
 
@@ -257,10 +299,10 @@ impl Compiler<'_> {
     /// are in one block, if the block then has at most [`MOST_ROWS`] constraint rows.
     ///
     /// The function increases `impulse_index`, the next free index in the list of impulses of scalar constraint rows.
-    pub(super) fn equalities<S: Scalar>(&self, impulse_index: &mut usize) -> Vec<EqualityBlock<S>> {
+    pub(super) fn equalities<S: Scalar>(&self, paths: &[CompiledPath<S>], impulse_index: &mut usize) -> Vec<EqualityBlock<S>> {
         let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
         for (index, equality) in self.model.equalities.iter().enumerate() {
-            let (rows, dofs) = self.rows(&equality.kind);
+            let (rows, dofs) = self.rows(&equality.kind, paths);
             let count = equality.kind.rows();
             let compiled = CompiledEquality {
                 index,
@@ -290,7 +332,7 @@ impl Compiler<'_> {
 
     /// Compiles the tendons that have a limit, dry friction, spring, damper or inertia. The function increases `impulse_index`, the next
     /// free index in the list of impulses of scalar constraint rows.
-    pub(super) fn tendons<S: Scalar>(&self, impulse_index: &mut usize) -> Vec<CompiledTendon<S>> {
+    pub(super) fn tendons<S: Scalar>(&self, paths: &[CompiledPath<S>], impulse_index: &mut usize) -> Vec<CompiledTendon<S>> {
         let mut plans = Vec::new();
         for (index, tendon) in self.model.tendons.iter().enumerate() {
             let sprung = tendon.stiffness > 0.0 || tendon.damping > 0.0 || tendon.armature > 0.0;
@@ -302,10 +344,11 @@ impl Compiler<'_> {
                 damping: S::from_f64(tendon.damping),
                 inertia: S::from_f64(tendon.armature),
             };
+            let length = self.length(index, paths);
             plans.push(CompiledTendon {
                 index,
-                length: self.combination(&tendon.joints),
-                dofs: self.with_ancestors(tendon.joints.iter().map(|&(j, _)| self.merged.addresses[j].1)),
+                dofs: self.with_ancestors(length.dofs()),
+                length,
                 range: tendon.range.map(scalars),
                 friction: S::from_f64(tendon.frictionloss),
                 spring: sprung.then(|| (spring, scalars(tendon.spring_length))),

@@ -41,7 +41,7 @@ pub struct MechanismPart {
 pub(super) fn tree_of_act<S: Scalar>(na: usize, dofs: &[Dof], actuators: &[CompiledActuator<S>]) -> Vec<Option<usize>> {
     let mut trees = vec![None; na];
     for actuator in actuators {
-        let dof = match &actuator.site_wrench {
+        let dof = match &actuator.variable_moment {
             Some(wrench) => wrench.dofs.first().map(|&(dof, _)| dof),
             None => actuator.moment.first().map(|&(_, dof, _)| dof),
         };
@@ -103,7 +103,7 @@ impl Mechanisms {
             sets.join_all(tendon.dofs.iter().map(|&d| tree(d as usize)));
         }
         for actuator in actuators {
-            let wrench = actuator.site_wrench.iter().flat_map(|wrench| &wrench.dofs);
+            let wrench = actuator.variable_moment.iter().flat_map(|wrench| &wrench.dofs);
             sets.join_all(actuator.moment.iter().map(|&(_, d, _)| tree(d)).chain(wrench.map(|&(d, _)| tree(d))));
         }
         let (mut count, mut of_set) = (0, vec![0; ntree + mocap.len()]);

@@ -13,6 +13,7 @@ mod parameter_layout;
 mod parameter_row;
 mod parameters;
 mod passive;
+mod paths;
 mod ray_surfaces;
 pub mod sensing;
 mod soften;
@@ -21,7 +22,9 @@ mod static_pairs;
 mod tree;
 
 pub use crate::model::Kernel;
-pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledWrench, MotorControl, Spot};
+pub use actuators::{
+    CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledMuscle, MomentKind, MotorControl, MuscleCurve, VariableMoment,
+};
 pub(crate) use collision::Symmetry;
 pub use collision::{CompiledPair, DynamicPairs, NO_PAIR_GROUP};
 pub use compiled_model::{CompiledModel, ModelStructure};
@@ -30,6 +33,7 @@ pub use lane_model::LaneModel;
 pub use mechanisms::MechanismPart;
 pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};
+pub use paths::{CompiledPath, CompiledSegment, PathLengths, Spot};
 pub use ray_surfaces::RaySurfaces;
 pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};
 pub(crate) use softness::{EndLaw, MIN_FRICTION, MIN_MOBILITY};

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use stepper_geometry::RaySurface;
 use stepper_real::Scalar;
 
-use crate::compile::equality::CompiledTendon;
+use crate::compile::equality::{Combination, CompiledTendon};
 use crate::compile::merging::{Merged, matrix, quaternion, wxyz};
 use crate::compile::ray_surfaces::RaySurfaces;
 use crate::compile::tree::scalars;
@@ -182,24 +182,22 @@ pub enum Read<S> {
     Position(usize),
     /// Entries of the velocity v, from this address on.
     Velocity(usize),
-    /// Linear combination of joint positions in q: address and coefficient of each.
-    Length(Terms<S>),
-    /// Linear combination of joint velocities in v: address and coefficient of each.
-    Rate(Terms<S>),
+    /// Value of a combination of joint positions and the length of a path.
+    Length(Combination<S>),
+    /// Time derivative of a combination of joint positions and the length of a path.
+    Rate(Combination<S>),
     /// Sum of the forces of the actuators with these indices.
     ActuatorForce(Vec<usize>),
     /// Generalized force of all actuators on the degree of freedom with this index.
     JointForce(usize),
-    /// Length of the actuator with this index, which acts on a site.
+    /// Length of the actuator with this index, which has a variable moment.
     ActuatorLength(usize),
-    /// Time derivative of the length of the actuator with this index, which acts on a site.
+    /// Time derivative of the length of the actuator with this index, which has a variable moment.
     ActuatorRate(usize),
-    /// Violation of the range of a linear combination of joint positions: distance from the violated end of the range, as a negative
-    /// number. 0 within the range.
-    LimitPos(Terms<S>, Bounds<S>),
-    /// Time derivative of the reading of [`Read::LimitPos`]. The first list has the linear combination as (address in q, coefficient). The
-    /// second list has its time derivative as (address in v, coefficient).
-    LimitVel([Terms<S>; 2], Bounds<S>),
+    /// Violation of the range of a joint or tendon: distance from the violated end of the range, as a negative number. 0 within the range.
+    LimitPos(Combination<S>, Bounds<S>),
+    /// Time derivative of the reading of [`Read::LimitPos`].
+    LimitVel(Combination<S>, Bounds<S>),
     /// Force of the limit of a joint or tendon. The index selects the limit's impulse in the list of impulses of scalar constraint rows.
     LimitForce(usize),
     /// Constant zero, because the limit that the sensor reads does not exist.
@@ -274,8 +272,8 @@ impl Form {
 
 impl<S: Scalar> CompiledSensing<S> {
     /// Compiles the sensors of a model. `lossy` is set if actuator forces contain friction losses, which depend on the impulses of a step.
-    pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
-        let compiler = Compiler { model, merged, tendons, found: RefCell::default() };
+    pub(super) fn new(model: &Model, merged: &Merged, (tendons, lengths): (&[CompiledTendon<S>], &[Combination<S>]), lossy: bool) -> Self {
+        let compiler = Compiler { model, merged, tendons, lengths, found: RefCell::default() };
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| CompiledSensor {
             at: at[i],
@@ -328,10 +326,10 @@ impl Needs {
         };
         let drives =
             |r: &Read<S>| matches!(r, Read::ActuatorForce(_) | Read::JointForce(_) | Read::ActuatorLength(_) | Read::ActuatorRate(_));
-        let bodiless = |r: &Read<S>| {
-            matches!(r, Read::Position(_) | Read::Velocity(_) | Read::Length(_) | Read::Rate(_) | Read::Nothing)
-                || drives(r)
-                || matches!(r, Read::LimitPos(..) | Read::LimitVel(..) | Read::LimitForce(_) | Read::Clock | Read::Combination(_))
+        let bodiless = |r: &Read<S>| match r {
+            Read::Length(length) | Read::Rate(length) | Read::LimitPos(length, _) | Read::LimitVel(length, _) => length.path.is_none(),
+            Read::Position(_) | Read::Velocity(_) | Read::Nothing | Read::LimitForce(_) | Read::Clock | Read::Combination(_) => true,
+            _ => drives(r),
         };
         Self {
             poses: any(&|r| !bodiless(r)),
@@ -349,6 +347,8 @@ struct Compiler<'a, S> {
     model: &'a Model,
     merged: &'a Merged,
     tendons: &'a [CompiledTendon<S>],
+    /// Lengths of all tendons.
+    lengths: &'a [Combination<S>],
     found: RefCell<Found>,
 }
 
@@ -372,13 +372,13 @@ impl<S: Scalar> Compiler<'_, S> {
             K::JointPos(j) | K::BallQuat(j) => Read::Position(self.merged.addresses[j].0),
             K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.merged.addresses[j].1),
             K::JointActuatorForce(j) => Read::JointForce(self.merged.addresses[j].1),
-            K::JointLimitPos(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), false),
-            K::JointLimitVel(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), true),
+            K::JointLimitPos(j) => self.overlap(self.position(j, 1.0), self.limit_of(j).map(Bounds::Limit), false),
+            K::JointLimitVel(j) => self.overlap(self.position(j, 1.0), self.limit_of(j).map(Bounds::Limit), true),
             K::JointLimitForce(j) => self.limit_of(j).map_or(Read::Nothing, Read::LimitForce),
-            K::TendonPos(t) => Read::Length(self.sums(&self.model.tendons[t].joints, 1.0).0),
-            K::TendonVel(t) => Read::Rate(self.sums(&self.model.tendons[t].joints, 1.0).1),
-            K::TendonLimitPos(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), false),
-            K::TendonLimitVel(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), true),
+            K::TendonPos(t) => Read::Length(self.lengths[t].clone()),
+            K::TendonVel(t) => Read::Rate(self.lengths[t].clone()),
+            K::TendonLimitPos(t) => self.overlap(self.lengths[t].clone(), self.range_of(t), false),
+            K::TendonLimitVel(t) => self.overlap(self.lengths[t].clone(), self.range_of(t), true),
             K::TendonLimitForce(t) => {
                 let limited = self.tendons.iter().find(|tendon| tendon.index == t && tendon.range.is_some());
                 limited.map_or(Read::Nothing, |tendon| Read::LimitForce(tendon.impulse_index))
@@ -387,8 +387,8 @@ impl<S: Scalar> Compiler<'_, S> {
                 let pulls = |a: &usize| self.model.actuators[*a].transmission == Transmission::Tendon(t);
                 Read::ActuatorForce((0..self.model.actuators.len()).filter(pulls).collect())
             }
-            K::ActuatorPos(a) => self.moment(a).map_or(Read::ActuatorLength(a), |(length, _)| Read::Length(length)),
-            K::ActuatorVel(a) => self.moment(a).map_or(Read::ActuatorRate(a), |(_, rate)| Read::Rate(rate)),
+            K::ActuatorPos(a) => self.moment(a).map_or(Read::ActuatorLength(a), Read::Length),
+            K::ActuatorVel(a) => self.moment(a).map_or(Read::ActuatorRate(a), Read::Rate),
             K::ActuatorForce(a) => Read::ActuatorForce(vec![a]),
             K::Frame { what, object, reference } => Read::Frame(what, self.place(object), reference.map(|r| self.place(r))),
             K::Magnetometer(s) => Read::Magnetometer(site(s)),
@@ -417,21 +417,22 @@ impl<S: Scalar> Compiler<'_, S> {
         }
     }
 
-    /// Terms of a linear combination of joint positions, as (address in q, coefficient), and of its time derivative, as (address in v,
-    /// coefficient). `arms` lists pairs of joint and coefficient; `gear` multiplies all coefficients.
-    fn sums(&self, arms: &[(usize, f64)], gear: f64) -> (Terms<S>, Terms<S>) {
-        let terms = arms.iter().map(|&(j, c)| (self.merged.addresses[j], S::from_f64(c * gear)));
-        terms.map(|((q, v), c)| ((q, c), (v, c))).unzip()
+    /// Position of joint `j` times `gear`.
+    fn position(&self, j: usize, gear: f64) -> Combination<S> {
+        let (q, v) = self.merged.addresses[j];
+        Combination { terms: vec![(q, v, S::from_f64(gear))], path: None, reference: S::default() }
     }
 
-    /// Length and velocity of actuator `a` as linear combinations, see [`Compiler::sums`]. `None` for an actuator on a site, whose moment
-    /// depends on the configuration.
-    fn moment(&self, a: usize) -> Option<(Terms<S>, Terms<S>)> {
+    /// Length of actuator `a` as a combination of joint positions. `None` for an actuator with a variable moment.
+    fn moment(&self, a: usize) -> Option<Combination<S>> {
         let actuator = &self.model.actuators[a];
         match actuator.transmission {
-            Transmission::Joint(j) => Some(self.sums(&[(j, 1.0)], actuator.gear)),
-            Transmission::Tendon(t) => Some(self.sums(&self.model.tendons[t].joints, actuator.gear)),
-            Transmission::Site { .. } => None,
+            Transmission::Joint(j) => Some(self.position(j, actuator.gear)),
+            Transmission::Tendon(t) if self.lengths[t].path.is_none() => {
+                let terms = self.model.tendons[t].joints.iter().flat_map(|&(j, c)| self.position(j, c * actuator.gear).terms);
+                Some(Combination { terms: terms.collect(), path: None, reference: S::default() })
+            }
+            Transmission::Tendon(_) | Transmission::Site { .. } | Transmission::SliderCrank { .. } => None,
         }
     }
 
@@ -445,11 +446,10 @@ impl<S: Scalar> Compiler<'_, S> {
     }
 
     /// Violation of the range of a joint or tendon ([`Read::LimitPos`]), or its time derivative ([`Read::LimitVel`]) if `rate` is true.
-    /// `arms` lists the joints of the linear combination with their coefficients.
-    fn overlap(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
+    /// `value` is the position or length.
+    fn overlap(&self, value: Combination<S>, bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
         let Some(bounds) = bounds else { return Read::Nothing };
-        let (value, derivative) = self.sums(arms, 1.0);
-        if rate { Read::LimitVel([value, derivative], bounds) } else { Read::LimitPos(value, bounds) }
+        if rate { Read::LimitVel(value, bounds) } else { Read::LimitPos(value, bounds) }
     }
 
     fn place(&self, object: Object) -> SensorFrame<S> {

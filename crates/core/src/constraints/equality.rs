@@ -145,42 +145,49 @@ impl<R: Real> RowBuilder<R> {
             self.column[d as usize] = zero();
             self.scales[d as usize] = zero();
         }
+        let paths = &input.kinematics.paths;
         let mut size = self.add_terms(input, first, R::one());
-        self.add_term_scales(first, R::one());
-        let (mut error, mut kappa) = (first.value(input.q) - R::splat(first.reference) - c[0], R::zero());
+        self.add_term_scales(input, first, R::one());
+        let (mut error, mut kappa) = (first.value(input.q, paths) - R::splat(first.reference) - c[0], R::zero());
         if let Some(second) = second {
-            let x = second.value(input.q) - R::splat(second.reference);
+            let x = second.value(input.q, paths) - R::splat(second.reference);
             let of = |k: f64| R::of(k);
             let slope = c[1] + x * (of(2.0) * c[2] + x * (of(3.0) * c[3] + x * (of(4.0) * c[4])));
             let bend = of(2.0) * c[2] + x * (of(6.0) * c[3] + x * (of(12.0) * c[4]));
             error -= x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])));
-            kappa = -(bend * second.rate(input.v).square());
+            kappa = -(bend * second.rate(input.v, paths).square());
             size += self.add_terms(input, second, -slope);
-            self.add_term_scales(second, slope);
+            self.add_term_scales(input, second, slope);
         }
         EqualityJacobian { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
     }
 
-    /// Adds the Jacobian of a linear combination of joints, times `factor`, to the first row in `column`. Returns the sum of the squares of
+    /// Adds the Jacobian of a combination, times `factor`, to the first row in `column`. Returns the sum of the squares of
     /// the added entries, each times its entry of D^-1, where L^T D L is the mass matrix.
     #[inline(always)]
     pub(crate) fn add_terms(&mut self, input: &RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
-        for &(_, dof, coefficient) in &combination.terms {
-            let x = R::splat(coefficient) * factor;
-            self.column[dof][0] += x;
-            size += x * x * input.mass.inv_d[dof];
-        }
+        combination.for_each_arm(
+            &input.kinematics.paths,
+            #[inline(always)]
+            |dof, arm| {
+                let x = arm * factor;
+                self.column[dof][0] += x;
+                size += x * x * input.mass.inv_d[dof];
+            },
+        );
         size
     }
 
-    /// Adds the squared terms of a linear combination of joints, times `factor`, to the scales of the first row. A scale is the size of the
+    /// Adds the squared terms of a combination, times `factor`, to the scales of the first row. A scale is the size of the
     /// terms that an entry sums.
     #[inline(always)]
-    fn add_term_scales(&mut self, combination: &Combination<R::Scalar>, factor: R) {
-        for &(_, dof, coefficient) in &combination.terms {
-            self.scales[dof][0] += (R::splat(coefficient) * factor).square();
-        }
+    fn add_term_scales(&mut self, input: &RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) {
+        combination.for_each_arm(
+            &input.kinematics.paths,
+            #[inline(always)]
+            |dof, arm| self.scales[dof][0] += (arm * factor).square(),
+        );
     }
 
     /// Adds to `scales`, on `dofs`, the squares of the terms that the half solve (L^-T J^T) subtracted from the first `N` components of

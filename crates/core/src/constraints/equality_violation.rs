@@ -2,7 +2,7 @@
 
 use stepper_real::{Real, kernel};
 
-use crate::compile::{Combination, CompiledEquality, EqualityRows, LaneModel};
+use crate::compile::{Combination, CompiledEquality, EqualityRows, LaneModel, PathLengths};
 use crate::constraints::active_equalities::ActiveEqualities;
 use crate::dynamics::frame_path::follow_path;
 use crate::dynamics::mocap::MocapTrajectory;
@@ -21,7 +21,7 @@ use crate::math::spatial::*;
 pub(crate) fn max_equality_violation<R: Real>(
     compiled: &LaneModel<R>,
     active: &ActiveEqualities<R>,
-    q: &[R],
+    (q, paths): (&[R], &PathLengths<R>),
     mocap: &[MocapTrajectory<R>],
     elapsed: R,
 ) -> R {
@@ -36,7 +36,7 @@ pub(crate) fn max_equality_violation<R: Real>(
             }
             for equality in &block.equalities {
                 if equality.spring.is_none() || compiled.softness.is_some() {
-                    let error = violation(compiled, equality, q, mocap, elapsed);
+                    let error = violation(compiled, equality, (q, paths), mocap, elapsed);
                     largest = R::select(active.lanes(equality), largest.max(error), largest);
                 }
             }
@@ -50,7 +50,7 @@ pub(crate) fn max_equality_violation<R: Real>(
 fn violation<R: Real>(
     compiled: &LaneModel<R>,
     equality: &CompiledEquality<R::Scalar>,
-    q: &[R],
+    (q, paths): (&[R], &PathLengths<R>),
     mocap: &[MocapTrajectory<R>],
     elapsed: R,
 ) -> R {
@@ -70,15 +70,22 @@ fn violation<R: Real>(
                 _ => gap,
             }
         }
-        EqualityRows::Coupling { first, second, polynomial } => coupling_error(first, second.as_ref(), splat(*polynomial), q).abs(),
+        EqualityRows::Coupling { first, second, polynomial } => {
+            coupling_error(first, second.as_ref(), splat(*polynomial), (q, paths)).abs()
+        }
     }
 }
 
 /// Position error of a joint or tendon coupling, x - x_ref - polynomial(y - y_ref), in the unit of x.
 #[inline(always)]
-fn coupling_error<R: Real>(first: &Combination<R::Scalar>, second: Option<&Combination<R::Scalar>>, c: [R; 5], q: &[R]) -> R {
-    let error = first.value(q) - R::splat(first.reference) - c[0];
+fn coupling_error<R: Real>(
+    first: &Combination<R::Scalar>,
+    second: Option<&Combination<R::Scalar>>,
+    c: [R; 5],
+    (q, paths): (&[R], &PathLengths<R>),
+) -> R {
+    let error = first.value(q, paths) - R::splat(first.reference) - c[0];
     let Some(second) = second else { return error };
-    let x = second.value(q) - R::splat(second.reference);
+    let x = second.value(q, paths) - R::splat(second.reference);
     error - x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])))
 }

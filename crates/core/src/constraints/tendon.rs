@@ -1,4 +1,4 @@
-//! Rows of fixed tendons: limits, dry friction, and springs with dampers and inertia.
+//! Rows of tendons: limits, dry friction, and springs with dampers and inertia.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -26,13 +26,14 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of all tendons: limits, dry friction, and springs.
     pub(crate) fn add_tendons(&mut self, input: &RowInput<'_, R>) {
         kernel!(R, || {
+            let paths = &input.kinematics.paths;
             for tendon in &input.compiled.tendons {
-                let (length, free) = (tendon.length.value(input.q), tendon.length.rate(input.v_free));
+                let (length, free) = (tendon.length.value(input.q, paths), tendon.length.rate(input.v_free, paths));
                 if let Some((spring, rest)) = &tendon.spring {
                     let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
                     // Between its two rest lengths the spring is slack, but damper and inertia act.
                     let taut = stretch.abs().gt(R::zero()).or(R::splat(rest[0]).ge(R::splat(rest[1])));
-                    let before = tendon.length.rate(input.v);
+                    let before = tendon.length.rate(input.v, paths);
                     self.tendon_columns(input, tendon, R::one());
                     let gram = self.builder.gram(input.mass, 0);
                     let law = spring_law(input, spring, SpringRow { error: stretch, before, free, gram, acts: taut });

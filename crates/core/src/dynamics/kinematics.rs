@@ -2,7 +2,7 @@
 
 use stepper_real::{Real, Scalar, kernel};
 
-use crate::compile::{CompiledJoint, Inertial, LaneModel, Link, ModelStructure};
+use crate::compile::{CompiledJoint, Inertial, LaneModel, Link, ModelStructure, PathLengths};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
@@ -21,6 +21,8 @@ pub struct Kinematics<R: Real> {
     pub mocap_velocities: Vec<V6<R>>,
     /// Inertia of every link about the reference point of its kinematic tree.
     pub inertia: Vec<Inertia<R>>,
+    /// Lengths and moment arms of the paths of spatial tendons.
+    pub paths: PathLengths<R>,
     /// Three lists over all hinges in the order of the joints: rotation angle from the reference, rad; its sine; its cosine.
     turns: [Vec<R>; 3],
 }
@@ -37,6 +39,7 @@ impl<R: Real> Kinematics<R> {
             axes: vec![zero(); compiled.nv],
             mocap_velocities: vec![zero(); compiled.mocap.len()],
             inertia: vec![zero(); compiled.links.len()],
+            paths: PathLengths::new(&compiled.paths),
             turns: std::array::from_fn(|_| vec![R::zero(); hinges(compiled).count()]),
         };
         for m in &compiled.mocap {
@@ -46,7 +49,7 @@ impl<R: Real> Kinematics<R> {
         kinematics
     }
 
-    /// Updates all poses, axes and inertias of links to the configuration `q`. Mocap frames do not change.
+    /// Updates all poses, axes, inertias of links, and paths of tendons to the configuration `q`. Mocap frames do not change.
     pub fn update(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         kernel!(R, || {
             self.turn_all(compiled, q);
@@ -63,6 +66,9 @@ impl<R: Real> Kinematics<R> {
                 let Inertial { mass, com, inertia } = compiled.params.inertial(l);
                 let com = sub(add(pos, rotate(&mat, com)), origin);
                 self.inertia[l] = inertia_at(mass, inertia, &mat, com);
+            }
+            if !compiled.paths.is_empty() {
+                self.measure_paths(compiled);
             }
         })
     }

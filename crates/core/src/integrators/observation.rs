@@ -52,7 +52,7 @@ pub(crate) fn read_actuator_forces<R: Real>(
     forces: &mut ActuatorForces<R>,
 ) {
     let StepInput { compiled, options, state, inputs, .. } = input;
-    if compiled.wrench_arms[1] > 0 {
+    if compiled.variable_arms[1] > 0 {
         kinematics.update(compiled, &state.q);
         forces.transmit(compiled, kinematics, &state.v, R::zero());
     }

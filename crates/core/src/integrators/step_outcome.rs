@@ -5,6 +5,8 @@ use stepper_solve::{Outcome, System};
 
 use crate::constraints::equality_violation::max_equality_violation;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::dynamics::kinematics::Kinematics;
+use crate::dynamics::mocap;
 use crate::integrators::acceptance::Accepted;
 use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::step_input::StepInput;
@@ -34,11 +36,11 @@ pub(crate) struct StepOutcome<R: Real> {
 }
 
 /// Computes stage 10: status and record of the step. `input` has the state after the step, `elapsed` s after the beginning of the call. The
-/// function stores the cause of a residual of immovable rows in `velocity.worst`.
+/// function stores the cause of a residual of immovable rows in `velocity.worst`. For spatial tendons it updates `kinematics` to the state.
 #[inline(always)]
 pub(crate) fn record<R: Real>(
     input: StepInput<'_, R>,
-    elapsed: R,
+    (elapsed, kinematics): (R, &mut Kinematics<R>),
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
@@ -46,9 +48,14 @@ pub(crate) fn record<R: Real>(
     Accepted { finite, beyond }: Accepted<R>,
 ) -> Record<R> {
     let StepInput { compiled, options, state, inputs, alive } = input;
-    let (depth, overshoot) = (depth(problem, &state.contacts, finite), limit_overshoot(compiled, &state.q));
+    if !compiled.paths.is_empty() {
+        mocap::pose_bodies(compiled, &inputs.mocap_trajectories, |_| elapsed, kinematics);
+        kinematics.update(compiled, &state.q);
+    }
+    let paths = &kinematics.paths;
+    let (depth, overshoot) = (depth(problem, &state.contacts, finite), limit_overshoot(compiled, &state.q, paths));
     let active = &problem.active_equalities;
-    let violation = max_equality_violation(compiled, active, &state.q, &inputs.mocap_trajectories, elapsed);
+    let violation = max_equality_violation(compiled, active, (&state.q, paths), &inputs.mocap_trajectories, elapsed);
     let violation = R::select(finite, violation, R::zero());
     let mut residual = outcome.solver.residual;
     if problem.may_have_immovable_rows {

@@ -124,7 +124,7 @@ impl<R: Real> SensorView<'_, R> {
                 }
             }
             for tendon in &self.compiled.tendons {
-                let Some((spring, stretch)) = tendon.stretch(q) else { continue };
+                let Some((spring, stretch)) = tendon.stretch(q, &self.kinematics.paths) else { continue };
                 sum += R::splat(spring.stiffness) * half * stretch.square();
             }
             sum
@@ -145,7 +145,7 @@ impl<R: Real> SensorView<'_, R> {
             }
             for tendon in &self.compiled.tendons {
                 let Some((spring, _)) = &tendon.spring else { continue };
-                sum += R::splat(spring.inertia) * tendon.length.rate(v).square();
+                sum += R::splat(spring.inertia) * tendon.length.rate(v, &self.kinematics.paths).square();
             }
             sum * R::of(0.5)
         })

@@ -3,9 +3,10 @@
 
 use stepper_real::{Mask, Real, kernel};
 
-use crate::actuation::affine_force::{AffineForce, exceeds_range, within};
+use crate::actuation::affine_force::{AffineForce, Motion, exceeds_range, within};
 use crate::actuation::force_limits::clamp_to_limits;
 use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos};
+use crate::actuation::muscle::{activation_rate_of_muscle, muscle_force};
 use crate::compile::{ActuatorParams, CompiledActuator, LaneModel, MotorControl};
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
@@ -47,7 +48,8 @@ pub fn actuate<R: Real>(
             };
             let motion = actuator_forces.motion(actuator, at.q, at.v_at, at.v);
             let parameters = compiled.params.actuator(i);
-            let affine = affine_force(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
+            let input = nearest_equivalent_angle(actuator, parameters, input, motion.length);
+            let affine = affine_force(actuator, parameters, at, input, &motion);
             actuator_forces.found_saturated[i] = R::Mask::splat(false);
             // With `implicit`, servos of actuator dynamics are always implicit, and other servos if the scheme makes `all` implicit.
             match (implicit, &actuator.dynamics) {
@@ -133,11 +135,12 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
         Some(a) => at.act[a],
         None => control(at.ctrl[actuator], own.ctrl_range),
     };
-    let AffineForce { level, slope, rate } = affine_force(own, compiled.params.actuator(actuator), at, input);
+    let motion = forces.motion(own, at.q, at.v, at.v);
+    let AffineForce { level, slope, rate } = affine_force(own, compiled.params.actuator(actuator), at, input, &motion);
     let mut at_bound = forces.is_at_bound(compiled, actuator);
     if let Some(dynamics) = &own.dynamics {
         let velocity = forces.project(own, at.v);
-        let requested = AffineForce { level, slope, rate }.force(&forces.motion(own, at.q, at.v, at.v));
+        let requested = AffineForce { level, slope, rate }.force(&motion);
         at_bound = at_bound.or(clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], requested, velocity).is_limited);
     }
     [slope, rate].map(
@@ -164,7 +167,7 @@ fn nearest_equivalent_angle<R: Real>(
     input: R,
     angle: R,
 ) -> R {
-    let Some(turn) = actuator.site_wrench.as_ref().and_then(|w| w.turn) else { return input };
+    let Some(turn) = actuator.variable_moment.as_ref().and_then(|w| w.turn) else { return input };
     if actuator.dynamics.is_some() {
         return input;
     }
@@ -181,11 +184,12 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
     let u = control(u, actuator.ctrl_range);
     match actuator.activation {
         Activation::Filter(_) | Activation::FilterExact(_) => nearest_equivalent_angle(actuator, compiled.params.actuator(i), u, at),
-        Activation::None | Activation::Integrator => u,
+        Activation::None | Activation::Integrator | Activation::Muscle { .. } => u,
     }
 }
 
-/// Affine force of an actuator: gain . (1, length, velocity) * input + bias . (1, length, velocity).
+/// Affine force of an actuator: gain . (1, length, velocity) * input + bias . (1, length, velocity). The force of a muscle is linearised at
+/// `motion`.
 ///
 /// With actuator dynamics that contain a continuous servo, slope and rate are those of the servo. A motor with voltage control multiplies
 /// the force by its stall torque and subtracts its back-EMF.
@@ -195,8 +199,13 @@ fn affine_force<R: Real>(
     ActuatorParams { gain, bias }: ActuatorParams<R>,
     at: &ForceState<'_, R>,
     input: R,
+    motion: &Motion<R>,
 ) -> AffineForce<R> {
-    let [level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
+    let [mut level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
+    if let Some(muscle) = &actuator.muscle {
+        let force = muscle_force(muscle, input, motion);
+        (level, slope, rate) = (level + force.level, slope + force.slope, rate + force.rate);
+    }
     let Some(dynamics) = &actuator.dynamics else { return AffineForce { level, slope, rate } };
     let numbers = &at.actuator_dynamics[dynamics.index];
     if dynamics.continuous_servo {
@@ -250,6 +259,9 @@ pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: 
                 Activation::None => act[a],
                 Activation::Integrator => act[a] + time * u,
                 Activation::Filter(tau) => act[a] + time * ((u - rate_at[a]) / R::of(tau)),
+                Activation::Muscle { rise, fall, smoothing } => {
+                    act[a] + time * activation_rate_of_muscle(u, rate_at[a], [rise, fall, smoothing])
+                }
                 Activation::FilterExact(tau) => u + (act[a] - u) * (-(time / R::of(tau))).exp(),
             };
             out[a] = within(next, actuator.act_range);
@@ -277,6 +289,7 @@ pub fn activation_rate<R: Real>(compiled: &LaneModel<R>, act: &[R], ctrl: &[R], 
                 Activation::None => R::zero(),
                 Activation::Integrator => u,
                 Activation::Filter(tau) | Activation::FilterExact(tau) => (u - act[a]) / R::of(tau),
+                Activation::Muscle { rise, fall, smoothing } => activation_rate_of_muscle(u, act[a], [rise, fall, smoothing]),
             };
         }
     })

@@ -5,8 +5,8 @@
 
 use stepper_real::{Real, kernel};
 
-use crate::compile::LaneModel;
 use crate::compile::sensing::{Bounds, CompiledSensor, Read, SensorFrame};
+use crate::compile::{Combination, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::sensing::*;
@@ -36,19 +36,20 @@ fn read<R: Real>(view: SensorView<'_, R>, sensor: &CompiledSensor<R::Scalar>, tr
     let place = at..at + dim;
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     let scalar = |x: R| [x, R::zero(), R::zero()];
+    let paths = &view.kinematics.paths;
+    let value = |length: &Combination<R::Scalar>| kernel!(R, || length.value(input.q, paths));
+    let rate = |length: &Combination<R::Scalar>| kernel!(R, || length.rate(input.v, paths));
     let reading = match &sensor.read {
         Read::Position(q) => return truth[place].copy_from_slice(&input.q[*q..q + dim]),
         Read::Velocity(v) => return truth[place].copy_from_slice(&input.v[*v..v + dim]),
-        Read::Length(terms) => scalar(weighted(terms, input.q)),
-        Read::Rate(terms) => scalar(weighted(terms, input.v)),
+        Read::Length(length) => scalar(value(length)),
+        Read::Rate(length) => scalar(rate(length)),
         Read::ActuatorForce(actuators) => scalar(total(actuators, &input.actuator_forces.force)),
         Read::JointForce(dof) => scalar(input.actuator_forces.without_springs[*dof]),
         Read::ActuatorLength(a) => scalar(input.actuator_forces.length(compiled, *a, input.q)),
         Read::ActuatorRate(a) => scalar(input.actuator_forces.rate(compiled, *a, input.v)),
-        Read::LimitPos(length, range) => scalar(overlap(weighted(length, input.q), R::one(), bounds(compiled, range))[0]),
-        Read::LimitVel([length, rate], range) => {
-            scalar(overlap(weighted(length, input.q), weighted(rate, input.v), bounds(compiled, range))[1])
-        }
+        Read::LimitPos(length, range) => scalar(overlap(value(length), R::one(), bounds(compiled, range))[0]),
+        Read::LimitVel(length, range) => scalar(overlap(value(length), rate(length), bounds(compiled, range))[1]),
         Read::LimitForce(limit) => scalar(input.scalar_impulse[*limit] / input.h),
         Read::Nothing => scalar(R::zero()),
         Read::Clock => scalar(input.time),
@@ -85,17 +86,6 @@ fn read<R: Real>(view: SensorView<'_, R>, sensor: &CompiledSensor<R::Scalar>, tr
 /// Magnetic flux density in a site's axes, T.
 fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, site: &SensorFrame<R::Scalar>) -> V3<R> {
     kernel!(R, || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(compiled.sensing.magnetic)))
-}
-
-/// Sum of coefficients times entries of `x`. `terms` are pairs of index and coefficient.
-fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
-    kernel!(R, || {
-        let mut sum = R::zero();
-        for &(i, c) in terms {
-            sum += R::splat(c) * x[i];
-        }
-        sum
-    })
 }
 
 /// Sum of those entries of `x` whose indices are in `which`.

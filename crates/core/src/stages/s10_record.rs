@@ -6,7 +6,7 @@ use bitflags::bitflags;
 use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
-use crate::compile::LaneModel;
+use crate::compile::{LaneModel, PathLengths};
 use crate::constraints::ConstraintProblem;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::lanes::each_of;
@@ -193,8 +193,9 @@ pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, la
     })
 }
 
-/// Largest distance of a joint or tendon beyond its range at the configuration `q`, rad or m; 0 if all are within their ranges.
-pub fn limit_overshoot<R: Real>(compiled: &LaneModel<R>, q: &[R]) -> R {
+/// Largest distance of a joint or tendon beyond its range at the configuration `q`, with the path lengths `paths` there, rad or m; 0 if all
+/// are within their ranges.
+pub fn limit_overshoot<R: Real>(compiled: &LaneModel<R>, q: &[R], paths: &PathLengths<R>) -> R {
     kernel!(R, || {
         let mut farthest = R::zero();
         for (i, limit) in compiled.limits.iter().enumerate() {
@@ -206,7 +207,7 @@ pub fn limit_overshoot<R: Real>(compiled: &LaneModel<R>, q: &[R]) -> R {
         }
         for tendon in &compiled.tendons {
             if let Some([lowest, highest]) = tendon.range {
-                let length = tendon.length.value(q);
+                let length = tendon.length.value(q, paths);
                 farthest = farthest.max(R::splat(lowest) - length).max(length - R::splat(highest));
             }
         }

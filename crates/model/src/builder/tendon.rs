@@ -23,7 +23,9 @@ impl TendonBuilder {
         let place = format!("tendon {:?}", self.tendon.name);
         let mut tendon = self.tendon.clone();
         tendon.joints = self.joints.iter().map(|(j, c)| Ok((find_joint(model, j, &place)?, *c))).collect::<Result<_, ModelError>>()?;
-        tendon.spring_length = self.rest.unwrap_or_else(|| [tendon.length(model, &model.qpos_spring); 2]);
+        let addresses = model.joint_addresses();
+        let rest: f64 = tendon.joints.iter().map(|&(j, c)| c * model.qpos_spring[addresses[j].0]).sum();
+        tendon.spring_length = self.rest.unwrap_or([rest; 2]);
         Ok(tendon)
     }
 }

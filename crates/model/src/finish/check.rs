@@ -6,6 +6,7 @@ use std::collections::HashSet;
 
 use crate::finish::element::{Checked, Element, elements};
 use crate::hulls::{Hulls, Source};
+use crate::tendon::{PathElement, round};
 use crate::{Activation, Actuator, BiasType, Description, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape, Transmission};
 
 /// Largest relative excess of a body's largest principal moment over the sum of the other two. A smaller excess counts as rounding error of
@@ -279,12 +280,51 @@ fn pairs(model: &Description) -> Checked {
     Ok(())
 }
 
+/// Checks the path of a spatial tendon: each branch between pulleys begins and ends with a site, and a geom is between two sites.
+fn path(at: &Element, model: &Description, path: &[PathElement]) -> Checked {
+    let (mut after_site, mut count) = (false, 0);
+    for (k, element) in path.iter().enumerate() {
+        let ends_in_site = k == 0 || matches!(path[k - 1], PathElement::Site(_));
+        match *element {
+            PathElement::Site(site) => {
+                at.index("site", site, model.sites.len())?;
+                (after_site, count) = (true, count + 1);
+            }
+            PathElement::Wrap { geom, side } => {
+                at.index("geom", geom, model.geoms.len())?;
+                side.map_or(Ok(()), |site| at.index("site", site, model.sites.len()))?;
+                if round(&model.geoms[geom].shape).is_none() {
+                    let what = format!("wraps around geom {:?}, which is no sphere or cylinder", model.geom_label(geom));
+                    return at.fail(what, "wrap around a sphere or a cylinder");
+                }
+                let between = after_site && ends_in_site && matches!(path.get(k + 1), Some(PathElement::Site(_)));
+                if !between {
+                    let what = format!("geom {:?} in its path is not between two sites", model.geom_label(geom));
+                    return at.fail(what, "put a site before and after the geom");
+                }
+            }
+            PathElement::Pulley(divisor) => {
+                at.positive("divisor of a pulley", &[divisor], "")?;
+                if !ends_in_site || (k > 0 && count < 2) {
+                    return at.fail("a branch of its path has no two sites", "end each branch with a site, and give it two sites");
+                }
+                (after_site, count) = (false, 0);
+            }
+        }
+    }
+    if !path.is_empty() && count < 2 {
+        return at.fail("the last branch of its path has no two sites", "give each branch two sites");
+    }
+    Ok(())
+}
+
 fn tendons(model: &Description) -> Checked {
     for (at, tendon) in elements("tendon", &model.tendons, |tendon| &tendon.name) {
         for &(joint, coefficient) in &tendon.joints {
             at.scalar_joint(model, joint)?;
             at.finite("coefficient", &[coefficient])?;
         }
+        path(&at, model, &tendon.path)?;
         at.range("range", tendon.range)?;
         at.size("stiffness", &[tendon.stiffness], "")?;
         at.range("spring_length", Some(tendon.spring_length))?;
@@ -339,7 +379,7 @@ fn force_model(at: &Element, actuator: &Actuator) -> Checked {
     let ForceModel { gain, bias, .. } = actuator.force_model;
     let dc_motor = gain == GainType::DcMotor;
     let fits = match gain {
-        GainType::Fixed | GainType::Affine => bias != BiasType::DcMotor,
+        GainType::Fixed | GainType::Affine | GainType::Muscle => bias != BiasType::DcMotor,
         GainType::DcMotor => bias == BiasType::DcMotor,
         GainType::PidPosition | GainType::PidVelocity => bias == BiasType::Affine,
     };
@@ -350,6 +390,7 @@ fn force_model(at: &Element, actuator: &Actuator) -> Checked {
     if dc_motor {
         at.positive("resistance, column 0 of gainprm,", &actuator.gain[..1], " Ohm")?;
     }
+    at.finite("muscle parameters", &actuator.muscle.parameters())?;
     let (gain, bias) = actuator.affine_force();
     at.finite("gain", &gain)?;
     at.finite("bias", &bias)
@@ -360,14 +401,24 @@ fn actuators(model: &Description) -> Checked {
         match actuator.transmission {
             Transmission::Joint(j) => at.scalar_joint(model, j)?,
             Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,
+            Transmission::SliderCrank { crank, slider, rod } => {
+                at.index("site", crank, model.sites.len())?;
+                at.index("site", slider, model.sites.len())?;
+                at.positive("length of the rod", &[rod], " m")?;
+            }
             Transmission::Site { site, reference, wrench } => {
                 at.index("site", site, model.sites.len())?;
                 reference.map_or(Ok(()), |r| at.index("site", r, model.sites.len()))?;
                 at.finite("wrench", &wrench)?;
             }
         }
-        if let Activation::Filter(tau) | Activation::FilterExact(tau) = actuator.activation {
-            at.positive("time constant", &[tau], " s")?;
+        match actuator.activation {
+            Activation::Filter(tau) | Activation::FilterExact(tau) => at.positive("time constant", &[tau], " s")?,
+            Activation::Muscle { rise, fall, smoothing } => {
+                at.positive("time constant of activation or deactivation", &[rise, fall], " s")?;
+                at.size("width of the switch between time constants", &[smoothing], "")?;
+            }
+            Activation::None | Activation::Integrator => {}
         }
         at.finite("gear", &[actuator.gear])?;
         if !(actuator.gear * actuator.gear).is_finite() {

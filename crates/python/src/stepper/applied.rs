@@ -148,6 +148,18 @@ impl Stepper {
         })
     }
 
+    /// Copies the active equalities of the core to their writable array, after a state was restored.
+    pub(super) fn refresh_eq_active(&mut self, py: Python<'_>) -> PyResult<()> {
+        let all = self.simulation.applied(AppliedInput::EqActive).to_vec();
+        if all.is_empty() {
+            return Ok(());
+        }
+        self.applied_array(py, AppliedInput::EqActive)?;
+        let Some(array) = self.made(py, AppliedInput::EqActive)? else { return Ok(()) };
+        let width = all.len() / self.n();
+        all.chunks(width).enumerate().try_for_each(|(env, row)| array.write_rows(&[env], row))
+    }
+
     /// Copies the writable arrays that exist to the core, before a step or an evaluation.
     pub(super) fn apply(&mut self, py: Python<'_>) -> PyResult<()> {
         if self.applied.iter().all(Option::is_none) { Ok(()) } else { self.apply_arrays(py) }
@@ -196,7 +208,7 @@ applied_inputs! {
     /// reset.
     mocap_quat, set_mocap_quat: MocapQuat,
     /// Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`. Writable; each step uses it until it is changed.
-    /// `reset` restores the model's `eq_active0`; `get_state` and `set_state` do not include it.
+    /// It is part of the state of `get_state`. `reset` restores the model's `eq_active0`.
     ///
     /// The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
     /// `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the current one.

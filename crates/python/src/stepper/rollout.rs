@@ -199,7 +199,7 @@ impl Stepper {
                 )));
             };
             let all = slf.selection(None)?;
-            slf.take_states(&states, &all)?;
+            slf.take_states(py, &states, &all)?;
         }
         slf.roll_out(py, &ctrl, nstep, fields, out.as_ref())
     }

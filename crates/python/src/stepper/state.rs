@@ -154,7 +154,7 @@ impl Stepper {
             if selection.envs.is_empty() {
                 return Ok(());
             }
-            this.take_states(&states, &selection)?;
+            this.take_states(slf.py(), &states, &selection)?;
             return notify(slf, this, "set_state", &[("state", qpos)]);
         }
         let q = this.field_rows(Field::Qpos, qpos.as_ref(), &selection)?;
@@ -170,18 +170,20 @@ impl Stepper {
         notify(slf, this, "set_state", &given)
     }
 
-    /// Complete state, including the current controls.
+    /// Complete state, including the current controls and the active equalities.
     ///
-    /// Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize` are not part of the state.
+    /// Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses) and parameters of `randomize` are not part of the state.
     ///
     /// Args:
     ///     env: Index of an environment. None saves all environments.
     #[pyo3(signature = (env=None, **others), text_signature = "($self, env=None)")]
-    fn get_state(slf: Reading<'_>, env: Option<Env>, others: Option<&Bound<'_, PyDict>>) -> PyResult<State> {
+    fn get_state(slf: &Bound<'_, Self>, env: Option<Env>, others: Option<&Bound<'_, PyDict>>) -> PyResult<State> {
         no_others("Stepper.get_state", others, &["env"])?;
+        let mut this = borrow(slf)?;
+        this.apply(slf.py())?;
         let saved = match env {
-            Some(env) => slf.simulation.save_state_of(slf.env(env)?),
-            None => slf.simulation.save_state(),
+            Some(env) => this.simulation.save_state_of(this.env(env)?),
+            None => this.simulation.save_state(),
         };
         Ok(State { saved })
     }

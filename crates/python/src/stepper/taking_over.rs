@@ -35,7 +35,13 @@ pub(super) fn states_of<'py>(given: &Bound<'py, PyAny>) -> Option<States<'py>> {
 
 impl Stepper {
     /// Restores one state in all selected environments, or one state in each of them. If any restore fails, no environment changes.
-    pub(super) fn take_states(&mut self, states: &States<'_>, selection: &Selection) -> PyResult<()> {
+    pub(super) fn take_states(&mut self, py: Python<'_>, states: &States<'_>, selection: &Selection) -> PyResult<()> {
+        self.apply(py)?;
+        self.restore_states(states, selection)?;
+        self.refresh_eq_active(py)
+    }
+
+    fn restore_states(&mut self, states: &States<'_>, selection: &Selection) -> PyResult<()> {
         let states = match states {
             States::One(state) => {
                 return self.simulation.restore_state_in(&state.get().saved, &selection.ascending()).map_err(value_error);
@@ -97,6 +103,7 @@ impl Stepper {
                 "sources has {found} environments, must have {must}: one for each environment of envs, or one for all"
             )));
         }
+        this.apply(slf.py())?;
         let mut moved: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (&source, &target) in from.iter().zip(&targets).filter(|(source, target)| source != target) {
             moved.entry(source).or_default().push(target);
@@ -110,6 +117,7 @@ impl Stepper {
             targets.sort_unstable();
             this.simulation.restore_state_in(&state, &targets).map_err(value_error)?;
         }
+        this.refresh_eq_active(slf.py())?;
         notify(slf, this, "set_state", &[("state", Some(sources))])
     }
 }

@@ -12,14 +12,16 @@ if TYPE_CHECKING:
 Description = dict[str, Any]
 
 # Values of MuJoCo's enumerations (mjtype.h); a test compares them with the installed version.
-TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON, TRN_SITE = 0, 1, 3, 4
-DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT = range(4)
-SIMULATED = (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT)
-GAIN_FIXED, GAIN_AFFINE, GAIN_DCMOTOR, GAIN_PID = 0, 1, 3, 5
-BIAS_NONE, BIAS_AFFINE, BIAS_DCMOTOR = 0, 1, 3
-GAIN_TYPES = {GAIN_FIXED: "Fixed", GAIN_AFFINE: "Affine"}
-BIAS_TYPES = {BIAS_NONE: "None", BIAS_AFFINE: "Affine"}
+TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_SLIDER_CRANK, TRN_TENDON, TRN_SITE = range(5)
+DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT, DYN_MUSCLE = range(5)
+SIMULATED = (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT, DYN_MUSCLE)
+GAIN_FIXED, GAIN_AFFINE, GAIN_MUSCLE, GAIN_DCMOTOR, GAIN_PID = 0, 1, 2, 3, 5
+BIAS_NONE, BIAS_AFFINE, BIAS_MUSCLE, BIAS_DCMOTOR = range(4)
+GAIN_TYPES = {GAIN_FIXED: "Fixed", GAIN_AFFINE: "Affine", GAIN_MUSCLE: "Muscle"}
+BIAS_TYPES = {BIAS_NONE: "None", BIAS_AFFINE: "Affine", BIAS_MUSCLE: "Muscle"}
 INPUT_POS, INPUT_VEL, INPUT_VOLTAGE = 1, 2, 8
+MUSCLE_PARAMETERS = 9
+"""Number of parameters of the gain or bias of a muscle."""
 PREVIOUS, LINEAR, CUBIC = range(3)
 """MuJoCo's values of the MJCF attribute `interp` (zoh, linear, cubic): interpolation between samples of a delayed control or reading."""
 
@@ -34,12 +36,10 @@ def reasons_to_omit(source: Source, a: int) -> list[str]:
         return str(getattr(mj, enum)(value).name).split("_", 1)[1].lower()
 
     reasons = []
-    if not (on_joint or transmission in (TRN_TENDON, TRN_SITE)):
+    if not (on_joint or transmission in (TRN_SLIDER_CRANK, TRN_TENDON, TRN_SITE)):
         reasons.append(f"transmission {name_in('mjtTrn', transmission)}")
     elif on_joint and not source.is_hinge_or_slide(target):
         reasons.append(f"transmission to the ball or free joint {source.label('JOINT', target)}")
-    elif transmission == TRN_TENDON and target not in source.tendons:
-        reasons.append(f"transmission to the spatial tendon {source.label('TENDON', target)}")
     if force_of(source, a) is None:
         if m.actuator_dyntype[a] not in SIMULATED:
             reasons.append(f"dynamics {name_in('mjtDyn', m.actuator_dyntype[a])}")
@@ -75,9 +75,19 @@ def force_of(source: Source, a: int) -> Description | None:
         return _force([0.0, 0.0, 0.0], bias[:3].tolist(), "PidPosition" if inputs == INPUT_POS else "PidVelocity", "Affine")
     if kinds[0] not in GAIN_TYPES or kinds[1] not in BIAS_TYPES:
         return None
-    factors = [float(gain[0]), 0.0, 0.0] if kinds[0] == GAIN_FIXED else gain[:3].tolist()
-    offsets = bias[:3].tolist() if kinds[1] == BIAS_AFFINE else [0.0, 0.0, 0.0]
-    return _force(factors, offsets, GAIN_TYPES[kinds[0]], BIAS_TYPES[kinds[1]])
+    nothing = [0.0, 0.0, 0.0]
+    factors = {GAIN_FIXED: [float(gain[0]), 0.0, 0.0], GAIN_AFFINE: gain[:3].tolist()}.get(kinds[0], nothing)
+    offsets = bias[:3].tolist() if kinds[1] == BIAS_AFFINE else nothing
+    force = _force(factors, offsets, GAIN_TYPES[kinds[0]], BIAS_TYPES[kinds[1]])
+    if GAIN_MUSCLE in kinds[:1] or BIAS_MUSCLE in kinds[1:]:
+        output = int(m.actuator_outadr[a])
+        force["muscle"] = {
+            "length_range": m.actuator_lengthrange[output].tolist(),
+            "acceleration": float(m.actuator_acc0[output]),
+            "gain": gain[:MUSCLE_PARAMETERS].tolist() if kinds[0] == GAIN_MUSCLE else [0.0] * MUSCLE_PARAMETERS,
+            "bias": bias[:MUSCLE_PARAMETERS].tolist() if kinds[1] == BIAS_MUSCLE else [0.0] * MUSCLE_PARAMETERS,
+        }
+    return force
 
 
 def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str) -> Description:
@@ -152,7 +162,7 @@ def actuator(source: Source, i: int) -> Description:
 
 
 def _transmission(source: Source, i: int) -> Description:
-    """Transmission of an actuator (joint, fixed tendon or site) as a dictionary for the Rust library.
+    """Transmission of an actuator (joint, tendon, site or slider-crank) as a dictionary for the Rust library.
 
     Args:
         source: The compiled model.
@@ -163,7 +173,9 @@ def _transmission(source: Source, i: int) -> Description:
     if kind == TRN_SITE:
         wrench = m.actuator_gear[m.actuator_outadr[i]].tolist()
         return {"Site": {"site": target, "reference": reference if reference >= 0 else None, "wrench": wrench}}
-    return {"Tendon": source.tendons[target]} if kind == TRN_TENDON else {"Joint": target}
+    if kind == TRN_SLIDER_CRANK:
+        return {"SliderCrank": {"crank": target, "slider": reference, "rod": float(m.actuator_cranklength[i])}}
+    return {"Tendon" if kind == TRN_TENDON else "Joint": target}
 
 
 def activation(source: Source, i: int) -> str | Description:
@@ -173,7 +185,9 @@ def activation(source: Source, i: int) -> str | Description:
         source: The compiled model.
         i: Index of the actuator in MuJoCo's model.
     """
-    kind, tau = int(source.m.actuator_dyntype[i]), float(source.m.actuator_dynprm[i, 0])
+    kind, (tau, fall, smoothing) = int(source.m.actuator_dyntype[i]), source.m.actuator_dynprm[i, :3].tolist()
+    if kind == DYN_MUSCLE:
+        return {"Muscle": {"rise": tau, "fall": fall, "smoothing": smoothing}}
     if kind == DYN_FILTER:
         return {"Filter": tau}
     if kind == DYN_FILTER_EXACT:

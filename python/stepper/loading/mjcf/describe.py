@@ -25,9 +25,10 @@ from stepper.loading.mjcf.source import (
     OBJ_BODY,
     PLANE,
     SPHERE,
-    TENDON,
     VOLUMES,
     WELD,
+    WRAP_PULLEY,
+    WRAP_SITE,
     Description,
     Source,
 )
@@ -59,7 +60,7 @@ def describe(m: Any) -> Description:
         "height_fields": [_height_field(source, i) for i in source.solid_assets["HFIELD"]],
         "pairs": [] if source.off("contact") else [_pair(source, i) for i in range(m.npair)],
         "excludes": [[int(s) >> 16, int(s) & 0xFFFF] for s in m.exclude_signature],
-        "tendons": [_tendon(source, i) for i in source.tendons],
+        "tendons": [_tendon(source, i) for i in range(m.ntendon)],
         "equalities": [_equality(source, i) for i in source.equalities],
         "actuators": [actuator(source, i) for i in source.actuators],
         "sites": sites(source),
@@ -229,23 +230,36 @@ def _pair(source: Source, i: int) -> Description:
 
 
 def _tendon(source: Source, i: int) -> Description:
-    """Fixed tendon as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
+    """Tendon as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
     m = source.m
-    path = range(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
+    fixed = source.is_fixed(i)
+    elements = range(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
     limited = bool(m.tendon_limited[i]) and not source.off("limit")
     low, high = m.tendon_range[i].tolist()
     margin = float(m.tendon_margin[i])
     return {
         "name": source.name("TENDON", i),
-        "joints": [[int(m.wrap_objid[k]), float(m.wrap_prm[k])] for k in path],
+        "joints": [[int(m.wrap_objid[k]), float(m.wrap_prm[k])] for k in elements] if fixed else [],
+        "path": [] if fixed else [_path_element(source, k) for k in elements],
         "range": [low + margin, high - margin] if limited else None,
         "stiffness": 0.0 if source.off("spring") else float(m.tendon_stiffness[i]),
         "spring_length": m.tendon_lengthspring[i].tolist(),
         "damping": 0.0 if source.off("damper") else float(m.tendon_damping[i]),
-        "armature": float(m.tendon_armature[i]),
+        "armature": float(m.tendon_armature[i]) if fixed else 0.0,
         "frictionloss": 0.0 if source.off("frictionloss") else float(m.tendon_frictionloss[i]),
         **tendon_softness(source, i),
     }
+
+
+def _path_element(source: Source, k: int) -> Description:
+    """Element of the path of a spatial tendon as a dictionary for the Rust library; `k` is the index in MuJoCo's list of all elements."""
+    m, kind, target, parameter = source.m, int(source.m.wrap_type[k]), int(source.m.wrap_objid[k]), float(source.m.wrap_prm[k])
+    if kind == WRAP_PULLEY:
+        return {"Pulley": parameter}
+    if kind == WRAP_SITE:
+        return {"Site": target}
+    side = round(parameter)
+    return {"Wrap": {"geom": target, "side": side if 0 <= side < m.nsite else None}}
 
 
 def _equality(source: Source, i: int) -> Description:
@@ -256,8 +270,6 @@ def _equality(source: Source, i: int) -> Description:
         shape = _points(source, i, data, objects)
     else:
         first, other = "joint" if kind == JOINT else "tendon", objects[1]
-        if kind == TENDON:
-            objects = [source.tendons[t] if t >= 0 else t for t in objects]
         shape = {first: objects[0], "other": objects[1] if other >= 0 else None, "polycoef": data[:5]}
     return {
         "name": source.name("EQUALITY", i),

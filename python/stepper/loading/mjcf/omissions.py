@@ -28,6 +28,7 @@ FIELDS = {
         actuator_actadr actuator_trnid actuator_dynprm actuator_gainprm actuator_biasprm actuator_actlimited actuator_actrange
         actuator_damping actuator_armature actuator_group actuator_forcelimited actuator_forcerange actuator_ctrllimited
         actuator_ctrlrange actuator_gear actuator_delay actuator_history actuator_ctrlspec actuator_actnum
+        actuator_cranklength actuator_acc0 actuator_lengthrange
         mesh_vertadr mesh_vertnum mesh_vert mesh_faceadr mesh_facenum mesh_face hfield_size hfield_nrow hfield_ncol hfield_adr hfield_data
         sensor_type sensor_objtype sensor_objid sensor_reftype sensor_refid sensor_intprm sensor_noise sensor_cutoff sensor_delay
         sensor_interval sensor_history site_bodyid site_pos site_quat site_type site_size geom_rgba geom_matid mat_rgba
@@ -38,7 +39,7 @@ FIELDS = {
     "left out, listed": """
         jnt_actgravcomp jnt_stiffnesspoly jnt_springyield dof_dampingpoly geom_adhesion pair_adhesion
         tendon_actfrclimited tendon_actfrcrange tendon_stiffnesspoly tendon_dampingpoly tendon_springyield
-        actuator_actearly actuator_dampingpoly actuator_plugin actuator_cranklength
+        actuator_actearly actuator_dampingpoly actuator_plugin
         flex_* flexedge_* plugin* body_plugin geom_plugin sensor_plugin
         key_mpos key_mquat flex_solref flex_solimp *_solmix pair_solreffriction
         """,
@@ -52,7 +53,7 @@ FIELDS = {
         dof_M0 dof_length geom_sameframe geom_castshadow geom_aabb site_* cam_* light_* mesh_* skin_* hfield_* tex_* mat_*
         geom_rbound pair_signature efm0_* efmC_perm
         tendon_type tendon_actuatorid tendon_plasticadr tendon_treenum tendon_treeid tendon_width tendon_length0 tendon_invweight0 ten_J_*
-        actuator_outnum actuator_historyadr actuator_acc0 actuator_length0 actuator_lengthrange
+        actuator_outnum actuator_historyadr actuator_length0
         sensor_datatype sensor_needstage sensor_dim sensor_adr
         sensor_historyadr key_plastic
         numeric_* text_* tuple_* name_* B_* M_* D_* mapM2M mapM2D mapD2M
@@ -216,21 +217,17 @@ def _tendons(source: Source) -> None:
     for i in range(m.ntendon):
         fixed = source.is_fixed(i)
         properties = {
-            "stiffness": (bool(m.tendon_stiffness[i]) and not fixed and not source.off("spring")),
             "stiffness that grows with deflection": bool(np.any(m.tendon_stiffnesspoly[i])) and not source.off("spring"),
-            "damping": (bool(m.tendon_damping[i]) and not fixed and not source.off("damper")),
             "damping that grows with speed": bool(np.any(m.tendon_dampingpoly[i])) and not source.off("damper"),
-            "limits": bool(m.tendon_limited[i]) and not fixed and not source.off("limit"),
-            "dry friction": bool(m.tendon_frictionloss[i]) and not fixed and not source.off("frictionloss"),
             "armature": bool(m.tendon_armature[i]) and not fixed,
             "yield": bool(m.tendon_springyield[i]) and bool(m.tendon_stiffness[i]) and not source.off("spring"),
-            "actuatorfrcrange": bool(m.tendon_actfrclimited[i]) and fixed,
+            "actuatorfrcrange": bool(m.tendon_actfrclimited[i]),
         }
         missing = [name for name, is_set in properties.items() if is_set]
         if missing:
             kind = "fixed" if fixed else "spatial"
             source.leave_out(f"{kind} tendon", source.label("TENDON", i), f"not simulated: {', '.join(missing)} of the tendon")
-        if fixed and m.tendon_limited[i] and m.tendon_margin[i] and not source.off("limit"):
+        if m.tendon_limited[i] and m.tendon_margin[i] and not source.off("limit"):
             reason = f"the range is narrowed by the margin {m.tendon_margin[i]:g}, because MuJoCo's limit pushes from there on"
             source.leave_out("tendon margin", source.label("TENDON", i), reason, changes_motion=False)
 

@@ -131,9 +131,7 @@ def _kind(source: Source, i: int, word: str) -> str | Description:
     if word in (plain := JOINTS | SITES | SUBTREES):
         return {plain[word]: target}
     if word in TENDONS:
-        if target not in source.tendons:
-            raise _NotReadError(f"the spatial tendon {source.label('TENDON', target)} is not simulated")
-        return {TENDONS[word]: source.tendons[target]}
+        return {TENDONS[word]: target}
     if word in ACTUATORS:
         if target not in source.actuators:
             raise _NotReadError(f"the actuator {source.label('ACTUATOR', target)} is left out")

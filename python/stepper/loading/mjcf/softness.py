@@ -18,7 +18,7 @@ def soft_settings(source: Source) -> Description:
         "inverse_weights": {
             "bodies": m.body_invweight0.tolist(),
             "dofs": m.dof_invweight0.tolist(),
-            "tendons": [float(m.tendon_invweight0[i]) for i in source.tendons],
+            "tendons": m.tendon_invweight0.tolist(),
         },
         "noslip": {
             "iterations": max(int(m.opt.noslip_iterations), 0),

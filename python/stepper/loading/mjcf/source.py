@@ -25,7 +25,7 @@ VOLUMES: dict[int, Callable[[float, float, float], Description]] = {
     BOX: lambda x, y, z: {"Box": {"half": [x, y, z]}},
 }
 """Shape of a geom or site as a dictionary for the Rust library, from its three sizes (m), by MuJoCo's number of the shape."""
-WRAP_JOINT = 1
+WRAP_JOINT, WRAP_PULLEY, WRAP_SITE = 1, 2, 3
 CONNECT, WELD, JOINT, TENDON = range(4)
 OBJ_BODY = 1
 DISABLE = {
@@ -151,20 +151,10 @@ class Source:
         """Whether a tendon is fixed, a linear combination of joint positions; other tendons are spatial."""
         return bool(self.m.wrap_type[self.m.tendon_adr[tendon]] == WRAP_JOINT)
 
-    @cached_property
-    def tendons(self) -> dict[int, int]:
-        """Index in stepper's model of each fixed tendon, by its index in MuJoCo's model; spatial tendons are absent."""
-        kept = [t for t in range(self.m.ntendon) if self.is_fixed(t)]
-        return {tendon: index for index, tendon in enumerate(kept)}
-
     def reason_to_omit_equality(self, equality: int) -> str:
         """Reason why stepper cannot simulate an equality constraint; an empty string if it can."""
-        m, kind = self.m, int(self.m.eq_type[equality])
-        if kind not in (CONNECT, WELD, JOINT, TENDON):
-            return "constraints of deformable bodies are not simulated"
-        objects = [int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])]
-        spatial = [t for t in objects if kind == TENDON and t >= 0 and t not in self.tendons]
-        return f"the spatial tendon {self.label('TENDON', spatial[0])} is not simulated" if spatial else ""
+        known = int(self.m.eq_type[equality]) in (CONNECT, WELD, JOINT, TENDON)
+        return "" if known else "constraints of deformable bodies are not simulated"
 
     @cached_property
     def equalities(self) -> list[int]:

@@ -65,6 +65,11 @@ impl Simulation {
         Ok(())
     }
 
+    /// Applied input in force, (num_envs, ...). Empty if the user has not set it.
+    pub fn applied(&self, input: AppliedInput) -> &[f64] {
+        self.applied.get(input)
+    }
+
     /// Whether `nstep` steps take at most two or three microseconds, so that releasing Python's interpreter lock costs more than it gains.
     pub fn is_brief(&self, nstep: usize) -> bool {
         with_batch!(&self.engine, batch => batch.is_brief(nstep))

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::{Combination, LaneModel, SoftLaw};
+use crate::compile::{Combination, LaneModel, PathLengths, SoftLaw};
 use crate::constraints::assembler::Assembler;
 use crate::constraints::limits::{ball_limit, nearer_end};
 use crate::constraints::row_builder::RowBuilder;
@@ -11,13 +11,17 @@ use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
 impl<R: Real> RowBuilder<R> {
-    /// Writes the Jacobian of a sum of linear combinations of joints, each times a factor, to the first component of `column`. Sets
+    /// Writes the Jacobian of a sum of combinations, each times a factor, to the first component of `column`. Sets
     /// `system.terms` to the degrees of freedom with entries, ascending.
     #[inline(always)]
-    pub(super) fn combine(&mut self, system: &mut SoftSystem<R>, parts: &[(&Combination<R::Scalar>, R)]) {
+    pub(super) fn combine(&mut self, paths: &PathLengths<R>, system: &mut SoftSystem<R>, parts: &[(&Combination<R::Scalar>, R)]) {
         system.terms.clear();
         for (combination, _) in parts {
-            system.terms.extend(combination.terms.iter().map(|term| term.1 as u32));
+            combination.for_each_arm(
+                paths,
+                #[inline(always)]
+                |dof, _| system.terms.push(dof as u32),
+            );
         }
         system.terms.sort_unstable();
         system.terms.dedup();
@@ -25,9 +29,11 @@ impl<R: Real> RowBuilder<R> {
             self.column[d as usize] = zero();
         }
         for (combination, factor) in parts {
-            for &(_, dof, coefficient) in &combination.terms {
-                self.column[dof][0] += R::splat(coefficient) * *factor;
-            }
+            combination.for_each_arm(
+                paths,
+                #[inline(always)]
+                |dof, arm| self.column[dof][0] += arm * *factor,
+            );
         }
     }
 }
@@ -92,8 +98,9 @@ impl<R: Real> Assembler<'_, R> {
         for (tendon, [_, law]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
-                let law = row_law(law, input, [R::zero(), tendon.length.rate(row_input.v_free)], row_input.alive);
-                self.builder.combine(system, &[(&tendon.length, R::one())]);
+                let law =
+                    row_law(law, input, [R::zero(), tendon.length.rate(row_input.v_free, &row_input.kinematics.paths)], row_input.alive);
+                self.builder.combine(&row_input.kinematics.paths, system, &[(&tendon.length, R::one())]);
                 self.push_soft_row(input, system, law, [-most, most], row_input.alive, tendon.impulse_index + 1);
             }
         }
@@ -117,11 +124,12 @@ impl<R: Real> Assembler<'_, R> {
         self.add_soft_ball_limits(compiled, input, system);
         for (tendon, [law, _]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             let Some([lowest, highest]) = tendon.range else { continue };
-            let (sign, error) = nearer_end(tendon.length.value(row_input.q), [R::splat(lowest), R::splat(highest)]);
+            let (sign, error) =
+                nearer_end(tendon.length.value(row_input.q, &row_input.kinematics.paths), [R::splat(lowest), R::splat(highest)]);
             let active = row_input.alive.and(error.lt(R::zero()));
             if active.any() {
-                self.builder.combine(system, &[(&tendon.length, sign)]);
-                let rate = sign * tendon.length.rate(row_input.v_free);
+                self.builder.combine(&row_input.kinematics.paths, system, &[(&tendon.length, sign)]);
+                let rate = sign * tendon.length.rate(row_input.v_free, &row_input.kinematics.paths);
                 self.push_soft_limit(input, system, law, [error, rate], active, tendon.impulse_index);
             }
         }

@@ -5,7 +5,7 @@ use stepper_solve::Outcome;
 use stepper_solve::soft::Effort;
 
 use crate::actuation::forces::Implicit;
-use crate::compile::LaneModel;
+use crate::compile::{LaneModel, PathLengths};
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::soft::{EffectiveMass, SoftInput};
@@ -121,7 +121,7 @@ impl<R: Real> Acceleration<'_, R> {
             free.actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, None);
         }
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
-        add_tendon_springs(compiled, &stage.q, &stage.v, &mut free.applied);
+        add_tendon_springs(compiled, &kinematics.paths, &stage.q, &stage.v, &mut free.applied);
     }
 
     /// Computes stage 3: contacts at the configuration of `stage`. If the step is being differentiated, contacts that will close soon are
@@ -188,16 +188,18 @@ impl<R: Real> Acceleration<'_, R> {
     }
 }
 
-/// Adds the forces of springs and dampers of fixed tendons at the configuration `q` and the velocity `v` to the generalized forces
+/// Adds the forces of springs and dampers of tendons at the configuration `q` and the velocity `v` to the generalized forces
 /// `forces`.
-pub(crate) fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
+pub(crate) fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, paths: &PathLengths<R>, q: &[R], v: &[R], forces: &mut [R]) {
     kernel!(R, || {
         for tendon in &compiled.tendons {
-            let Some((spring, stretch)) = tendon.stretch(q) else { continue };
-            let force = -(R::splat(spring.stiffness) * stretch) - R::splat(spring.damping) * tendon.length.rate(v);
-            for &(_, dof, coefficient) in &tendon.length.terms {
-                forces[dof] += R::splat(coefficient) * force;
-            }
+            let Some((spring, stretch)) = tendon.stretch(q, paths) else { continue };
+            let force = -(R::splat(spring.stiffness) * stretch) - R::splat(spring.damping) * tendon.length.rate(v, paths);
+            tendon.length.for_each_arm(
+                paths,
+                #[inline(always)]
+                |dof, arm| forces[dof] += arm * force,
+            );
         }
     })
 }

@@ -43,11 +43,17 @@ pub(super) fn assemble_effective_mass<R: Real>(
         }
         for tendon in &compiled.tendons {
             let Some((spring, rest)) = &tendon.spring else { continue };
-            let length = tendon.length.value(&stage.q);
+            let paths = &kinematics.paths;
+            let length = tendon.length.value(&stage.q, paths);
             let taut = length.lt(R::splat(rest[0])).or(length.gt(R::splat(rest[1])));
             let stiffness = R::select(taut, R::splat(spring.stiffness), R::zero());
-            let push = h * stiffness * tendon.length.rate(v);
-            let parts = || tendon.length.terms.iter().map(|&(_, dof, arm)| (dof, R::splat(arm)));
+            let push = h * stiffness * tendon.length.rate(v, paths);
+            let on_path = tendon
+                .length
+                .path
+                .iter()
+                .flat_map(|term| term.dofs.iter().zip(&paths.arms[term.arms..]).map(|(&dof, &arm)| (dof as usize, arm)));
+            let parts = || tendon.length.terms.iter().map(|&(_, dof, arm)| (dof, R::splat(arm))).chain(on_path.clone());
             for (dof, arm) in parts() {
                 applied[dof] -= push * arm;
             }
@@ -59,7 +65,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
             let [stiffness, damping] = servo_stiffness_and_damping(compiled, &at, servo.actuator, forces);
             let push = h * stiffness * forces.project(actuator, v);
             let on_site =
-                actuator.site_wrench.iter().flat_map(|w| w.dofs.iter().zip(&forces.arms[w.arms..]).map(|(&(dof, _), &arm)| (dof, arm)));
+                actuator.variable_moment.iter().flat_map(|w| w.dofs.iter().zip(&forces.arms[w.arms..]).map(|(&(dof, _), &arm)| (dof, arm)));
             let parts = || actuator.moment.iter().map(|&(_, dof, arm)| (dof, R::splat(arm))).chain(on_site.clone());
             for (dof, arm) in parts() {
                 applied[dof] -= push * arm;

@@ -1,0 +1,92 @@
+//! Lengths and moment arms of the paths of spatial tendons.
+//!
+//! To the first order, the length of a shortest path does not depend on the tangent points of its arcs. Therefore only the straight parts
+//! contribute to the moment arms. Each straight part pulls at its ends, along its direction. The moment
+//! arms are the generalized forces of these pulls. A string that does not touch an obstacle pulls at it from both sides, without effect.
+
+use stepper_geometry::Obstacle;
+use stepper_real::{Mask, Real};
+
+use crate::compile::{CompiledPath, CompiledSegment, LaneModel};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
+
+impl<R: Real> Kinematics<R> {
+    /// Computes the lengths and moment arms of all paths from the poses.
+    #[inline(always)]
+    pub(super) fn measure_paths(&mut self, compiled: &LaneModel<R>) {
+        let mut paths = std::mem::take(&mut self.paths);
+        for (path, length) in compiled.paths.iter().zip(&mut paths.lengths) {
+            *length = self.measure_path(compiled, path, &mut paths.arms);
+        }
+        self.paths = paths;
+    }
+
+    /// Computes the moment arms of one path into its part of `arms`, and returns its length.
+    #[inline(always)]
+    fn measure_path(&self, compiled: &LaneModel<R>, path: &CompiledPath<R::Scalar>, arms: &mut [R]) -> R {
+        arms[path.arms..path.arms + path.dofs.len()].fill(R::zero());
+        let mut length = R::zero();
+        for segment in &path.segments {
+            length += self.measure_segment(compiled, segment, arms);
+        }
+        length
+    }
+
+    /// Adds the moment arms of one segment to `arms`, and returns its length, both times the segment's weight.
+    #[inline(always)]
+    fn measure_segment(&self, compiled: &LaneModel<R>, segment: &CompiledSegment<R::Scalar>, arms: &mut [R]) -> R {
+        let weight = R::splat(segment.weight);
+        let ends =
+            [self.point(segment.ends[0].frame, splat(segment.ends[0].pos)), self.point(segment.ends[1].frame, splat(segment.ends[1].pos))];
+        let (direct, straight) = direction(ends);
+        let Some(obstacle) = &segment.obstacle else {
+            self.pull(compiled, &segment.moved[0], ends[0], scale(direct, -weight), arms);
+            self.pull(compiled, &segment.moved[1], ends[1], scale(direct, weight), arms);
+            return weight * straight;
+        };
+        let shape = Obstacle {
+            pos: self.point(obstacle.place.frame, splat(obstacle.place.pos)),
+            mat: mat_mul(&self.mat[obstacle.place.frame], &splat(obstacle.place.mat)),
+            radius: R::splat(obstacle.radius),
+            is_cylinder: obstacle.is_cylinder,
+        };
+        let side = obstacle.side.as_ref().map(|side| self.point(side.frame, splat(side.pos)));
+        let wrap = shape.wrap(ends, side);
+        let (mut first, mut last, mut length) = (direct, direct, straight);
+        if wrap.touches.any() {
+            let ((before, to), (after, from)) = (direction([ends[0], wrap.points[0]]), direction([wrap.points[1], ends[1]]));
+            first = select(wrap.touches, before, direct);
+            last = select(wrap.touches, after, direct);
+            length = R::select(wrap.touches, to + wrap.arc + from, straight);
+            // Where the string does not touch, both pulls at the obstacle have one line of action, and cancel.
+            let points = [select(wrap.touches, wrap.points[0], ends[0]), select(wrap.touches, wrap.points[1], ends[0])];
+            self.pull(compiled, &segment.moved[2], points[0], scale(first, weight), arms);
+            self.pull(compiled, &segment.moved[2], points[1], scale(last, -weight), arms);
+        }
+        self.pull(compiled, &segment.moved[0], ends[0], scale(first, -weight), arms);
+        self.pull(compiled, &segment.moved[1], ends[1], scale(last, weight), arms);
+        weight * length
+    }
+
+    /// Adds the generalized force of the force `force` at the point `point` to `arms`, at the degrees of freedom `moved`.
+    #[inline(always)]
+    fn pull(&self, compiled: &LaneModel<R>, moved: &[(usize, usize)], point: V3<R>, force: V3<R>, arms: &mut [R]) {
+        let Some(&(_, dof)) = moved.first() else { return };
+        // All degrees of freedom that move one point belong to one kinematic tree.
+        let wrench = spatial(cross(sub(point, self.origin[compiled.dofs[dof].tree]), force), force);
+        for &(arm, dof) in moved {
+            arms[arm] += dot6(self.axes[dof], wrench);
+        }
+    }
+}
+
+/// Direction from the first point to the second, and their distance. Without a distance the direction is the x axis, as in MuJoCo.
+#[inline(always)]
+fn direction<R: Real>([from, to]: [V3<R>; 2]) -> (V3<R>, R) {
+    let apart = sub(to, from);
+    let distance = norm(apart);
+    let short = distance.lt(R::of(1e-15));
+    let inverse = R::one() / R::select(short, R::one(), distance);
+    (select(short, [R::one(), R::zero(), R::zero()], scale(apart, inverse)), distance)
+}

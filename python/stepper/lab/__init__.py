@@ -16,7 +16,16 @@ if TYPE_CHECKING:
     from stepper.lab.accuracy.dots import Dot
     from stepper.lab.accuracy.profile import CostProfile, profile
     from stepper.lab.accuracy.tune import Candidate, Tuning, tune
-    from stepper.lab.calibration import Calibration, Certificate, MeasuredParameter, calibrate
+    from stepper.lab.calibration import (
+        Calibration,
+        Certificate,
+        FittedSet,
+        MeasuredParameter,
+        RecordedCalibration,
+        calibrate,
+        calibrate_on_recordings,
+    )
+    from stepper.lab.calibration.fit import Fit
     from stepper.lab.calibration.search import Trial
     from stepper.lab.comparison import LawComparison, compare
     from stepper.lab.comparison.trial import Course
@@ -37,6 +46,8 @@ __all__ = [
     "CostProfile",
     "Course",
     "Dot",
+    "Fit",
+    "FittedSet",
     "LawComparison",
     "Level",
     "MeasuredParameter",
@@ -45,6 +56,7 @@ __all__ = [
     "PolicyController",
     "Rank",
     "Ranking",
+    "RecordedCalibration",
     "Report",
     "Statistics",
     "Study",
@@ -55,6 +67,7 @@ __all__ = [
     "Verdict",
     "World",
     "calibrate",
+    "calibrate_on_recordings",
     "chart",
     "compare",
     "profile",
@@ -67,6 +80,8 @@ __all__ = [
 _FOLDERS = {
     **dict.fromkeys(("CostProfile", "Chart", "Tuning", "profile", "chart", "tune"), "accuracy"),
     **dict.fromkeys(("Calibration", "Certificate", "MeasuredParameter", "calibrate"), "calibration"),
+    **dict.fromkeys(("FittedSet", "RecordedCalibration", "calibrate_on_recordings"), "calibration"),
+    "Fit": "calibration.fit",
     **dict.fromkeys(("LawComparison", "compare"), "comparison"),
     **dict.fromkeys(("Cliff", "Level", "Statistics", "Sweep"), "study.sweep"),
     "Rank": "study.ranking",

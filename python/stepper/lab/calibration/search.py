@@ -150,19 +150,7 @@ class Search:
 
     def smallest(self) -> list[int]:
         """Smallest set that passes with exact measurements, as indices of parameters in descending order of importance."""
-        n, order = len(self._importance), [int(k) for k in np.argsort(-self._importance, kind="stable")]
-        needed = {k for k in range(n) if not self.passes(self._exact(set(range(n)) - {k}))}
-        others = [k for k in order if k not in needed]
-        for number, more in enumerate(_subsets(others)):
-            if len(more) == len(others) or self.passes(self._exact(needed | set(more))):
-                return [k for k in order if k in needed | set(more)]
-            if number == _MAX_SETS:
-                break
-        chosen = set(order)
-        for k in reversed(others):
-            if self.passes(self._exact(chosen - {k})):
-                chosen -= {k}
-        return [k for k in order if k in chosen]
+        return smallest_set(lambda chosen: self.passes(self._exact(chosen)), self._importance)
 
     def widest(self, chosen: Sequence[int]) -> Array:
         """Widest tolerances of a set that passes, (parameters,), as fractions of the ranges: powers of 2 up to 1/2.
@@ -217,6 +205,28 @@ class Search:
     def _exact(self, chosen: set[int]) -> Array:
         """Tolerances of a set that is measured exactly."""
         return np.array([0.0 if k in chosen else UNMEASURED for k in range(len(self._importance))])
+
+
+def smallest_set(passes: Callable[[set[int]], bool], importance: Array) -> list[int]:
+    """Smallest set of parameters that passes, as indices in descending order of importance. The set of all parameters must pass.
+
+    Args:
+        passes: Function that tells whether a set passes.
+        importance: Importance of each parameter, (parameters,), in whose order sets of equal size are tried.
+    """
+    n, order = len(importance), [int(k) for k in np.argsort(-importance, kind="stable")]
+    needed = {k for k in range(n) if not passes(set(range(n)) - {k})}
+    others = [k for k in order if k not in needed]
+    for number, more in enumerate(_subsets(others)):
+        if len(more) == len(others) or passes(needed | set(more)):
+            return [k for k in order if k in needed | set(more)]
+        if number == _MAX_SETS:
+            break
+    chosen = set(order)
+    for k in reversed(others):
+        if passes(chosen - {k}):
+            chosen -= {k}
+    return [k for k in order if k in chosen]
 
 
 def _subsets(members: Sequence[int]) -> Iterator[tuple[int, ...]]:

@@ -7,19 +7,23 @@ from pathlib import Path
 
 from stepper.shared.files import write_csv
 
-from reality import cube
+from reality import cube, report
 from reality.engines import engines
-
-RESULTS = Path(__file__).parents[2] / "docs/benchmarks/results"
 
 
 def main() -> None:
     """Fit engines to one half of each data set, predict the other half, and write the results."""
     parser = argparse.ArgumentParser(prog="python -m reality", description=__doc__)
-    parser.add_argument("--data", type=Path, required=True, help="folder with the data sets, a subfolder each")
+    parser.add_argument("--data", type=Path, help="folder with the data sets, a subfolder each")
     parser.add_argument("--engine", nargs="+", default=[], metavar="NAME", help="engines with one of these texts in their name [all]")
     parser.add_argument("--out", type=Path, default=Path("out/reality"), help="folder of the results, a file per engine [out/reality]")
+    parser.add_argument("--update-docs", action="store_true", help="write the results in --out to docs/benchmarks/reality.csv and .png")
     given = parser.parse_args()
+    if given.update_docs:
+        report.update_docs(given.out)
+        return
+    if given.data is None:
+        parser.error("no data: give the folder that has cube_toss/cube_toss.npz with --data (make reality DATA=FOLDER)")
     chosen = [e for e in engines() if not given.engine or any(text in e.name for text in given.engine)]
     if not chosen:
         parser.error(f"no engine matches {given.engine}: give parts of " + ", ".join(e.name for e in engines()))

@@ -1,8 +1,7 @@
 """Real tosses of a cube: each engine is fitted to one half of the tosses, and predicts the other half.
 
-The error of a toss is that of the published comparison (B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world
-impacts", IEEE Robotics and Automation Letters 7, 2022): the mean over time of d^2 / 0.0524 m + theta^2, with the distance d in m and the
-angle theta in rad. The published fits used all tosses; here the half with even numbers is fitted, and the odd half is predicted.
+The error of a toss is the mean over time of d^2 / 0.0524 m + theta^2, with the distance d in m and the angle theta in rad. It is that of
+B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world impacts", IEEE Robotics and Automation Letters 7, 2022. The published fits used all tosses; here the half with even numbers is fitted, and the odd half is predicted.
 """
 
 from __future__ import annotations
@@ -24,6 +23,8 @@ FITTED_AT = 4
 """Time steps per sample in fits: 1/592 s."""
 REFINED = (1, 4, 10)
 """Time steps per sample in predictions: 1/148, 1/592 and 1/1480 s, of which the last is that of the published comparison."""
+PUBLISHED_STEP = PERIOD / REFINED[-1]
+"""Time step of the published comparison, s."""
 OFFSETS = {"offset": (-0.004, 0.001), "radius": (0.0005, 0.01)}
 """Bounds of the height of the table and of the radius of the cube's corners, m. They are fitted for all engines alike, or for none."""
 HORIZONS = np.arange(0.05, 0.451, 0.05)

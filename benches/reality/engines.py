@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import stepper
 from atlas.engines import Mujoco, Rapier, Stepper
 from atlas.mjcf import numbers
 from numpy.typing import NDArray
@@ -97,6 +98,7 @@ class OfAtlas(TossEngine):
     engine: Any = None
 
     def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
+        """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
         geom, option = f'friction="{values["friction"]!r} 0.001 0.001"', ""
         if "stiffness" in values:
             reference, impedance = numbers([-values["stiffness"], -values["damping"]]), numbers([values["impedance"]] * 2)
@@ -114,6 +116,26 @@ class OfAtlas(TossEngine):
 
 
 @dataclass(frozen=True)
+class Compliant(TossEngine):
+    """stepper with surfaces that are springs with dampers, as the table is in Bullet and Drake."""
+
+    def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
+        """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
+        model = stepper.load(table.mjcf(f'friction="{values["friction"]!r} 0 0"'))
+        # Only the table is compliant.
+        rest = np.ones(model.ngeom - 1)
+        model = model.replace(geom_stiffness=np.r_[values["stiffness"], rest * np.inf], geom_damping=np.r_[values["damping"], 0.0 * rest])
+        sim = stepper.Stepper(model, len(tosses), options=stepper.Options(timestep=PERIOD / substeps))
+        start = np.array([toss.start for toss in tosses])
+        sim.set_state(start[:, :7], start[:, 7:])
+        made = [sim.qpos.copy()]
+        for _ in range(max(len(toss.pose) for toss in tosses) - 1):
+            sim.step(nstep=substeps)
+            made.append(sim.qpos.copy())
+        return np.stack(made, axis=1)
+
+
+@dataclass(frozen=True)
 class Bullet(TossEngine):
     """Engine Bullet (PyPI's pybullet), with compliant contact as in the published comparison: stiffness and damping of the table."""
 
@@ -126,6 +148,7 @@ class Bullet(TossEngine):
         return pybullet
 
     def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
+        """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
         p = self.client
         p.resetSimulation()
         p.setGravity(0.0, 0.0, -table.gravity)
@@ -162,6 +185,7 @@ class Drake(TossEngine):
     """Engine Drake (PyPI's drake), discrete with point contact and the approximation "similar" to Coulomb's law."""
 
     def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
+        """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
         from pydrake.all import (  # noqa: PLC0415  (optional)
             AddMultibodyPlant,
             CoulombFriction,
@@ -174,7 +198,6 @@ class Drake(TossEngine):
             Sphere,
             UnitInertia,
         )
-
         from pydrake.geometry import AddContactMaterial, ProximityProperties  # noqa: PLC0415  (optional)
 
         builder = DiagramBuilder()
@@ -220,6 +243,7 @@ def stepper_axes(starts: Array) -> Array:
 
 
 _SOFT = {"log stiffness": (2.5, 5.5), "log damping": (0.7, 2.7)}
+_COMPLIANT = {"friction": (0.08, 0.35), "log stiffness": (2.5, 4.5), "log damping": (0.3, 2.5)}
 _RIGID = {"friction": (0.08, 0.35), "restitution": (0.0, 0.4)}
 
 
@@ -228,13 +252,14 @@ def engines() -> list[TossEngine]:
     fitted = {"friction": (0.08, 0.45), **_SOFT, "impedance": (0.5, 0.98)}
     made: list[TossEngine] = [
         OfAtlas("stepper", _RIGID, engine=Stepper("stepper")),
-        OfAtlas("MuJoCo, pyramidal cone", fitted, engine=Mujoco("MuJoCo", MujocoEngine("pyramidal"))),
-        OfAtlas("MuJoCo, elliptic cone", fitted, engine=Mujoco("MuJoCo", MujocoEngine("elliptic", cone="ELLIPTIC"))),
+        Compliant("stepper, compliant table", _COMPLIANT),
+        OfAtlas("MuJoCo, pyramidal cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("pyramidal"))),
+        OfAtlas("MuJoCo, elliptic cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("elliptic", cone="ELLIPTIC"))),
     ]
     for module, engine in (
-        ("rapier3d", OfAtlas("rapier", _RIGID, 4, Rapier("rapier"))),
-        ("pybullet", Bullet("Bullet", {"friction": (0.1, 0.9), "log stiffness": (2.5, 4.5), "log damping": (0.3, 2.5)})),
-        ("pydrake", Drake("Drake", {"friction": (0.05, 0.4), "log stiffness": (3.0, 5.5), "dissipation": (0.0, 2.0)}, 4)),
+        ("rapier3d", OfAtlas("rapier", _RIGID, 6, Rapier("rapier"))),
+        ("pybullet", Bullet("Bullet", _COMPLIANT | {"friction": (0.1, 0.9)})),
+        ("pydrake", Drake("Drake", {"friction": (0.05, 0.4), "log stiffness": (3.0, 5.5), "dissipation": (0.0, 2.0)}, 6)),
     ):
         try:
             __import__(module)

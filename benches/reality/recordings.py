@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -90,7 +91,7 @@ def cube_tosses(folder: Path, gravity: float = G) -> list[Toss]:
     """
     arrays = _arrays(folder, "cube_toss")
     start, pose, velocity = arrays["start"], arrays["pose"].astype(float), arrays["vel"].astype(float)
-    return [_cut(pose[a:b], velocity[a:b], gravity) for a, b in zip(start[:-1], start[1:], strict=True)]
+    return [_cut(pose[a:b], velocity[a:b], gravity) for a, b in itertools.pairwise(start)]
 
 
 def free_fall(folder: Path, which: NDArray[np.int64]) -> float:

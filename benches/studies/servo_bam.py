@@ -30,16 +30,16 @@ HELD_OUT = 800
 
 @dataclass(frozen=True)
 class Recordings:
-    """Recordings of one motor on a grid of times, (recordings, times) each.
+    """Recordings of one motor on a grid of times.
 
     Attributes:
         gain: Gain of the firmware, (recordings,).
-        goal: Target angle, rad.
-        q: Measured angle, rad; 0 is hanging.
+        goal: Target angle, (recordings, times), rad.
+        q: Measured angle, (recordings, times), rad; 0 is hanging.
         speed: Measured velocity at the first sample, (recordings,), rad/s.
-        on: Whether the motor has power, 0 or 1.
-        volts: Supply voltage, V.
-        names: Trajectories.
+        on: Whether the motor has power, 0 or 1, (recordings, times).
+        volts: Supply voltage, (recordings, times), V.
+        names: Trajectory and gain of each recording.
     """
 
     gain: Array
@@ -69,9 +69,11 @@ def recordings(folder: Path, motor: str, last: int | None = None) -> Recordings:
         made["on"].append(own["torque_enable"][np.clip(np.searchsorted(t, times, side="right") - 1, 0, None)])
         speed.append(own["dq_rad_s"][0])
     return Recordings(
-        np.array([float(row["kp_firmware"]) for row in rows]), *(np.array(made[name]) for name in ("goal", "q")), np.array(speed),
-        *(np.array(made[name]) for name in ("on", "volts")), tuple(f"{row['trajectory']} {row['kp_firmware']}" for row in rows),
-    )  # fmt: skip
+        gain=np.array([float(row["kp_firmware"]) for row in rows]),
+        speed=np.array(speed),
+        names=tuple(f"{row['trajectory']} {row['kp_firmware']}" for row in rows),
+        **{name: np.array(column) for name, column in made.items()},
+    )
 
 
 class Servo:
@@ -102,7 +104,7 @@ def servo(folder: Path, last: int = HELD_OUT) -> stepper.lab.Study:
 
     def error(now: Any) -> Array:
         k = min(round(float(now.time[0]) / PERIOD), data.q.shape[1] - 1)
-        return np.abs(now.qpos[:, 0] - data.q[now.episodes, k])
+        return np.asarray(np.abs(now.qpos[:, 0] - data.q[now.episodes, k]))
 
     return stepper.lab.Study(
         name="servo_bam",

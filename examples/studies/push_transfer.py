@@ -1,4 +1,4 @@
-"""Which parameters of a UR5e, a box and a camera must be measured, so that a push ends as near the goal as in the simulator.
+"""Parameters of a UR5e, a box and a camera that the end of a push depends on, for `stepper calibrate`.
 
 The arm, robosuite's (`pip install --no-deps robosuite`), pushes a box with a ball at its flange, and stops when a camera sees the box at
 a line. The box then slides on. The line is chosen for the nominal friction and delay.
@@ -10,6 +10,7 @@ a line. The box then slides on. The line is chosen for the nominal friction and 
 from __future__ import annotations
 
 import importlib.util
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,8 @@ import numpy as np
 import stepper
 from stepper.lab import Outcome, Parameter
 
-HALF, BALL, SPEED = 0.04, 0.02, 0.3
-"""Half width of the box, m; radius of the ball, m; speed of the push, m/s."""
+HALF, BALL, SPEED, PERIOD = 0.04, 0.02, 0.3, 0.01
+"""Half width of the box, m; radius of the ball, m; speed of the push, m/s; control period, s."""
 GOAL, NEAR = 0.6, 0.02
 """Position of the goal in x, m, and largest distance of the box from it at the end, m."""
 FRICTION, DELAY = 0.4, 0.03
@@ -33,7 +34,7 @@ TRACK = np.linspace(0.3, 0.7, 81)
 
 
 def robot() -> Any:
-    """Model of the arm with position servos, a ball at its flange, a table, a box, and a camera that measures the box's position."""
+    """Model of the arm with position servos, a ball at its flange, a table and a box."""
     found = importlib.util.find_spec("robosuite")
     if found is None or found.origin is None:
         raise ModuleNotFoundError("package robosuite, which has the model of the UR5e, is missing: pip install --no-deps robosuite")
@@ -57,7 +58,6 @@ def robot() -> Any:
     box = spec.worldbody.add_body(name="box", pos=[0.45, 0.0, HALF])
     box.add_freejoint()
     box.add_geom(name="box", type=mujoco.mjtGeom.mjGEOM_BOX, size=[HALF] * 3, mass=0.5)
-    spec.add_sensor(name="camera", type=mujoco.mjtSensor.mjSENS_FRAMEPOS, objtype=mujoco.mjtObj.mjOBJ_BODY, objname="box")
     spec.option.timestep = 0.002
     return spec.compile()
 
@@ -82,19 +82,27 @@ def track() -> Any:
 
 
 class Push:
-    """Controller that moves the ball at constant speed until the camera sees the box at the line."""
+    """Controller that moves the ball at constant speed until the camera sees the box at the line.
+
+    It adds the camera's bias, noise and delay to the true position. As sensors of the model these would forbid batches of several worlds.
+    """
 
     def __init__(self) -> None:
         self.angles = track()
 
     def begin(self, now: Any) -> None:
         """Puts the target of the ball to the start of the track, and starts to move."""
-        self._x, self._moving = np.full(now.num_envs, TRACK[0]), np.ones(now.num_envs, bool)
+        self._x, self._moving, self._seen = np.full(now.num_envs, TRACK[0]), np.ones(now.num_envs, bool), deque[Any](maxlen=12)
 
     def __call__(self, now: Any) -> Any:
         """Servo targets, (num_envs, 6), rad."""
-        self._moving &= now.read("sensordata", "camera")[:, 0] < LINE
-        self._x = np.where(self._moving, np.minimum(self._x + SPEED * 0.01, TRACK[-1]), self._x)
+        parameters, number = now.parameters, np.arange(now.num_envs)
+        self._seen.append(now.read("xpos", "box")[:, 0].copy())
+        late = np.minimum(np.round(parameters["camera delay"] / PERIOD).astype(int), len(self._seen) - 1)
+        noise = parameters["camera noise"] * now.rng("camera").normal(1)[:, 0]
+        reading = np.array(self._seen)[len(self._seen) - 1 - late, number] + parameters["camera bias"] + noise
+        self._moving &= reading < LINE
+        self._x = np.where(self._moving, np.minimum(self._x + SPEED * PERIOD, TRACK[-1]), self._x)
         return np.stack([np.interp(self._x, TRACK, column) for column in self.angles.T], axis=1)
 
 
@@ -118,18 +126,19 @@ study = stepper.lab.Study(
         name="from the goal", measure=lambda now: np.abs(now.read("xpos", "box")[:, 0] - GOAL), success=f"<= {NEAR}", unit="m"
     ),
     parameters={
-        "friction": Parameter("geom_friction[table,box][0]", nominal=FRICTION, low=0.2, high=0.6, source="cardboard on wood, worn to clean"),
+        "friction": Parameter("geom_friction[table,box][0]", nominal=FRICTION, low=0.2, high=0.6, source="cardboard on wood"),
         "ball friction": Parameter("geom_friction[ball][0]", nominal=0.6, low=0.6, high=1.2, source="rubber, dusty to clean"),
         "box mass": Parameter("body_mass[box]", operation="scale", low=0.5, high=2.0, source="empty to full"),
         "servo stiffness": Parameter("actuator_kp[*]", operation="scale", low=0.5, high=1.5, source="usual gains"),
         "servo damping": Parameter("actuator_kv[*]", operation="scale", low=0.7, high=1.3, source="usual gains"),
         "motor delay": Parameter("actuator.delay", low=0.0, high=0.02, nominal=0.004, unit="s", source="buses, 0 to 20 ms"),
-        "camera bias": Parameter("sensor.bias[camera]", low=-0.02, high=0.02, nominal=0.0, unit="m", source="a bracket, by eye"),
-        "camera delay": Parameter("sensor.delay[camera]", low=0.0, high=0.1, nominal=DELAY, unit="s", source="cameras of 30 to 100 Hz"),
-        "camera noise": Parameter("sensor.noise_std[camera]", low=0.0, high=0.004, nominal=0.001, unit="m", source="detectors of markers"),
+        "camera bias": Parameter("controller", low=-0.02, high=0.02, nominal=0.0, unit="m", source="a bracket, by eye"),
+        "camera delay": Parameter("controller", low=0.0, high=0.1, nominal=DELAY, unit="s", source="cameras of 30 to 100 Hz"),
+        "camera noise": Parameter("controller", low=0.0, high=0.004, nominal=0.001, unit="m", source="detectors of markers"),
     },
     settings={"MuJoCo's law": {"contact": "mujoco", "integrator": "implicit"}},
     seconds=1.6,
-    control=0.01,
-    episodes=16,
+    control=PERIOD,
+    batch=512,
+    episodes=12,
 )

@@ -42,7 +42,7 @@ def difference(outcome: Callable[[Array], Array]) -> Callable[[Array, Array], Ar
 def searched(outcome: Callable[[Array], Array], seed: int, importance: Array | None = None) -> Search:
     """Search with a known outcome."""
     weights = np.arange(6.0) if importance is None else importance
-    return Search(difference(outcome), SPACE, MARGIN, weights, WORLDS, np.random.default_rng(seed))
+    return Search(difference(outcome), SPACE, MARGIN, weights, count=WORLDS, rng=np.random.default_rng(seed))
 
 
 KNOWN = [(additive, {0, 1}), (interacting, {0, 1, 2}), (cliff, {0, 1})]
@@ -132,7 +132,7 @@ def test_models_of_worlds_stay_within_the_ranges() -> None:
 
 
 def test_fit_finds_the_bottom_of_a_rough_loss() -> None:
-    """The fit of a parabola with ripples of a tenth of its depth is within 0.05 of the bottom, for all seeds."""
+    """The fit of a parabola with ripples of a tenth of its depth is near the bottom, for all seeds."""
 
     def loss(samples: Array) -> Array:
         ripples = 0.05 * np.sin(80.0 * samples).sum(axis=1)
@@ -140,7 +140,7 @@ def test_fit_finds_the_bottom_of_a_rough_loss() -> None:
 
     for seed in range(10):
         found = fit(loss, np.zeros(2), np.ones(2), seed=seed)
-        # The ripples have a period of 0.079 and their slope exceeds the parabola's within 2 / 80 / 0.05 of the bottom; 0.12 covers one period.
+        # The ripples have a period of 0.079; 0.12 covers the neighbours of the lowest ripple.
         assert np.abs(found.values - 0.3).max() < 0.12
     with pytest.raises(ValueError, match="narrow the bounds"):
         fit(lambda samples: np.full(len(samples), np.nan), np.zeros(2), np.ones(2))

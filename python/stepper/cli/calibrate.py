@@ -36,7 +36,7 @@ def calibrate(
     95 % of the worlds in the ranges, with 95 % confidence. The same command continues a stopped run after the last stored result.
 
     With --recordings N, the episodes of the study are recordings of a real system, and the outcome is the error of a prediction. The first
-    N are fitted. The smallest set is that whose fit is as good as a fit of all parameters, to within the margin, and the others check it.
+    N are fitted. The fit of the smallest set exceeds the error of a fit of all parameters by at most the margin. The others check it.
 
     Example: stepper calibrate examples/studies/grasp.py --margin 0.1
     """
@@ -71,7 +71,7 @@ def register(app: Typer, typer: ModuleType) -> None:
             ..., help="Largest difference between world and model: of the fraction of successes, or of the outcome in its unit."
         ),
         samples: int = typer.Option(64, min=2, help="Number of base samples of the ranking, a power of 2."),
-        worlds: int = typer.Option(208, min=59, help="Number of worlds of the search, of each certificate, and of the proof of minimality."),
+        worlds: int = typer.Option(208, min=59, help="Number of worlds of the search, of each certificate, and of the test of minimality."),
         tries: int = typer.Option(3, min=1, help="Largest number of certificates that are tried; they share the probability of an error."),
         recordings: int | None = typer.Option(
             None, min=1, help="Number of recordings to fit: the first episodes of a study whose episodes are recordings. The others check."

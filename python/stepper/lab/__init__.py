@@ -4,8 +4,8 @@
     stepper.lab.report("tray.toml")  # a sweep of every parameter, with the causes of failures
 
 The folder `study` has the definition of a study (`Study`, `Parameter`, `Outcome`) with sweep, rank and report; `accuracy` has chart and
-tune; `calibration` has calibrate. `comparison` compares the contact laws; `demo` compares stepper with MuJoCo. docs/reference/studies.md explains
-studies.
+tune; `calibration` has calibrate. `comparison` compares the contact laws; `demo` compares stepper with MuJoCo.
+docs/reference/studies.md explains studies.
 """
 
 import importlib
@@ -16,16 +16,10 @@ if TYPE_CHECKING:
     from stepper.lab.accuracy.dots import Dot
     from stepper.lab.accuracy.profile import CostProfile, profile
     from stepper.lab.accuracy.tune import Candidate, Tuning, tune
-    from stepper.lab.calibration import (
-        Calibration,
-        Certificate,
-        FittedSet,
-        MeasuredParameter,
-        RecordedCalibration,
-        calibrate,
-        calibrate_on_recordings,
-    )
+    from stepper.lab.calibration.calibrate import Calibration, MeasuredParameter, calibrate
+    from stepper.lab.calibration.certificate import Certificate
     from stepper.lab.calibration.fit import Fit
+    from stepper.lab.calibration.recordings import FittedSet, RecordedCalibration, calibrate_on_recordings
     from stepper.lab.calibration.search import Trial
     from stepper.lab.comparison import LawComparison, compare
     from stepper.lab.comparison.trial import Course

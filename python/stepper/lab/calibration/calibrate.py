@@ -23,7 +23,7 @@ from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document
 from stepper.lab.study.journal import Journal, Row
-from stepper.lab.study.parameters import check_value_conflicts, selected
+from stepper.lab.study.parameters import check_value_conflicts
 from stepper.lab.study.points import USUAL, Point
 from stepper.lab.study.ranking import Ranking, rank
 from stepper.lab.study.report import study_of
@@ -47,8 +47,8 @@ class MeasuredParameter:
     Attributes:
         name: Name of the parameter.
         tolerance: Largest error of the measurement, in the unit of the parameter.
-        weaker: Results of weaker alternatives, on worlds that were not used before: "left out" with the nominal value instead of a
-            measurement, and "x2", "x4", ... with a wider tolerance, up to the first that surely fails.
+        weaker: Result of each weaker alternative, by name. "left out" has the nominal value instead of a measurement. "x2", "x4", ...
+            have wider tolerances, up to the first that surely fails. The worlds were not used before.
     """
 
     name: str
@@ -150,7 +150,7 @@ def calibrate(
     """Finds the smallest set of parameters that must be measured, so that the outcome is that of the true world to within a margin.
 
     A world is a set of parameter values, drawn uniformly and independently from the ranges. Its model has the measured parameters with an
-    error as large as the tolerance, of either sign, and nominal values of the others. Both run the same episodes. The certificate says: in
+    error as large as the tolerance, of either sign, and nominal values of the others. Both run the same episodes. The certificate is: in
     at least 95 % of plausible worlds the difference of the outcome is at most the margin, with 95 % confidence. Finished episodes are kept
     on disk and not repeated.
 
@@ -178,7 +178,9 @@ def calibrate(
     check_whole("tries", tries, least=1)
     check_whole("worlds", worlds, least=1)
     if worlds < (least := worlds_for(0, tries)):
-        raise ValueError(f"worlds is {worlds}, must be at least {least} for a certificate with {tries} tries: give more worlds or fewer tries")
+        raise ValueError(
+            f"worlds is {worlds}, must be at least {least} for a certificate with {tries} tries: give more worlds or fewer tries"
+        )
     ranking = rank(study, out, samples=samples, parameters=parameters, setting=setting, progress=progress)
     study, names = ranking.study, [entry.parameter for entry in ranking.ranks]
     check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
@@ -189,7 +191,7 @@ def calibrate(
         expected = _COMPARISONS * len(names)
         comparison = Comparison(study, names, setting, results.journal, lambda n: at(f"calibrate {study.name}", min(0.99, n / expected)))
         rng = np.random.default_rng([study.seed, _SEARCH])
-        search = Search(comparison, space, margin, importance, worlds, rng)
+        search = Search(comparison, space, margin, importance, count=worlds, rng=rng)
         chosen, tolerances, certificates = _certified(search, study.seed, worlds, tries)
         last = certificates[-1].trial
         fresh = space.draw(np.random.default_rng([study.seed, _CERTIFICATE, len(certificates)]), worlds)

@@ -1,8 +1,8 @@
 """Certificates of a set of measured parameters, on worlds that were drawn after the set was chosen.
 
 With v of n worlds above the margin, Clopper and Pearson's bound gives the largest fraction of worlds above the margin that is plausible. 59
-worlds without a violation certify 95 % of worlds with 95 % confidence. If a certificate fails, the set is changed and tried on new worlds;
-the probability of an error is divided by the number of tries that were planned, as in Bonferroni's correction.
+worlds without a violation certify 95 % of worlds with 95 % confidence. If a certificate fails, the set is changed and tried on new worlds.
+The probability of an error is divided by the number of planned tries, as in Bonferroni's correction.
 """
 
 from __future__ import annotations

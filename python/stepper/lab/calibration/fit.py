@@ -1,6 +1,6 @@
 """Fit of parameters to a rough loss, by the cross-entropy method.
 
-The loss of a simulated motion with impacts jumps between neighbouring values: a corner that strikes a little earlier tumbles elsewhere.
+The loss of a simulated motion with impacts jumps between neighbouring values: a body whose corner hits the floor a little earlier tumbles to another place.
 Gradients and the single best sample follow such jumps. The cross-entropy method (R. Y. Rubinstein, "The cross-entropy method for
 combinatorial and continuous optimization", Methodology and Computing in Applied Probability 1, 1999) fits a normal distribution to the best
 samples of a round, and draws the next round from it. The result is the mean of the last elite, not the best sample.
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Loss = Callable[[Array], Array]
 """Function of parameter values, (samples, parameters), that returns the loss of each sample, (samples,)."""
 _SMOOTHING = 0.7
-"""Weight of the new mean and deviation beside those of the last round, so that a lucky round cannot end the search."""
+"""Weight of a round's mean and deviation in the average with the last round, so that a lucky round cannot end the search."""
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ class _Fitter:
         rounds: Number of rounds of a fit.
     """
 
-    def __init__(self, study: Study, fitted: int, names: Sequence[str], setting: str, journal: Journal, samples: int, rounds: int):
+    def __init__(self, study: Study, fitted: int, names: Sequence[str], *, setting: str, journal: Journal, samples: int, rounds: int):
         self._study, self._fitted, self._names, self._setting, self._journal = study, fitted, list(names), setting, journal
         self._samples, self._rounds = samples, rounds
         self.sets: dict[frozenset[str], FittedSet] = {}
@@ -175,13 +175,13 @@ def calibrate_on_recordings(
     if not study.all_outcomes:
         raise ValueError("the study has no outcome: give it the error of a prediction")
     if parameters is not None:
-        study = replace(study, parameters=study.parameters | selected(study.parameters, parameters, study.loaded[0]))
+        study = replace(study, parameters={**study.parameters, **selected(study.parameters, parameters, study.loaded[0])})
     names = [name for name, own in study.parameters.items() if own.low is not None and (parameters is None or name in parameters)]
     if not names:
         raise ValueError(f"{study.name} has no parameter with low and high: give it the parameters to fit")
     check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
     with Results(study, out) as results:
-        fitter = _Fitter(study, fitted, names, setting, results.journal, samples, rounds)
+        fitter = _Fitter(study, fitted, names, setting=setting, journal=results.journal, samples=samples, rounds=rounds)
         every = fitter(names)
 
         def excess(chosen: set[int]) -> float:
@@ -207,9 +207,9 @@ def _answer(found: RecordedCalibration) -> Section:
     held_out, unit = len(found.every.errors) - found.fitted, found.study.all_outcomes[0].unit
     words = [
         f"To fit: {', '.join(found.chosen.names) or 'nothing'}. The other parameters may keep nominal values.",
-        f"Chosen on {counted(found.fitted, 'recording')}, checked on {held_out} others, by {measured(found.study)}. Margin: {found.margin:g} "
-        f"{unit} above the error with all parameters fitted.",
-        f"{found.violations} of {held_out} held-out recordings exceed the margin. So the margin holds for at least {found.share:.1%} of such "
+        f"Chosen on {counted(found.fitted, 'recording')}, checked on {held_out} others, by {measured(found.study)}. Margin: "
+        f"{found.margin:g} {unit} above the error with all parameters fitted.",
+        f"{found.violations} of {held_out} held-out recordings exceed the margin. So it holds for at least {found.share:.1%} of such "
         "recordings, with 95 % confidence. Nothing is claimed about recordings of another kind.",
     ]
     rows = []

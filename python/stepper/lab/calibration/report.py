@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,10 @@ from stepper.sysid.parameters import KINDS
 if TYPE_CHECKING:
     from stepper.lab.calibration.calibrate import Calibration
 
+_STYLES = ("-", "--", ":", "-.")
+"""Line styles of the curves without one parameter."""
 _COLOURS = {"nothing": "#999999", "set": "#0b3c8c", "left out": "#d95f02"}
+"""Colours of parameters and curves."""
 
 
 def document_of(found: Calibration, folder: Path) -> tuple[Document, list[Path]]:
@@ -150,7 +154,8 @@ def _draw(found: Calibration, path: Path) -> Path:
     left.set_xlabel("total Sobol index, 95 % (blue: must be measured)")
     last = found.certificates[-1].trial
     curves = [("nothing measured", found.nominal, _COLOURS["nothing"], "-"), ("measured to the tolerances", last, _COLOURS["set"], "-")]
-    curves += [(f"without {own.name}", own.weaker["left out"], _COLOURS["left out"], style) for own, style in zip(found.parameters, _styles())]
+    styles = itertools.cycle(_STYLES)
+    curves += [(f"without {own.name}", own.weaker["left out"], _COLOURS["left out"], next(styles)) for own in found.parameters]
     for label, trial, colour, style in curves:
         shares = np.arange(1, trial.worlds + 1) / trial.worlds
         right.step(np.sort(trial.differences), shares, where="post", color=colour, linestyle=style, label=label)
@@ -168,8 +173,3 @@ def _draw(found: Calibration, path: Path) -> Path:
         panel.set_axisbelow(True)
     figure.suptitle(f"{found.study.name}: what must be measured", fontsize=11)
     return write_figure(path, figure)
-
-
-def _styles() -> list[str]:
-    """Line styles of the curves without one parameter."""
-    return ["-", "--", ":", "-."] * 8

@@ -27,8 +27,8 @@ Difference = Callable[[Array, Array], Array]
 SHARE = 0.95
 """Fraction of plausible worlds for which a certificate holds."""
 ALLOWED = 0.01
-"""Fraction of the worlds of the search in which a set that passes may exceed the margin. A fraction well below 1 - `SHARE` leaves room
-for the certificate, which needs its bound, not its estimate, below that."""
+"""Fraction of the worlds of the search in which a set that passes may exceed the margin. It is well below 1 - `SHARE`, because the upper
+bound of a certificate, not its estimate, must be below that."""
 _FIRST_BLOCK = 24
 """Number of worlds that are run first, because most sets that fail do so in many worlds."""
 _MAX_SETS = 256
@@ -116,7 +116,7 @@ class Search:
         rng: Random number generator of the worlds.
     """
 
-    def __init__(self, difference: Difference, space: Space, margin: float, importance: Array, count: int, rng: np.random.Generator):
+    def __init__(self, difference: Difference, space: Space, margin: float, importance: Array, *, count: int, rng: np.random.Generator):
         self._difference, self.space, self.margin, self._importance = difference, space, margin, importance
         self.worlds, self.signs = space.draw(rng, count)
         self.sets = 0
@@ -169,8 +169,8 @@ class Search:
             size /= 2.0
             if size < _FINEST:
                 raise ValueError(
-                    f"the outcome exceeds the margin, {self.margin:g}, even if parameters are measured to 1/1024 of their ranges, because it "
-                    "jumps or is chaotic: choose a larger margin, more episodes, or an outcome that averages over more motion"
+                    f"the outcome exceeds the margin, {self.margin:g}, even if parameters are measured to 1/1024 of their ranges, because "
+                    "it jumps or is chaotic: choose a larger margin, more episodes, or an outcome that averages over more motion"
                 )
         tolerances[measured] = size
         for k in reversed(chosen):

@@ -1,7 +1,8 @@
 """Real tosses of a cube: each engine is fitted to one half of the tosses, and predicts the other half.
 
 The error of a toss is the mean over time of d^2 / 0.0524 m + theta^2, with the distance d in m and the angle theta in rad. It is that of
-B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world impacts", IEEE Robotics and Automation Letters 7, 2022. The published fits used all tosses; here the half with even numbers is fitted, and the odd half is predicted.
+B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world impacts", IEEE Robotics and Automation Letters 7, 2022. The
+published fits used all tosses; here the half with even numbers is fitted, and the odd half is predicted.
 """
 
 from __future__ import annotations

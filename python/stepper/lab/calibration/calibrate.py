@@ -47,8 +47,8 @@ class MeasuredParameter:
     Attributes:
         name: Name of the parameter.
         tolerance: Largest error of the measurement, in the unit of the parameter.
-        weaker: Result of each weaker alternative, by name. "left out" has the nominal value instead of a measurement. "x2", "x4", ...
-            have wider tolerances, up to the first that surely fails. The worlds were not used before.
+        weaker: Results of weaker alternatives by name, in worlds that were not used before. With "left out", the parameter is nominal. With
+            "x2", "x4", ... the tolerance is wider; the last of them surely fails, or exceeds half the range.
     """
 
     name: str

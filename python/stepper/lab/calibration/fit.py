@@ -1,9 +1,9 @@
 """Fit of parameters to a rough loss, by the cross-entropy method.
 
-The loss of a simulated motion with impacts jumps between neighbouring values: a body whose corner hits the floor a little earlier tumbles to another place.
-Gradients and the single best sample follow such jumps. The cross-entropy method (R. Y. Rubinstein, "The cross-entropy method for
-combinatorial and continuous optimization", Methodology and Computing in Applied Probability 1, 1999) fits a normal distribution to the best
-samples of a round, and draws the next round from it. The result is the mean of the last elite, not the best sample.
+The loss of a simulated motion with impacts jumps between neighbouring values: a body whose corner hits the floor a little earlier tumbles
+to another place. Gradients and the single best sample follow such jumps. The cross-entropy method (R. Y. Rubinstein, "The cross-entropy
+method for combinatorial and continuous optimization", Methodology and Computing in Applied Probability 1, 1999) fits a normal distribution
+to the best samples of a round, and draws the next round from it. The result is the mean of the last elite, not the best sample.
 """
 
 from __future__ import annotations

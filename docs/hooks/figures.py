@@ -117,7 +117,7 @@ def speed_table(rows: list[dict[str, Any]]) -> str:
     lines = ["| " + " | ".join(heads) + " |", "|---" + "|---:" * (len(heads) - 1) + "|"]
     lines += ["| " + " | ".join(speed_cells(row)) + " |" for row in rows]
     means = [f"**{geometric_mean(row['ratio'][name] for row in rows):.1f}**" for name in ("stepper f64", "stepper f32")]
-    lines.append(f"| geometric mean of {len(rows)} | | | | {means[0]} | {means[1]} | | | |")
+    lines.append(f"| geometric mean of {len(rows)} |||| {means[0]} | {means[1]} ||||")
     return "\n".join(lines)
 
 
@@ -129,8 +129,8 @@ def readme_table(found: dict[str, str]) -> str:
     """
     lines = found["speed.table"].splitlines()
     kept = [*lines[:2], *(line for name in SHOWN for line in lines if line.startswith(f"| {name} |")), lines[-1]]
-    kept.append(f"| 17 scenes with many contacts, mean | | | | {found['many.mean.f64']} | {found['many.mean.f32']} | | | |")
-    kept.append(f"| the slowest of them, a wall that a ball hits | | | | {found['many.least.f64']} | {found['many.least.f32']} | | | |")
+    kept.append(f"| 17 scenes with many contacts, mean |||| {found['many.mean.f64']} | {found['many.mean.f32']} ||||")
+    kept.append(f"| the slowest of them, a wall that a ball hits |||| {found['many.least.f64']} | {found['many.least.f32']} ||||")
     kept.append("")
     kept.append(f"{found['speed.machine']}: `python benches/comparison/{found['speed.command']}`.")
     kept.append(f"Scenes with many contacts: {found['many.machine']}, `make many-contacts`.")
@@ -178,13 +178,12 @@ def parameter_table(rows: list[dict[str, str]]) -> str:
 
 
 def readme_cube(rows: list[dict[str, str]]) -> str:
-    """Mean errors of held-out tosses as published, one line of all engines."""
+    """Median and mean errors of held-out tosses as published, by engine, as one line. The smallest median is first."""
     cells = []
     for engine, own in _cube(rows, "none").items():
         fine = next(row for row in own if row["timestep_s"] == STEPS[-1])
-        cells.append((float(fine["mean"]), float(fine["median"]), engine))
-    lines = ["| error on 275 held-out tosses | mean | median |", "|---|---:|---:|"]
-    return "\n".join([*lines, *(f"| {engine} | {mean:.3f} | {median:.3f} |" for mean, median, engine in sorted(cells))])
+        cells.append((float(fine["median"]), f"{engine} {float(fine['median']):.3f} ({float(fine['mean']):.3f})"))
+    return "; ".join(text for _, text in sorted(cells))
 
 
 def with_figures(text: str, values: dict[str, str], place: str) -> str:

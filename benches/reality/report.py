@@ -67,7 +67,7 @@ def _draw(rows: Sequence[Row], path: Path) -> None:
                     panel.hlines(place + shift, low, high, color=colours[engine])
                     panel.plot(value, place + shift, marker, color=colours[engine])
         panel.set_yticks(places, engines if panel is panels[0] else [""] * len(engines))
-        panel.set_xlabel(f"{statistic} error, 95 % (circle: as published, square: nuisances fitted)", fontsize=7.5)
+        panel.set_xlabel(f"{statistic} error, 95 %")
         panel.set_xlim(left=0.0)
     for engine in engines:
         own = [row for row in rows if row["engine"] == engine and row["half"] == "held out" and row["nuisances"] == "fitted"]
@@ -79,6 +79,7 @@ def _draw(rows: Sequence[Row], path: Path) -> None:
     for panel in panels:
         panel.grid(visible=True, color="#dddddd")
         panel.set_axisbelow(True)
+    figure.suptitle("Held-out tosses. Circles: published protocol; squares and right: nuisances fitted", fontsize=10)
     write_figure(path, figure)
 
 

@@ -175,7 +175,8 @@ def calibrate_on_recordings(
     if not study.all_outcomes:
         raise ValueError("the study has no outcome: give it the error of a prediction")
     if parameters is not None:
-        study = replace(study, parameters={**study.parameters, **selected(study.parameters, parameters, study.loaded[0])})
+        added = selected(study.parameters, parameters, study.loaded[0])
+        study, parameters = replace(study, parameters={**study.parameters, **added}), list(added)
     names = [name for name, own in study.parameters.items() if own.low is not None and (parameters is None or name in parameters)]
     if not names:
         raise ValueError(f"{study.name} has no parameter with low and high: give it the parameters to fit")

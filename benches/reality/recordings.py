@@ -113,5 +113,5 @@ def free_fall(folder: Path, which: NDArray[np.int64]) -> float:
 
 def _arrays(folder: Path, name: str) -> dict[str, Any]:
     """Arrays of the archive NAME/NAME.npz of a data folder."""
-    path = existing(folder / name / f"{name}.npz", f"data set {name!r} (give its parent folder with --data)")
+    path = existing(folder / name / f"{name}.npz", f"{name} data")
     return dict(read_arrays(path, "data set"))

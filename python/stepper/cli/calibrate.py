@@ -38,7 +38,7 @@ def calibrate(
     With --recordings N, the episodes of the study are recordings of a real system, and the outcome is the error of a prediction. The first
     N are fitted. The fit of the smallest set exceeds the error of a fit of all parameters by at most the margin. The others check it.
 
-    Example: stepper calibrate examples/studies/grasp.py --margin 0.1
+    Example: stepper calibrate examples/studies/pushed_box.py --margin 0.2
     """
     found: Calibration | RecordedCalibration
     with progress_kept_in(out) as progress:

@@ -102,9 +102,9 @@ def _shown(trial: Trial) -> str:
 def experiment_for(parameter: Parameter) -> str:
     """Motion that determines a parameter, in words, as `stepper.sysid` advises."""
     selector = parameter.parsed
-    if selector.field not in KINDS:
+    columns = "" if selector.columns is None else f"[{','.join(map(str, selector.columns))}]"
+    if (kind := KINDS.get(selector.field + columns)) is None:
         return "direct measurement"
-    kind = KINDS[selector.field]
     names = ", ".join(map(str, selector.elements)) if selector.elements is not None else f"each {kind.element}"
     return kind.excite.format(names)
 
@@ -167,7 +167,7 @@ def _draw(found: Calibration, path: Path) -> Path:
     right.set_ylim(0.0, 1.01)
     right.set_xlabel("difference of the outcome between world and model")
     right.set_ylabel("fraction of worlds")
-    right.legend(fontsize=8, frameon=False, loc="lower right")
+    right.legend(fontsize=8, loc="center right")
     for panel in (left, right):
         panel.grid(visible=True, color="#dddddd")
         panel.set_axisbelow(True)

@@ -167,7 +167,7 @@ def _draw(found: Calibration, path: Path) -> Path:
     right.set_ylim(0.0, 1.01)
     right.set_xlabel("difference of the outcome between world and model")
     right.set_ylabel("fraction of worlds")
-    right.legend(fontsize=8, loc="center right")
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     for panel in (left, right):
         panel.grid(visible=True, color="#dddddd")
         panel.set_axisbelow(True)

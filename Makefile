@@ -7,7 +7,7 @@ MJBATCH := .venv-mjbatch
 DOCS := .venv-docs
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench kernels loading many-contacts terrains floors docs crate-docs atlas corpus adapters identify studies study-libraries fuzz properties training gymnasium viewer check advisories build format clean
+.PHONY: demo test wheel bench kernels loading many-contacts terrains floors docs crate-docs atlas corpus adapters identify reality studies study-libraries fuzz properties training gymnasium viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo. It compiles the CPU level of this machine alone, in less than half the time of all levels.
 demo: export STEPPER_ONE_LEVEL := native
@@ -134,6 +134,10 @@ training: build
 	$(BIN)/python -m pip install --quiet --no-deps mjlab
 	$(BIN)/python -m pytest tests/examples/test_train.py tests/examples/test_train_stairs.py tests/examples/test_gradients.py \
 		tests/envs/test_go1.py tests/envs/test_g1.py tests/envs/test_rough.py tests/policies/test_training_page.py
+
+# Engines against real motions, in the folder DATA: docs/benchmarks/reality.md. Downloads Bullet and Drake. REALITY=--update-docs writes the results.
+reality: build $(VENV)/atlas.stamp $(VENV)/reality.stamp
+	PYTHONPATH=benches $(BIN)/python -m reality --data $(DATA) $(REALITY)
 
 # Intervals of identified masses and frictions, in a hundred noisy repetitions, beside mujoco.sysid: docs/benchmarks/identification.md
 # (an hour), which IDENTIFY=--update-docs rewrites. IDENTIFY='--only

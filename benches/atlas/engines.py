@@ -133,7 +133,8 @@ class _MujocoWorld(World):
         model = self.model
         if self.surfaces.any():
             raise CannotRunError("MuJoCo replaces meshes by their convex hulls")
-        configure(model, engine.settings).opt.timestep = dt
+        configure(model, engine.settings)
+        model.opt.timestep = dt
         if iterations is not None:
             model.opt.iterations = iterations
         if engine.solref is not None:

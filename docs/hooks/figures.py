@@ -54,6 +54,9 @@ def figures() -> dict[str, str]:
     found["atlas.scenes"] = str(len({row["number"] for row in atlas}))
     found["atlas.creep"] = atlas_table(atlas, CREEP, "0.002")
     found["readme.table"] = readme_table(found)
+    found["reality.cube"] = cube_table(read_csv("reality.csv"))
+    found["reality.parameters"] = parameter_table(read_csv("reality.csv"))
+    found["readme.cube"] = readme_cube(read_csv("reality.csv"))
     return found
 
 
@@ -114,7 +117,7 @@ def speed_table(rows: list[dict[str, Any]]) -> str:
     lines = ["| " + " | ".join(heads) + " |", "|---" + "|---:" * (len(heads) - 1) + "|"]
     lines += ["| " + " | ".join(speed_cells(row)) + " |" for row in rows]
     means = [f"**{geometric_mean(row['ratio'][name] for row in rows):.1f}**" for name in ("stepper f64", "stepper f32")]
-    lines.append(f"| geometric mean of {len(rows)} | | | | {means[0]} | {means[1]} | | | |")
+    lines.append(f"| geometric mean of {len(rows)} |||| {means[0]} | {means[1]} ||||")
     return "\n".join(lines)
 
 
@@ -126,12 +129,61 @@ def readme_table(found: dict[str, str]) -> str:
     """
     lines = found["speed.table"].splitlines()
     kept = [*lines[:2], *(line for name in SHOWN for line in lines if line.startswith(f"| {name} |")), lines[-1]]
-    kept.append(f"| 17 scenes with many contacts, mean | | | | {found['many.mean.f64']} | {found['many.mean.f32']} | | | |")
-    kept.append(f"| the slowest of them, a wall that a ball hits | | | | {found['many.least.f64']} | {found['many.least.f32']} | | | |")
+    kept.append(f"| 17 scenes with many contacts, mean |||| {found['many.mean.f64']} | {found['many.mean.f32']} ||||")
+    kept.append(f"| the slowest of them, a wall that a ball hits |||| {found['many.least.f64']} | {found['many.least.f32']} ||||")
     kept.append("")
     kept.append(f"{found['speed.machine']}: `python benches/comparison/{found['speed.command']}`.")
     kept.append(f"Scenes with many contacts: {found['many.machine']}, `make many-contacts`.")
     return "\n".join(kept)
+
+
+STEPS = ("0.00675676", "0.00168919", "0.000675676")
+"""Time steps of the tosses in reality.csv, s."""
+
+
+def _cube(rows: list[dict[str, str]], nuisances: str) -> dict[str, list[dict[str, str]]]:
+    """Rows of the held-out tosses over their whole length, by engine, at the time steps `STEPS`."""
+    found: dict[str, list[dict[str, str]]] = {}
+    for row in rows:
+        if row["half"] == "held out" and not row["horizon_s"] and row["nuisances"] == nuisances:
+            found.setdefault(row["engine"], []).append(row)
+    return found
+
+
+def interval(row: dict[str, str], name: str) -> str:
+    """Value with its interval."""
+    return f"{float(row[name]):.3f} ({float(row[f'{name}_low']):.3f} to {float(row[f'{name}_high']):.3f})"
+
+
+def cube_table(rows: list[dict[str, str]]) -> str:
+    """Errors of held-out tosses by engine, at all time steps."""
+    lines = ["| nuisances | engine | mean at 1/148 s | at 1/592 s | at 1/1480 s | median at 1/1480 s | distance | angle |"]
+    lines.append("|---|---|---:|---:|---:|---:|---:|---:|")
+    for nuisances in ("none", "fitted"):
+        for engine, own in _cube(rows, nuisances).items():
+            by_step = {row["timestep_s"]: row for row in own}
+            coarse, middle, fine = (by_step[step] for step in STEPS)
+            cells = [f"{float(coarse['mean']):.3f}", f"{float(middle['mean']):.3f}", interval(fine, "mean"), interval(fine, "median")]
+            cells += [f"{float(fine['distance_percent']):.1f} %", f"{float(fine['angle_deg']):.1f} deg"]
+            lines.append(f"| {nuisances} | {engine} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def parameter_table(rows: list[dict[str, str]]) -> str:
+    """Fitted parameters by engine."""
+    lines = ["| nuisances | engine | parameters |", "|---|---|---|"]
+    for nuisances in ("none", "fitted"):
+        lines += [f"| {nuisances} | {engine} | {own[0]['parameters']} |" for engine, own in _cube(rows, nuisances).items()]
+    return "\n".join(lines)
+
+
+def readme_cube(rows: list[dict[str, str]]) -> str:
+    """Median and mean errors of held-out tosses as published, by engine, as one line. The smallest median is first."""
+    cells = []
+    for engine, own in _cube(rows, "none").items():
+        fine = next(row for row in own if row["timestep_s"] == STEPS[-1])
+        cells.append((float(fine["median"]), f"{engine} {float(fine['median']):.3f} ({float(fine['mean']):.3f})"))
+    return "; ".join(text for _, text in sorted(cells))
 
 
 def with_figures(text: str, values: dict[str, str], place: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from stepper._hints import WrongArgumentError
 from stepper._stepper import ModelError
-from stepper.cli import chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, train, tune, view
+from stepper.cli import calibrate, chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, train, tune, view
 from stepper.cli.user_code import error_in_user_code, message_of
 from stepper.shared.files import os_error_message
 from stepper.shared.machine import require
@@ -16,7 +16,7 @@ from stepper.shared.machine import require
 if TYPE_CHECKING:
     from typer import Typer
 
-COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, train, evaluate, identify, replay, view, doctor)
+COMMANDS = (demo, chart, compare, explain, report, sweep, rank, calibrate, tune, train, evaluate, identify, replay, view, doctor)
 
 
 def application(*, escaped: bool = True) -> Typer:

@@ -1,11 +1,11 @@
-"""Studies of a model: charts of error against cost, tuning to an error budget, sweeps, reports, rankings, comparisons of contact laws.
+"""Studies of a model: charts of error against cost, tuning to an error budget, sweeps, reports, rankings, calibration.
 
     stepper.lab.chart("tray.toml")  # error against cost of many settings
     stepper.lab.report("tray.toml")  # a sweep of every parameter, with the causes of failures
 
 The folder `study` has the definition of a study (`Study`, `Parameter`, `Outcome`) with sweep, rank and report; `accuracy` has chart and
-tune. `comparison` compares the contact laws; `demo` compares stepper with MuJoCo. docs/reference/studies.md explains
-studies.
+tune; `calibration` has calibrate. `comparison` compares the contact laws; `demo` compares stepper with MuJoCo.
+docs/reference/studies.md explains studies.
 """
 
 import importlib
@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from stepper.lab.accuracy.dots import Dot
     from stepper.lab.accuracy.profile import CostProfile, profile
     from stepper.lab.accuracy.tune import Candidate, Tuning, tune
+    from stepper.lab.calibration.calibrate import Calibration, MeasuredParameter, calibrate
+    from stepper.lab.calibration.certificate import Certificate
+    from stepper.lab.calibration.fit import Fit
+    from stepper.lab.calibration.recordings import FittedSet, RecordedCalibration, calibrate_on_recordings
+    from stepper.lab.calibration.search import Trial
     from stepper.lab.comparison import LawComparison, compare
     from stepper.lab.comparison.trial import Course
     from stepper.lab.study import ControlLog, Outcome, Parameter, PolicyController, Study, World
@@ -26,28 +31,37 @@ if TYPE_CHECKING:
     from stepper.lab.study.table import Table
 
 __all__ = [
+    "Calibration",
     "Candidate",
+    "Certificate",
     "Chart",
     "Cliff",
     "ControlLog",
     "CostProfile",
     "Course",
     "Dot",
+    "Fit",
+    "FittedSet",
     "LawComparison",
     "Level",
+    "MeasuredParameter",
     "Outcome",
     "Parameter",
     "PolicyController",
     "Rank",
     "Ranking",
+    "RecordedCalibration",
     "Report",
     "Statistics",
     "Study",
     "Sweep",
     "Table",
+    "Trial",
     "Tuning",
     "Verdict",
     "World",
+    "calibrate",
+    "calibrate_on_recordings",
     "chart",
     "compare",
     "profile",
@@ -59,6 +73,9 @@ __all__ = [
 
 _FOLDERS = {
     **dict.fromkeys(("CostProfile", "Chart", "Tuning", "profile", "chart", "tune"), "accuracy"),
+    **dict.fromkeys(("Calibration", "Certificate", "MeasuredParameter", "calibrate"), "calibration"),
+    **dict.fromkeys(("FittedSet", "RecordedCalibration", "calibrate_on_recordings"), "calibration"),
+    "Fit": "calibration.fit",
     **dict.fromkeys(("LawComparison", "compare"), "comparison"),
     **dict.fromkeys(("Cliff", "Level", "Statistics", "Sweep"), "study.sweep"),
     "Rank": "study.ranking",
@@ -67,6 +84,7 @@ _FOLDERS = {
     "Candidate": "accuracy.tune",
     "Course": "comparison.trial",
     "Dot": "accuracy.dots",
+    "Trial": "calibration.search",
 }
 """Subfolder or module with the definition of each public name, except for names in the subfolder `study`.
 

@@ -54,6 +54,11 @@ def least_share(successes: int, trials: int, confidence: float = 0.95) -> float:
     return float(_trial(successes, trials, "greater").proportion_ci(confidence, method="exact").low)
 
 
+def greatest_share(successes: int, trials: int, confidence: float = 0.95) -> float:
+    """Upper bound of a probability, by Clopper and Pearson; exact for any number of trials. It is the counterpart of `least_share`."""
+    return float(_trial(successes, trials, "less").proportion_ci(confidence, method="exact").high)
+
+
 def trials_for(share: float, confidence: float) -> int:
     """Number of trials that must all succeed to prove that the probability of success is at least `share`.
 

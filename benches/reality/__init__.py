@@ -1,0 +1,1 @@
+"""Engines against measurements of real motions: `make reality`. The page is docs/benchmarks/reality.md."""

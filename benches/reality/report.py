@@ -1,0 +1,95 @@
+"""Results of `python -m reality`: one file, docs/benchmarks/reality.csv, and the picture of docs/benchmarks/reality.md."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from stepper.shared.files import write_csv, write_figure
+from stepper.shared.machine import require
+
+from reality.cube import PUBLISHED_STEP
+
+BENCHMARKS = Path(__file__).parents[2] / "docs/benchmarks"
+Row = dict[str, str]
+
+
+def read_rows(folder: Path) -> list[Row]:
+    """Rows of all result files in a folder."""
+    rows = []
+    for path in sorted(folder.glob("cube_toss *.csv")):
+        with path.open(encoding="utf-8") as stream:
+            rows += list(csv.DictReader(stream))
+    return rows
+
+
+def update_docs(folder: Path) -> None:
+    """Write the results of a folder to docs/benchmarks/reality.csv, and draw docs/benchmarks/reality.png.
+
+    Raises:
+        ValueError: The folder has no results.
+    """
+    if not (rows := read_rows(folder)):
+        raise ValueError(f"{folder} has no results: run `python -m reality` without --update-docs first")
+    rounded = [{name: _shortened(value) for name, value in row.items()} for row in rows]
+    write_csv(BENCHMARKS / "reality.csv", [rounded[0], *(row.values() for row in rounded)])
+    _draw(rows, BENCHMARKS / "reality.png")
+
+
+def _shortened(text: str) -> str:
+    """Number with six significant digits; other texts are unchanged."""
+    try:
+        return f"{float(text):.6g}"
+    except ValueError:
+        return text
+
+
+def _of(rows: Sequence[Row], name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Column of numbers."""
+    return np.array([float(row[name]) for row in rows])
+
+
+def _draw(rows: Sequence[Row], path: Path) -> None:
+    """Draw median errors of held-out tosses with intervals, and their growth with the time since the first contact."""
+    figure = require("matplotlib.figure", "to draw results").Figure(figsize=(10.5, 3.8), dpi=130, layout="constrained")
+    panels = figure.subplots(1, 3)
+    engines = list(dict.fromkeys(row["engine"] for row in rows))
+    places = np.arange(len(engines))[::-1]
+    colours = {name: f"C{k}" for k, name in enumerate(engines)}
+    for panel, statistic in zip(panels[:2], ("mean", "median"), strict=True):
+        for nuisances, shift, marker in (("none", 0.12, "o"), ("fitted", -0.12, "s")):
+            for engine, place in zip(engines, places, strict=True):
+                own = [row for row in held_out(rows, nuisances) if row["engine"] == engine]
+                if own:
+                    value, low, high = (_of(own, name)[0] for name in (statistic, f"{statistic}_low", f"{statistic}_high"))
+                    panel.hlines(place + shift, low, high, color=colours[engine])
+                    panel.plot(value, place + shift, marker, color=colours[engine])
+        panel.set_yticks(places, engines if panel is panels[0] else [""] * len(engines))
+        panel.set_xlabel(f"{statistic} error, 95 %")
+        panel.set_xlim(left=0.0)
+    for engine in engines:
+        own = [row for row in rows if row["engine"] == engine and row["half"] == "held out" and row["nuisances"] == "fitted"]
+        own = [row for row in own if row["horizon_s"]]
+        panels[2].semilogy(_of(own, "horizon_s"), _of(own, "median"), color=colours[engine], label=engine)
+    panels[2].set_xlabel("time since the first contact, s")
+    panels[2].set_ylabel("median error then")
+    panels[2].legend(fontsize=7, frameon=False)
+    for panel in panels:
+        panel.grid(visible=True, color="#dddddd")
+        panel.set_axisbelow(True)
+    figure.suptitle("Held-out tosses. Circles: published protocol; squares and right: nuisances fitted", fontsize=10)
+    write_figure(path, figure)
+
+
+def held_out(rows: Sequence[Row], nuisances: str, timestep: float = PUBLISHED_STEP) -> list[Row]:
+    """Rows of the held-out tosses over their whole length, at a time step in s."""
+    return [
+        row
+        for row in rows
+        if row["half"] == "held out"
+        and not row["horizon_s"]
+        and row["nuisances"] == nuisances
+        and abs(float(row["timestep_s"]) - timestep) < 1e-6
+    ]

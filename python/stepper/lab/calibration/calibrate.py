@@ -1,0 +1,271 @@
+"""Smallest set of parameters that must be measured (`stepper.lab.calibrate`), with a certificate.
+
+A policy or controller was made in the simulator. It transfers if its outcome on the real system is that in the simulator, to within a
+margin. `calibrate` finds which parameters of the simulator must be measured for that, how accurately, and which may keep nominal values.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepper.lab.calibration.certificate import Certificate, confidence_of, worlds_for
+from stepper.lab.calibration.report import document_of
+from stepper.lab.calibration.search import UNMEASURED, Array, Search, Space, Trial
+from stepper.lab.progress import ProgressCallback
+from stepper.lab.study.batches import run_points
+from stepper.lab.study.document import Document
+from stepper.lab.study.journal import Journal, Row
+from stepper.lab.study.parameters import check_value_conflicts
+from stepper.lab.study.points import USUAL, Point
+from stepper.lab.study.ranking import Ranking, rank
+from stepper.lab.study.report import study_of
+from stepper.lab.study.results import Results
+from stepper.lab.study.study import Study
+from stepper.lab.study.sweep import measured
+from stepper.lab.study.table import Table
+from stepper.shared.arguments import check_number, check_whole
+from stepper.shared.files import write_text
+
+_SEARCH, _CERTIFICATE, _MINIMALITY = 4, 5, 6
+"""Second of the numbers that seed the worlds of the search, of certificates, and of the proof of minimality."""
+_COMPARISONS = 8
+"""Usual number of comparisons of sets per parameter, for the progress display."""
+
+
+@dataclass(frozen=True)
+class MeasuredParameter:
+    """Parameter that must be measured.
+
+    Attributes:
+        name: Name of the parameter.
+        tolerance: Largest error of the measurement, in the unit of the parameter.
+        weaker: Results of weaker alternatives by name, in worlds that were not used before. With "left out", the parameter is nominal. With
+            "x2", "x4", ... the tolerance is wider; the last of them surely fails, or exceeds half the range.
+    """
+
+    name: str
+    tolerance: float
+    weaker: Mapping[str, Trial]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Result of `calibrate`.
+
+    Attributes:
+        study: The study.
+        setting: Name of the settings.
+        margin: Largest difference of the outcome, as a fraction of successes or in the unit of the outcome.
+        parameters: Parameters that must be measured, the one with the largest total Sobol index first.
+        unmeasured: Names of the parameters that may keep their nominal values.
+        certificates: Certificate of each try; the last one is that of the result.
+        nominal: Result without any measurement, on the worlds of the last certificate.
+        ranking: Ranking of the parameters by Sobol indices.
+        table: Table of all episodes.
+        document: The report.
+        files: Files that were written.
+    """
+
+    study: Study
+    setting: str
+    margin: float
+    parameters: tuple[MeasuredParameter, ...]
+    unmeasured: tuple[str, ...]
+    certificates: tuple[Certificate, ...]
+    nominal: Trial
+    ranking: Ranking
+    table: Table
+    document: Document
+    files: tuple[Path, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the certificate of the last try holds."""
+        return self.certificates[-1].holds
+
+    def __str__(self) -> str:
+        return self.document.markdown()
+
+
+class Comparison:
+    """Difference of the outcome between worlds and their models, from episodes with the same starts and random numbers.
+
+    With a condition of success, the difference is that of the fractions of successes. Without one, it is the mean over the episodes of the
+    absolute difference of the outcome, in which errors of different signs do not cancel.
+
+    Args:
+        study: The study.
+        names: Names of the parameters.
+        setting: Name of the settings.
+        journal: Journal of the study.
+        progress: Function that is called with the number of finished comparisons.
+    """
+
+    def __init__(self, study: Study, names: Sequence[str], setting: str, journal: Journal, progress: Callable[[int], None]):
+        self._study, self._names, self._setting, self._journal, self._progress = study, names, setting, journal, progress
+        self.rows: dict[str, Row] = {}
+        self._count = 0
+
+    def __call__(self, worlds: Array, models: Array) -> Array:
+        """Difference of the outcome for each world (n, parameters) and its model, (n,)."""
+        points = [Point(self._values(row), self._setting) for row in np.concatenate([worlds, models])]
+        rows = run_points(self._study, points, self._journal)
+        self.rows |= {row["key"]: row for row in rows}
+        self._count += 1
+        self._progress(self._count)
+        if self._study.success_outcome is not None:
+            outcome = np.array([row["success"] for row in rows], float)
+        else:
+            outcome = np.array([row["outcomes"][measured(self._study)] for row in rows], float)
+        world, model = outcome.reshape(2, len(worlds), self._study.episodes)
+        if self._study.success_outcome is not None:
+            return np.asarray(np.abs(world.mean(axis=1) - model.mean(axis=1)))
+        return np.asarray(np.abs(world - model).mean(axis=1))
+
+    def _values(self, row: Array) -> dict[str, float]:
+        """Values of the parameters by name; a NaN keeps the model's number."""
+        return {name: float(value) for name, value in zip(self._names, row, strict=True) if not math.isnan(value)}
+
+
+def calibrate(
+    study: Study | str | os.PathLike[str],
+    out: str | os.PathLike[str] = "out",
+    *,
+    margin: float,
+    samples: int = 64,
+    worlds: int = 208,
+    tries: int = 3,
+    parameters: Sequence[str] | None = None,
+    setting: str = USUAL,
+    progress: ProgressCallback | None = None,
+) -> Calibration:
+    """Finds the smallest set of parameters that must be measured, so that the outcome is that of the true world to within a margin.
+
+    A world is a set of parameter values, drawn uniformly and independently from the ranges. Its model has the measured parameters with an
+    error as large as the tolerance, of either sign, and nominal values of the others. Both run the same episodes. The certificate is: in
+    at least 95 % of plausible worlds the difference of the outcome is at most the margin, with 95 % confidence. Finished episodes are kept
+    on disk and not repeated.
+
+    Args:
+        study: A study, or its file.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
+        margin: Largest difference of the fraction of successes, or of the outcome in its unit if the study has no condition of success.
+        samples: Number of base samples of the ranking, a power of 2.
+        worlds: Number of worlds of each certificate, of the search, and of the proof of minimality.
+        tries: Largest number of certificates that are tried. The probability of an error is divided among them.
+        parameters: Names, or selectors with a range; None selects all parameters with low and high.
+        setting: Name of the settings.
+        progress: Progress callback with a text and the fraction done.
+
+    Returns:
+        The result. OUT/NAME has calibrate.html, calibrate.md, calibrate.png, calibrate.json, calibrate_table.csv, calibrate_table.npz, and
+        the files of `rank`.
+
+    Raises:
+        ValueError: As in `rank`; or the margin is not above 0; or there are too few worlds for a certificate; or no tolerance passes.
+        MissingPackageError: SciPy is not installed.
+    """
+    study = study_of(study)
+    check_number("margin", margin, above=0.0)
+    check_whole("tries", tries, least=1)
+    check_whole("worlds", worlds, least=1)
+    if worlds < (least := worlds_for(0, tries)):
+        raise ValueError(
+            f"worlds is {worlds}, must be at least {least} for a certificate with {tries} tries: give more worlds or fewer tries"
+        )
+    ranking = rank(study, out, samples=samples, parameters=parameters, setting=setting, progress=progress)
+    study, names = ranking.study, [entry.parameter for entry in ranking.ranks]
+    check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
+    space = _space(study, names)
+    importance = np.array([entry.total for entry in ranking.ranks])
+    with Results(study, out) as results:
+        at = progress or (lambda *_: None)
+        expected = _COMPARISONS * len(names)
+        comparison = Comparison(study, names, setting, results.journal, lambda n: at(f"calibrate {study.name}", min(0.99, n / expected)))
+        rng = np.random.default_rng([study.seed, _SEARCH])
+        search = Search(comparison, space, margin, importance, count=worlds, rng=rng)
+        chosen, tolerances, certificates = _certified(search, study.seed, worlds, tries)
+        last = certificates[-1].trial
+        fresh = space.draw(np.random.default_rng([study.seed, _CERTIFICATE, len(certificates)]), worlds)
+        nominal = last if not chosen else search.trial(np.full(len(names), UNMEASURED), *fresh)
+        proof = space.draw(np.random.default_rng([study.seed, _MINIMALITY]), worlds)
+        widths = space.high - space.low
+        required = tuple(
+            MeasuredParameter(names[k], float(tolerances[k] * widths[k]), search.weaker(tolerances, k, *proof)) for k in chosen
+        )
+        left = tuple(name for k, name in enumerate(names) if k not in chosen)
+        found = Calibration(
+            study, setting, margin, required, left, tuple(certificates), nominal, ranking, Table(list(comparison.rows.values())),
+            Document(f"Calibration of {study.name}"), (),
+        )  # fmt: skip
+        document, pictures = document_of(found, results.folder)
+        files = [*found.table.save(results.folder, "calibrate_table"), *document.save(results.folder, "calibrate"), *pictures]
+        files.append(write_text(results.folder / "calibrate.json", json.dumps(summary(found), indent=2) + "\n"))
+        if progress:
+            progress(f"calibrate {study.name}", 1.0)
+    return replace(found, document=document, files=(*ranking.files, *files))
+
+
+def _space(study: Study, names: Sequence[str]) -> Space:
+    """Plausible worlds of a study. Parameters without a nominal value have NaN, which keeps the model's number."""
+    ends = np.array([[study.parameters[name].low, study.parameters[name].high] for name in names], float)
+    unchanged = [study.parameters[name].unchanged for name in names]
+    return Space(ends[:, 0], ends[:, 1], np.array([np.nan if value is None else float(value) for value in unchanged]))
+
+
+def _certified(search: Search, seed: int, worlds: int, tries: int) -> tuple[list[int], Array, list[Certificate]]:
+    """Set, tolerances and certificates of all tries, of which the last one holds unless all fail.
+
+    Args:
+        search: The search.
+        seed: Seed of the study.
+        worlds: Number of worlds of each certificate.
+        tries: Largest number of tries.
+    """
+    certificates: list[Certificate] = []
+    for number in range(1, tries + 1):
+        chosen = search.smallest()
+        tolerances = search.widest(chosen)
+        drawn = search.space.draw(np.random.default_rng([seed, _CERTIFICATE, number]), worlds)
+        certificates.append(Certificate(search.trial(tolerances, *drawn), confidence_of(tries), number, tries))
+        if certificates[-1].holds:
+            break
+        # The next set must pass in these worlds too. Its certificate is tried on other worlds.
+        search.add(*drawn)
+    return chosen, tolerances, certificates
+
+
+def summary(found: Calibration) -> dict[str, Any]:
+    """Result of a calibration as JSON types."""
+    last = found.certificates[-1]
+    return {
+        "study": found.study.name,
+        "seed": found.study.seed,
+        "setting": found.setting,
+        "outcome": measured(found.study),
+        "margin": found.margin,
+        "holds": found.holds,
+        "measure": {
+            own.name: {
+                "tolerance": own.tolerance,
+                "violations_if": {change: trial.violations for change, trial in own.weaker.items()},
+                "surely_fails_if": [change for change, trial in own.weaker.items() if trial.fails_surely],
+            }
+            for own in found.parameters
+        },
+        "keep_nominal": list(found.unmeasured),
+        "worlds": last.trial.worlds,
+        "violations": [certificate.trial.violations for certificate in found.certificates],
+        "confidence_per_try": last.confidence,
+        "violating_share_at_most": last.bound,
+        "quantile": last.trial.quantile(last.confidence),
+        "violations_without_measurement": found.nominal.violations,
+    }

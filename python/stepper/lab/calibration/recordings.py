@@ -1,0 +1,239 @@
+"""Calibration on recordings of a real system: the smallest set of parameters whose fit predicts as well as a fit of all.
+
+Each episode of the study is a recording, and the outcome is the error of its prediction. Sets are chosen on the first recordings and
+checked on the others.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from stepper.lab.calibration.fit import Fit, bootstrap, fit
+from stepper.lab.calibration.search import Array, smallest_set
+from stepper.lab.progress import ProgressCallback
+from stepper.lab.study.batches import run_points
+from stepper.lab.study.document import Document, Section, counted
+from stepper.lab.study.intervals import least_share
+from stepper.lab.study.journal import Journal
+from stepper.lab.study.parameters import check_value_conflicts, selected
+from stepper.lab.study.points import USUAL, point_at
+from stepper.lab.study.report import study_of
+from stepper.lab.study.results import Results
+from stepper.lab.study.study import Study
+from stepper.lab.study.sweep import measured
+from stepper.shared.arguments import check_number, check_whole
+
+
+@dataclass(frozen=True)
+class FittedSet:
+    """Set of parameters that were fitted together; all others are nominal.
+
+    Attributes:
+        names: Names of the fitted parameters.
+        fit: Fitted values, in the order of `names`; None for the empty set.
+        errors: Error of each recording, (recordings,), in the unit of the outcome: fitted ones first, then those held out.
+    """
+
+    names: tuple[str, ...]
+    fit: Fit | None
+    errors: Array
+
+
+@dataclass(frozen=True)
+class RecordedCalibration:
+    """Result of `calibrate_on_recordings`.
+
+    Attributes:
+        study: The study.
+        fitted: Number of recordings that were fitted.
+        margin: Largest increase of the error, in the unit of the outcome.
+        every: Fit of all parameters.
+        chosen: Fit of the smallest set.
+        others: Fits of further sets that were tried.
+        document: The report.
+        files: Files that were written.
+    """
+
+    study: Study
+    fitted: int
+    margin: float
+    every: FittedSet
+    chosen: FittedSet
+    others: tuple[FittedSet, ...]
+    document: Document
+    files: tuple[Path, ...]
+
+    @property
+    def violations(self) -> int:
+        """Number of held-out recordings whose error with the smallest set exceeds that with all parameters by more than the margin."""
+        return violations(self.chosen, self.every, self.fitted, self.margin)
+
+    @property
+    def share(self) -> float:
+        """Fraction of such recordings for which the margin holds, with 95 % confidence: 0.05^(1/n) for n held out without a violation."""
+        held_out = len(self.every.errors) - self.fitted
+        return least_share(held_out - self.violations, held_out)
+
+
+def violations(own: FittedSet, every: FittedSet, fitted: int, margin: float) -> int:
+    """Number of held-out recordings whose error exceeds that of the fit of all parameters by more than the margin."""
+    return int((own.errors[fitted:] - every.errors[fitted:] > margin).sum())
+
+
+class _Fitter:
+    """Fits of sets of parameters to the first recordings.
+
+    Args:
+        study: The study, with all recordings as episodes.
+        fitted: Number of recordings that are fitted.
+        names: Names of all parameters.
+        setting: Name of the settings.
+        journal: Journal of the study.
+        samples: Number of samples per round of a fit.
+        rounds: Number of rounds of a fit.
+    """
+
+    def __init__(self, study: Study, fitted: int, names: Sequence[str], *, setting: str, journal: Journal, samples: int, rounds: int):
+        self._study, self._fitted, self._names, self._setting, self._journal = study, fitted, list(names), setting, journal
+        self._samples, self._rounds = samples, rounds
+        self.sets: dict[frozenset[str], FittedSet] = {}
+
+    def __call__(self, names: Sequence[str]) -> FittedSet:
+        """Fit of a set. The held-out recordings are not run."""
+        own = tuple(name for name in self._names if name in names)
+        if (key := frozenset(own)) not in self.sets:
+            ends = np.array([[self._study.parameters[name].low, self._study.parameters[name].high] for name in own], float)
+            found = None
+            if own:
+                found = fit(
+                    lambda samples: self._errors(own, samples, self._fitted).mean(axis=1), *ends.T, samples=self._samples,
+                    elite=max(4, self._samples // 3), rounds=self._rounds, seed=self._study.seed,
+                )  # fmt: skip
+            values = np.zeros((1, 0)) if found is None else found.values[None]
+            self.sets[key] = FittedSet(own, found, self._errors(own, values, self._fitted)[0])
+        return self.sets[key]
+
+    def whole(self, own: FittedSet) -> FittedSet:
+        """The set with the errors of all recordings, those held out among them."""
+        values = np.zeros((1, 0)) if own.fit is None else own.fit.values[None]
+        return replace(own, errors=self._errors(own.names, values, self._study.episodes)[0])
+
+    def _errors(self, names: Sequence[str], samples: Array, count: int) -> Array:
+        """Errors of the first recordings, (samples, count); infinite if the episode diverged."""
+        study = replace(self._study, episodes=count)
+        points = [point_at(study, dict(zip(names, row.tolist(), strict=True)), self._setting) for row in samples]
+        rows = run_points(study, points, self._journal)
+        found = np.array([row["outcomes"][measured(study)] for row in rows], float).reshape(len(points), count)
+        return np.where(np.isfinite(found), found, np.inf)
+
+
+def calibrate_on_recordings(
+    study: Study | str | os.PathLike[str],
+    out: str | os.PathLike[str] = "out",
+    *,
+    fitted: int,
+    margin: float,
+    parameters: Sequence[str] | None = None,
+    setting: str = USUAL,
+    samples: int = 16,
+    rounds: int = 5,
+    progress: ProgressCallback | None = None,
+) -> RecordedCalibration:
+    """Finds the smallest set of parameters whose fit predicts recordings as well as a fit of all parameters, to within a margin.
+
+    A set passes if its mean error of the fitted recordings exceeds that of the fit of all parameters by at most the margin. The other
+    recordings are run once, at the end. With n of them, all within the margin, the claim is: the margin holds for at least a fraction
+    0.05^(1/n) of such recordings, with 95 % confidence.
+
+    Args:
+        study: A study whose episodes are recordings and whose main outcome is the error of a prediction, or its file.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
+        fitted: Number of recordings that are fitted, the first episodes of the study.
+        margin: Largest increase of the error, in the unit of the outcome.
+        parameters: Names, or selectors with a range; None selects all parameters with low and high.
+        setting: Name of the settings.
+        samples: Number of samples per round of a fit.
+        rounds: Number of rounds of a fit.
+        progress: Progress callback with a text and the fraction done.
+
+    Returns:
+        The result. OUT/NAME has recordings.html and recordings.md.
+
+    Raises:
+        ValueError: The study has no outcome or parameter with a range, or no recording is left to check, or the margin is not above 0.
+    """
+    study = study_of(study)
+    check_number("margin", margin, above=0.0)
+    check_whole("fitted", fitted, least=1)
+    if fitted >= study.episodes:
+        raise ValueError(f"fitted is {fitted}, must be below the study's episodes, {study.episodes}, so that recordings are left to check")
+    if not study.all_outcomes:
+        raise ValueError("the study has no outcome: give it the error of a prediction")
+    if parameters is not None:
+        added = selected(study.parameters, parameters, study.loaded[0])
+        study, parameters = replace(study, parameters={**study.parameters, **added}), list(added)
+    names = [name for name, own in study.parameters.items() if own.low is not None and (parameters is None or name in parameters)]
+    if not names:
+        raise ValueError(f"{study.name} has no parameter with low and high: give it the parameters to fit")
+    check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
+    with Results(study, out) as results:
+        fitter = _Fitter(study, fitted, names, setting=setting, journal=results.journal, samples=samples, rounds=rounds)
+        every = fitter(names)
+
+        def excess(chosen: set[int]) -> float:
+            value = float(np.mean(fitter([names[k] for k in chosen]).errors - every.errors))
+            if progress:
+                progress(f"calibrate {study.name}", min(0.99, len(fitter.sets) / (2.0 * len(names) + 2.0)))
+            return value
+
+        importance = np.array([excess(set(range(len(names))) - {k}) for k in range(len(names))])
+        best = smallest_set(lambda chosen: excess(chosen) <= margin, importance)
+        whole = {key: fitter.whole(own) for key, own in fitter.sets.items()}
+        chosen = whole.pop(frozenset(names[k] for k in best))
+        everything = whole.pop(frozenset(names), chosen)
+        others = tuple(sorted(whole.values(), key=lambda own: (-len(own.names), own.names)))
+        found = RecordedCalibration(study, fitted, margin, everything, chosen, others, Document(""), ())
+        document = Document(f"Calibration of {study.name} on recordings", [_answer(found), _sets(found)])
+        files = tuple(document.save(results.folder, "recordings"))
+    return replace(found, document=document, files=files)
+
+
+def _answer(found: RecordedCalibration) -> Section:
+    """Section with the smallest set, its fitted values and the claim."""
+    held_out, unit = len(found.every.errors) - found.fitted, found.study.all_outcomes[0].unit
+    words = [
+        f"To fit: {', '.join(found.chosen.names) or 'nothing'}. The other parameters may keep nominal values.",
+        f"Chosen on {counted(found.fitted, 'recording')}, checked on {held_out} others, by {measured(found.study)}. Margin: "
+        f"{found.margin:g} {unit} above the error with all parameters fitted.",
+        f"{found.violations} of {held_out} held-out recordings exceed the margin. So it holds for at least {found.share:.1%} of such "
+        "recordings, with 95 % confidence. Nothing is claimed about recordings of another kind.",
+    ]
+    rows = []
+    for label, own in (("smallest set", found.chosen), ("all parameters", found.every)):
+        for k, name in enumerate(own.names):
+            assert own.fit is not None
+            parameter = found.study.parameters[name]
+            rows.append([label, name, float(own.fit.values[k]), float(own.fit.spread[k]), parameter.unit, parameter.source])
+    return Section("Answer", words, ("fit", "parameter", "value", "spread", "unit", "source of the range"), rows)
+
+
+def _sets(found: RecordedCalibration) -> Section:
+    """Section with the errors of all sets that were tried."""
+    rows = []
+    for own in (found.every, found.chosen, *found.others):
+        held_out = own.errors[found.fitted :]
+        interval = "{:.4g} to {:.4g}".format(*bootstrap(held_out)) if np.isfinite(held_out).all() else "-"
+        rows.append([
+            ", ".join(own.names) or "nothing",
+            float(own.errors[: found.fitted].mean()),
+            float(held_out.mean()),
+            interval,
+            f"{violations(own, found.every, found.fitted, found.margin)} of {len(held_out)}",
+        ])  # fmt: skip
+    head = ("fitted", "mean error, fitted recordings", "mean error, held out", "95 %, bootstrap", "held out above the margin")
+    return Section("Sets that were tried", ["The first row has all parameters, the second the smallest set."], head, rows)

@@ -1,0 +1,235 @@
+"""Search for the smallest set of parameters that must be measured, and for the widest tolerances.
+
+A world is a vector of true parameter values. Its model has the measured values of the parameters in the set, and the nominal values of all
+others. A set passes if the outcome of the model differs from that of the world by more than the margin in at most `ALLOWED` of the worlds.
+
+1. A parameter is necessary if the set of all others, measured exactly, fails.
+2. The smallest set is the first that passes among the necessary parameters with k of the others, k = 0, 1, ..., in the order of their
+   total Sobol indices. This is the minimum if a measurement of one more parameter never makes a model worse.
+3. Tolerances are halved together until the set passes, and then doubled one at a time, the least influential parameter first.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.lab.study.intervals import greatest_share, least_share
+
+Array = NDArray[np.float64]
+Difference = Callable[[Array, Array], Array]
+"""Function of true and of modelled parameter values, (n, parameters) each, that returns the difference of the outcomes, (n,)."""
+
+SHARE = 0.95
+"""Fraction of plausible worlds for which a certificate holds."""
+ALLOWED = 0.01
+"""Fraction of the worlds of the search in which a set that passes may exceed the margin. It is well below 1 - `SHARE`, because the upper
+bound of a certificate, not its estimate, must be below that."""
+_FIRST_BLOCK = 24
+"""Number of worlds that are run first, because most sets that fail do so in many worlds."""
+_MAX_SETS = 256
+"""Number of sets of one search after which sets are reduced one parameter at a time instead."""
+_FINEST = 2.0**-10
+"""Finest tolerance of the search, as a fraction of a parameter's range."""
+UNMEASURED = np.inf
+"""Tolerance that stands for a parameter that is not measured."""
+
+
+@dataclass(frozen=True)
+class Space:
+    """Plausible worlds: independent uniform parameters.
+
+    Attributes:
+        low, high: Ends of the ranges, (parameters,).
+        nominal: Values of parameters that are not measured, (parameters,).
+    """
+
+    low: Array
+    high: Array
+    nominal: Array
+
+    def draw(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+        """Draws worlds, (count, parameters), and the signs of their measurement errors, -1 or 1, of the same shape."""
+        shape = (count, len(self.low))
+        return rng.uniform(self.low, self.high, shape), rng.choice([-1.0, 1.0], shape)
+
+    def model(self, worlds: Array, signs: Array, tolerances: Array) -> Array:
+        """Parameters of the models of worlds, (n, parameters).
+
+        Each error is as large as the tolerance. Its sign changes if the measured value would be outside the range.
+
+        Args:
+            worlds: True values, (n, parameters).
+            signs: Signs of the errors, (n, parameters).
+            tolerances: Largest error of each measurement as a fraction of the range, (parameters,); `UNMEASURED` for nominal values.
+        """
+        unmeasured = np.isinf(tolerances)
+        error = signs * np.where(unmeasured, 0.0, tolerances) * (self.high - self.low)
+        outside = (worlds + error < self.low) | (worlds + error > self.high)
+        measured = np.clip(worlds + np.where(outside, -error, error), self.low, self.high)
+        return np.where(unmeasured, self.nominal, measured)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Result of tolerances on worlds.
+
+    Attributes:
+        tolerances: Tolerance of each parameter as a fraction of its range, (parameters,).
+        violations: Number of worlds whose difference exceeds the margin.
+        worlds: Number of worlds.
+        differences: Difference of the outcome in each world, (worlds,).
+    """
+
+    tolerances: Array
+    violations: int
+    worlds: int
+    differences: Array = field(repr=False)
+
+    @property
+    def fails_surely(self) -> bool:
+        """Whether more than 1 - `SHARE` of all worlds exceed the margin, with 95 % confidence."""
+        return least_share(self.violations, self.worlds) > 1.0 - SHARE
+
+    def quantile(self, confidence: float) -> float:
+        """Difference that at least `SHARE` of all worlds do not exceed, with this confidence; infinite with too few worlds."""
+        ordered = np.sort(self.differences)
+        for rank in range(len(ordered)):
+            if greatest_share(len(ordered) - rank - 1, len(ordered), confidence) <= 1.0 - SHARE:
+                return float(ordered[rank])
+        return float("inf")
+
+
+class Search:
+    """Search on a growing sample of worlds.
+
+    Args:
+        difference: Difference of the outcomes of worlds and models. NaN counts as a difference above every margin.
+        space: Plausible worlds.
+        margin: Largest difference that is allowed, in the unit of the outcome.
+        importance: Total Sobol index of each parameter, (parameters,).
+        count: Number of worlds.
+        rng: Random number generator of the worlds.
+    """
+
+    def __init__(self, difference: Difference, space: Space, margin: float, importance: Array, *, count: int, rng: np.random.Generator):
+        self._difference, self.space, self.margin, self._importance = difference, space, margin, importance
+        self.worlds, self.signs = space.draw(rng, count)
+        self.sets = 0
+
+    @property
+    def allowed(self) -> int:
+        """Number of worlds that may exceed the margin."""
+        return int(ALLOWED * len(self.worlds))
+
+    def add(self, worlds: Array, signs: Array) -> None:
+        """Adds worlds in which a certificate failed, (n, parameters), with the signs of their errors."""
+        self.worlds, self.signs = np.concatenate([worlds, self.worlds]), np.concatenate([signs, self.signs])
+
+    def trial(self, tolerances: Array, worlds: Array, signs: Array) -> Trial:
+        """Result of tolerances on given worlds, all of which are run."""
+        found = np.asarray(self._difference(worlds, self.space.model(worlds, signs, tolerances)), float)
+        found = np.where(np.isnan(found), np.inf, found)
+        # Differences of means of the same numbers may be rounded differently.
+        return Trial(tolerances, int((found > self.margin * (1.0 + 1e-9)).sum()), len(found), found)
+
+    def passes(self, tolerances: Array) -> bool:
+        """Whether tolerances pass on the worlds of the search."""
+        self.sets += 1
+        left = self.allowed
+        for part in (slice(_FIRST_BLOCK), slice(_FIRST_BLOCK, None)):
+            if len(self.worlds[part]):
+                left -= self.trial(tolerances, self.worlds[part], self.signs[part]).violations
+            if left < 0:
+                return False
+        return True
+
+    def smallest(self) -> list[int]:
+        """Smallest set that passes with exact measurements, as indices of parameters in descending order of importance."""
+        return smallest_set(lambda chosen: self.passes(self._exact(chosen)), self._importance)
+
+    def widest(self, chosen: Sequence[int]) -> Array:
+        """Widest tolerances of a set that passes, (parameters,), as fractions of the ranges: powers of 2 up to 1/2.
+
+        Args:
+            chosen: Indices of the parameters, in descending order of importance.
+
+        Raises:
+            ValueError: The finest tolerance, 1/1024 of each range, fails.
+        """
+        tolerances = self._exact(set(chosen))
+        if not chosen:
+            return tolerances
+        measured, size = np.isfinite(tolerances), 0.5
+        while not self.passes(np.where(measured, size, tolerances)):
+            size /= 2.0
+            if size < _FINEST:
+                raise ValueError(
+                    f"the outcome exceeds the margin, {self.margin:g}, even if parameters are measured to 1/1024 of their ranges, because "
+                    "it jumps or is chaotic: choose a larger margin, more episodes, or an outcome that averages over more motion"
+                )
+        tolerances[measured] = size
+        for k in reversed(chosen):
+            while tolerances[k] < 0.5:
+                wider = tolerances.copy()
+                wider[k] *= 2.0
+                if not self.passes(wider):
+                    break
+                tolerances = wider
+        return tolerances
+
+    def weaker(self, tolerances: Array, k: int, worlds: Array, signs: Array) -> dict[str, Trial]:
+        """Results of weaker alternatives on given worlds, by name: one parameter left out, or its tolerance multiplied by 2, 4, ...
+
+        The last alternative is the first that surely fails, or has a tolerance above half the range.
+
+        Args:
+            tolerances: Tolerances that pass, (parameters,).
+            k: Index of the parameter.
+            worlds: True values, (n, parameters).
+            signs: Signs of the errors, (n, parameters).
+        """
+        other = tolerances.copy()
+        other[k] = UNMEASURED
+        found, factor = {"left out": self.trial(other, worlds, signs)}, 2
+        while factor == 2 or (factor * tolerances[k] <= 0.5 and not list(found.values())[-1].fails_surely):
+            other[k] = factor * tolerances[k]
+            found[f"x{factor}"] = self.trial(other, worlds, signs)
+            factor *= 2
+        return found
+
+    def _exact(self, chosen: set[int]) -> Array:
+        """Tolerances of a set that is measured exactly."""
+        return np.array([0.0 if k in chosen else UNMEASURED for k in range(len(self._importance))])
+
+
+def smallest_set(passes: Callable[[set[int]], bool], importance: Array) -> list[int]:
+    """Smallest set of parameters that passes, as indices in descending order of importance. The set of all parameters must pass.
+
+    Args:
+        passes: Function that tells whether a set passes.
+        importance: Importance of each parameter, (parameters,), in whose order sets of equal size are tried.
+    """
+    n, order = len(importance), [int(k) for k in np.argsort(-importance, kind="stable")]
+    needed = {k for k in range(n) if not passes(set(range(n)) - {k})}
+    others = [k for k in order if k not in needed]
+    for number, more in enumerate(_subsets(others)):
+        if len(more) == len(others) or passes(needed | set(more)):
+            return [k for k in order if k in needed | set(more)]
+        if number == _MAX_SETS:
+            break
+    chosen = set(order)
+    for k in reversed(others):
+        if passes(chosen - {k}):
+            chosen -= {k}
+    return [k for k in order if k in chosen]
+
+
+def _subsets(members: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """Subsets, the smallest first, and among those of equal size the ones with the first members first."""
+    for size in range(len(members) + 1):
+        yield from itertools.combinations(members, size)

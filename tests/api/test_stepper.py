@@ -243,10 +243,10 @@ def test_quaternions_are_normalised():
 
 
 BAD = [
-    ("timestep", 0.0), ("timestep", -1e-3), ("timestep", float("nan")), ("error", 0.0), ("error", float("inf")), ("integrator", "verlet"), ("solver", "lemke"), ("iterations", 0),
-    ("tolerance", 0.0), ("tolerance", float("nan")), ("stabilization", "spring"), ("baumgarte", 1.5), ("baumgarte", -0.1), ("slop", -0.5),
-    ("max_correction_speed", -1.0), ("restitution_threshold", -1.0), ("max_contacts", 0), ("slop", float("nan")),
-    ("baumgarte", float("nan")),
+    ("timestep", 0.0), ("timestep", -1e-3), ("timestep", float("nan")), ("error", 0.0), ("error", float("inf")),
+    ("integrator", "verlet"), ("solver", "lemke"), ("iterations", 0), ("tolerance", 0.0), ("tolerance", float("nan")),
+    ("stabilization", "spring"), ("baumgarte", 1.5), ("baumgarte", -0.1), ("slop", -0.5), ("max_correction_speed", -1.0),
+    ("restitution_threshold", -1.0), ("max_contacts", 0), ("slop", float("nan")), ("baumgarte", float("nan")),
 ]  # fmt: skip
 
 

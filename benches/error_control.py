@@ -19,7 +19,8 @@ def chain(links: int) -> str:
     """MJCF of a chain of light links with a heavy end."""
     body = '<geom type="sphere" size=".03" pos="0 0 -.1" mass="5"/>'
     for _ in range(links):
-        body = f'<body pos="0 0 -.1"><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 0 0 -.1" mass=".02"/>{body}</body>'
+        link = '<joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 0 0 -.1" mass=".02"/>'
+        body = f'<body pos="0 0 -.1">{link}{body}</body>'
     return f'<mujoco><option timestep=".002"/><default><geom contype="0" conaffinity="0"/></default><worldbody>{body}</worldbody></mujoco>'
 
 

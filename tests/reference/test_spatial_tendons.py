@@ -96,6 +96,20 @@ def test_lengths_and_rates_are_mujocos(num_envs):
     assert all(touched[t] for t, path in enumerate(PATHS.values()) if "<geom" in path)
 
 
+def test_bits_do_not_depend_on_neighbours():
+    """A string that touches no obstacle has the same arms alone as beside one that does."""
+    source, rng = all_paths(), np.random.default_rng(2)
+    model, batch = mujoco.MjModel.from_xml_string(source), simulate(source, 8)
+    alone = simulate(source, 1)
+    for _ in range(5):
+        drawn = [random_state(model, rng) for _ in range(8)]
+        batch.set_state(*(np.array(x) for x in zip(*drawn, strict=True)))
+        found = np.array(batch.sensordata_ideal)
+        for env, state in enumerate(drawn):
+            alone.set_state(*(np.array([x]) for x in state))
+            assert np.array_equal(np.ravel(alone.sensordata_ideal), found[env])
+
+
 def test_moment_arms_are_the_derivatives_of_lengths():
     """Central differences with a step of 1e-6 have errors of 1e-10 by rounding and truncation; tangents multiply both by up to 100."""
     source = all_paths()

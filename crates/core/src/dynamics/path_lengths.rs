@@ -1,8 +1,8 @@
 //! Lengths and moment arms of the paths of spatial tendons.
 //!
 //! To the first order, the length of a shortest path does not depend on the tangent points of its arcs. Therefore only the straight parts
-//! contribute to the moment arms. Each straight part pulls at its ends, along its direction. The moment
-//! arms are the generalized forces of these pulls. A string that does not touch an obstacle pulls at it from both sides, without effect.
+//! contribute to the moment arms. Each straight part pulls at its ends, along its direction. The moment arms are the generalized forces of
+//! these pulls.
 
 use stepper_geometry::Obstacle;
 use stepper_real::{Mask, Real};
@@ -59,10 +59,11 @@ impl<R: Real> Kinematics<R> {
             first = select(wrap.touches, before, direct);
             last = select(wrap.touches, after, direct);
             length = R::select(wrap.touches, to + wrap.arc + from, straight);
-            // Where the string does not touch, both pulls at the obstacle have one line of action, and cancel.
+            // A string that does not touch pulls by zero, so that rounding of its arms does not depend on other lanes.
             let points = [select(wrap.touches, wrap.points[0], ends[0]), select(wrap.touches, wrap.points[1], ends[0])];
-            self.pull(compiled, &segment.moved[2], points[0], scale(first, weight), arms);
-            self.pull(compiled, &segment.moved[2], points[1], scale(last, -weight), arms);
+            let pulls = R::select(wrap.touches, weight, R::zero());
+            self.pull(compiled, &segment.moved[2], points[0], scale(first, pulls), arms);
+            self.pull(compiled, &segment.moved[2], points[1], scale(last, -pulls), arms);
         }
         self.pull(compiled, &segment.moved[0], ends[0], scale(first, -weight), arms);
         self.pull(compiled, &segment.moved[1], ends[1], scale(last, weight), arms);

@@ -21,7 +21,8 @@ def chain(links: int) -> str:
     for _ in range(links):
         link = '<joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 0 0 -.1" mass=".02"/>'
         body = f'<body pos="0 0 -.1">{link}{body}</body>'
-    return f'<mujoco><option timestep=".002"/><default><geom contype="0" conaffinity="0"/></default><worldbody>{body}</worldbody></mujoco>'
+    head = '<option timestep=".002"/><default><geom contype="0" conaffinity="0"/></default>'
+    return f"<mujoco>{head}<worldbody>{body}</worldbody></mujoco>"
 
 
 BOXES = """<mujoco><option timestep=".005"/><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 .6"><freejoint/>

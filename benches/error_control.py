@@ -28,8 +28,9 @@ def chain(links: int) -> str:
 BOXES = """<mujoco><option timestep=".005"/><worldbody>
   <geom type="plane" size="5 5 1"/><body pos="0 0 .6"><freejoint/>
   <geom type="box" size=".1 .15 .2" mass="1" friction="0"/></body></worldbody></mujoco>"""
-ARM = """<mujoco><option timestep=".002"/><worldbody><body><joint name="a" axis="0 1 0"/>
-  <geom type="capsule" size=".03" fromto="0 0 0 0 0 .4" mass="2"/><body pos="0 0 .4"><joint name="b" axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 .3" mass=".5"/></body></body>
+ARM = """<mujoco><option timestep=".002"/><worldbody>
+  <body><joint name="a" axis="0 1 0"/><geom type="capsule" size=".03" fromto="0 0 0 0 0 .4" mass="2"/>
+    <body pos="0 0 .4"><joint name="b" axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 .3" mass=".5"/></body></body>
   </worldbody><actuator><position joint="a" kp="400" kv="20"/><position joint="b" kp="400" kv="5"/></actuator></mujoco>"""
 
 

@@ -943,8 +943,8 @@ class Stepper:
     """Number of Newton steps of the solver in the last step: the sum over all islands of bodies, (num_envs,) uint32. `iterations` also
     includes Gauss-Seidel iterations."""
     error_estimate: Final[Any]
-    """Largest estimated error of the positions in a step of the last call of `step`, (num_envs,) float64, m or rad: the sum over the substeps.
-    `RuntimeError` without `Options(error=...)`."""
+    """Largest estimated error of the positions in a step of the last call of `step`, (num_envs,) float64, m or rad: the sum over the
+    substeps. `RuntimeError` without `Options(error=...)`."""
     substeps: Final[Any]
     """Number of substeps in the last call of `step`, (num_envs,) uint32. `RuntimeError` without `Options(error=...)`."""
     max_penetration: Final[Any]

@@ -238,6 +238,8 @@ TRAJECTORIES: dict[str, Trajectory] = {
     "everything-alone": scene(EVERYTHING, num_envs=None, options=RK4),
     "meadow": scene(MEADOW),
     "meadow-tuned": scene(MEADOW, options={"baumgarte": 0.5, "slop": 1e-3, "max_correction_speed": 0.1, "restitution_threshold": 0.2}),
+    "meadow-within-an-error": scene(MEADOW, options={"error": 1e-4}),
+    "meadow-beyond-an-error-f32": scene(MEADOW, options={"error": 1e-9}, precision="f32"),
     "meadow-randomized": scene(MEADOW, num_envs=11, prepare=randomize),
     "meadow-randomized-f32": scene(MEADOW, num_envs=WIDE, prepare=randomize, precision="f32", options=IMPLICIT),
 }

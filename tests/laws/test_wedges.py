@@ -18,6 +18,7 @@ HELD = [146, 196, 300, 313, 411, 485, 543, 641, 659, 667, 702, 801, 818, 839, 86
 
 
 SLIDING = 'friction="{} 0 0"'
+ROTATION_FRICTION = ['condim="4" friction="{} 1e-3 0"', 'condim="6" friction="{} 1e-3 1e-4"']
 
 
 def limb(seed: int, rotation_friction: str = SLIDING) -> tuple[str, np.ndarray]:
@@ -65,7 +66,7 @@ def test_a_limb_whose_contact_holds_itself_is_solved(seed):
     largest_force(seed)
 
 
-@pytest.mark.parametrize("rotation_friction", ['condim="4" friction="{} 1e-3 0"', 'condim="6" friction="{} 1e-3 1e-4"'], ids=["4", "6"])
+@pytest.mark.parametrize("rotation_friction", ROTATION_FRICTION, ids=["4", "6"])
 @pytest.mark.parametrize("seed", HELD)
 def test_a_limb_with_torsional_friction_that_holds_itself_pushes_with_moderate_forces(seed, rotation_friction):
     """Torsional and rolling friction of a millimetre hardly change what holds: the forces have the size of those of sliding friction."""
@@ -73,10 +74,12 @@ def test_a_limb_with_torsional_friction_that_holds_itself_pushes_with_moderate_f
     assert largest_force(seed, rotation_friction) < 20 * largest_force(seed) + 100
 
 
-@given(seed=st.integers(0, 2**32 - 1))
-@example(seed=146)
-def test_random_limbs_that_strike_their_trunk_are_solved(seed):
-    largest_force(seed)
+@given(seed=st.integers(0, 2**32 - 1), rotation_friction=st.sampled_from([SLIDING, *ROTATION_FRICTION]))
+@example(seed=146, rotation_friction=SLIDING)
+@example(seed=146, rotation_friction=ROTATION_FRICTION[1])
+def test_random_limbs_that_strike_their_trunk_are_solved(seed, rotation_friction):
+    """Contacts with three, four and six rows."""
+    largest_force(seed, rotation_friction)
 
 
 def creeping(seed: int) -> tuple[str, np.ndarray]:

@@ -20,7 +20,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stepper import Model
-from stepper.envs import StepperVectorEnv, Task
+from stepper.envs import Group, StepperVectorEnv, Task
 from stepper.envs.locomotion import RoughTask
 from stepper.lab.engines import MujocoFields
 from stepper.loading import compile_source, origin_of
@@ -41,7 +41,9 @@ _DERIVED = {"body_mass", "body_inertia", "body_ipos", "dof_armature"}
 
 def reads_contact_forces(task: Task) -> bool:
     """Whether a task observes `cfrc_ext`."""
-    return any(row.name == "cfrc_ext" for row in task.observations())
+    given = task.observations()
+    groups = given.values() if isinstance(given, Mapping) else [given]
+    return any(row.name == "cfrc_ext" for rows in groups for row in (rows.table() if isinstance(rows, Group) else rows))
 
 
 def mujoco_model(model: Model, *, with_contact_forces: bool) -> Any:
@@ -262,7 +264,8 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
 
     def set_state(self, qpos: Array, qvel: Array, envs: Any = None) -> Array:
         """Set states and return observations. Arguments and results are those of `StepperVectorEnv.set_state`."""
-        return self._envs.set_state(qpos, qvel, envs)
+        observations: Array = self._envs.set_state(qpos, qvel, envs)
+        return observations
 
 
 def register(name: str) -> str:

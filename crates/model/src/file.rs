@@ -386,7 +386,8 @@ mod tests {
     fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
         let mut surfaces = model.hulls.surfaces();
         change(&mut surfaces);
-        sealed(FORMAT_VERSION, &(&model.description, surfaces, model.soft.noslip, Added::of(model), ForceModels::of(model)))
+        let (added, forces, paths) = (Added::of(model), ForceModels::of(model), PathsAndMuscles::of(model));
+        sealed(FORMAT_VERSION, &(&model.description, surfaces, model.soft.noslip, added, forces, paths))
     }
 
     #[test]

@@ -75,8 +75,9 @@ class Status(IntFlag):
     * stabilization="none"
     * contact="mujoco": equalities are soft, and the load is large"""
     INACCURATE = 512
-    """A step exceeded `Options.error` with the shortest substeps. `Stepper.error_estimate` is the estimated error. Causes: an error
-    smaller than the solver's tolerance permits, motion far too fast for the time step, or a controller that oscillates in every substep."""
+    """In a step that keeps an error, the shortest substeps exceeded their share of `Options.error`. `Stepper.error_estimate` is the
+    estimated error. Causes: an error smaller than the solver's tolerance permits, motion far too fast for the time step, or a controller
+    that oscillates in every substep."""
 
     def __str__(self) -> str:
         """Names of the set flags, such as "Status.INFEASIBLE | Status.DEEP". Bits without a name follow as one number."""

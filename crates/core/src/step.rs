@@ -49,7 +49,7 @@ pub fn step<R: Real>(
             }
         });
         if let Some(error) = options.error {
-            // Stages 1 to 8 and 10, once in every substep.
+            // Stages 1 to 8 and 10, once in every substep, except for the actuator pipelines. Stage 9 follows.
             let record = step_within_error(compiled, options, error, s, probe);
             span!(probe, Sense, || sense_state(compiled, options, s, devices));
             return record;

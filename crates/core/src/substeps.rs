@@ -1,12 +1,13 @@
-//! Steps that keep an error: a step is divided into substeps until the estimated error of its positions is within the bound of the user.
+//! Steps that keep an error: a step is divided into substeps until the estimated error of the positions in each is within its share of the
+//! user's bound.
 //!
 //! The estimate is that of step doubling (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.4). An interval
 //! is stepped once as a whole and once in two halves. The distance between both results is the estimate, and the two halves are the result.
 //! If the distance is too large, the first half becomes the next interval. The result of a step over it is known already.
 //!
 //! Every lane has intervals of its own, and what it computes does not depend on other lanes. A pass executes stages 1 to 8 and 10 in all
-//! lanes, each with the substep that it needs next. Lanes that have reached the end of the step wait. Lengths are the step divided by powers
-//! of two; after an accepted interval, the next one is the longest that begins at a multiple of its length.
+//! lanes, each with the substep that it needs next. Lanes that have reached the end of the step wait. Lengths are the step divided by
+//! powers of two; after an accepted interval, the next one is the longest that begins at a multiple of its length.
 //!
 //! Controls, actuator pipelines and sensors act once in a step of the user. Impulses are summed over the substeps.
 
@@ -188,10 +189,11 @@ impl<R: Real> ErrorControl<R> {
     }
 }
 
-/// Makes stages 1 to 8 and 10 of a step of `options.timestep` seconds in substeps, whose estimated error is at most `error`, m or rad.
+/// Makes stages 1 to 8 and 10 of a step of `options.timestep` seconds in substeps. Each may have its share of the error `error`, m or rad,
+/// by its length, but at least [`MIN_ERROR_SHARE`]; the sum of the estimates can therefore exceed the error.
 ///
 /// Afterwards the workspace has the next state and, as after one substep of that length, the state before the step in the buffers of
-/// velocities and positions. Lanes that exceed the error with the shortest substeps have the flag [`Status::INACCURATE`].
+/// velocities and positions. Lanes in which the shortest substeps exceed their share have the flag [`Status::INACCURATE`].
 #[cold]
 #[inline(never)]
 pub(crate) fn step_within_error<R: Real>(
@@ -268,7 +270,7 @@ impl Interval {
                     exceeds(!good);
                     let begin = self.begin + self.length;
                     let phase = if begin == TICKS { Phase::Done } else { Phase::Whole };
-                    // The longest interval that begins at a multiple of its length; at least two substeps.
+                    // The longest interval that begins at a multiple of its length.
                     *self = Self { begin, length: 1 << begin.trailing_zeros(), phase, broken: false };
                     return true;
                 }

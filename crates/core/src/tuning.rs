@@ -329,7 +329,7 @@ pub(crate) const MIN_ERROR_SHARE: f64 = 0.25;
 
 // Redundant supports, whose loads are shared.
 
-/// Smallest number of contacts of a contact group. With three contacts between two bodies, statics does not determine the forces.
+/// Smallest number of contacts whose forces statics does not determine: of a contact group, or of a floating body with groups of two.
 pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
 
 /// Sliding speed above which a loaded contact of a redundant support counts as slipping, m/s; the tolerance of the solve replaces it where
@@ -364,8 +364,8 @@ pub(crate) const STEPS_PER_SHARE: u64 = 8;
 /// Largest number of rounds of load sharing. Each takes one contact to its friction cone.
 pub(crate) const MAX_SHARE_ROUNDS: usize = 4;
 
-/// Largest number of contacts in an environment for which Newton's method computes the first impulses of a contact group (see
-/// `constraints/redundant_supports.rs`).
+/// Largest number of contacts in an environment for which Newton's method computes the first impulses of a contact group, and two contacts
+/// can form a group (see `constraints/redundant_supports.rs`).
 ///
 /// Evidence: in a heap of ten boxes with 45 contacts, Newton's method would take half of the time of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;

@@ -70,8 +70,12 @@ def register(app: Typer, typer: ModuleType) -> None:
         margin: float = typer.Option(
             ..., help="Largest difference between world and model: of the fraction of successes, or of the outcome in its unit."
         ),
-        samples: int = typer.Option(64, min=2, help="Number of base samples of the ranking, a power of 2."),
-        worlds: int = typer.Option(208, min=59, help="Number of worlds of the search, of each certificate, and of the test of minimality."),
+        samples: int = typer.Option(64, min=2, help="Number of base samples of the ranking, a power of 2; not with --recordings."),
+        worlds: int = typer.Option(
+            208,
+            min=59,
+            help="Number of worlds of the search, of each certificate, and of the test of minimality; at least 80 with three tries.",
+        ),
         tries: int = typer.Option(3, min=1, help="Largest number of certificates that are tried; they share the probability of an error."),
         recordings: int | None = typer.Option(
             None, min=1, help="Number of recordings to fit: the first episodes of a study whose episodes are recordings. The others check."

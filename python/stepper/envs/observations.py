@@ -81,7 +81,7 @@ class Observation:
         check_number(f"scale of Observation {self.name!r}", self.scale)
         check_whole(f"history of Observation {self.name!r}", self.history, least=1)
         if len(self.delays) != 2 or not all(isinstance(end, int) for end in self.delays) or not 0 <= self.delays[0] <= self.delays[1]:
-            raise ValueError(f"delay of Observation {self.name!r} is {self.delay!r}, must be one or two whole numbers, in order")
+            raise ValueError(f"delay of Observation {self.name!r} is {self.delay!r}, must be a whole number or a tuple of two, in order")
         if self.clip is not None and np.shape(self.clip)[:1] != (2,):
             one = isinstance(self.clip, int | float)
             size = abs(self.clip) if one else 1.0  # type: ignore[arg-type]

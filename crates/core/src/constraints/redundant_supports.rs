@@ -14,9 +14,9 @@
 //! * If a loaded contact of the cluster slips, the normal impulses are shared. Friction of a slipping contact is recomputed as mu times the
 //!   normal impulse, against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque
 //!   changes, and the solver continues from the shared loads.
-//! * If the cluster sticks, all impulses are shared at the end of about one step in eight, and of every step whose tolerance is smaller
-//!   than the default. This changes no velocity. Without it the residuals of many steps would move load from contact to contact, until some
-//!   contacts reach their cones and the cluster slips.
+//! * If the cluster sticks and moves, all impulses are shared at the end of about one step in eight; with a smaller tolerance than the
+//!   default, of every step. This changes no velocity. Without it the residuals of many steps would move load from contact to contact, until
+//!   some contacts reach their cones and the cluster slips.
 
 use std::ops::Range;
 

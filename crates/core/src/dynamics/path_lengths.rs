@@ -1,8 +1,8 @@
 //! Lengths and moment arms of the paths of spatial tendons.
 //!
 //! To the first order, the length of a shortest path does not depend on the tangent points of its arcs. Therefore only the straight parts
-//! contribute to the moment arms. Each straight part pulls at its ends, along its direction. The moment arms are the generalized forces of
-//! these pulls.
+//! contribute to the moment arms: the derivatives of the length with respect to the coordinates. They are the generalized forces of unit
+//! forces along each straight part, which push its ends apart.
 
 use stepper_geometry::Obstacle;
 use stepper_real::{Mask, Real};

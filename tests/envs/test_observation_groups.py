@@ -173,7 +173,7 @@ def test_errors_name_the_group_the_row_and_the_remedy():
         StepperVectorEnv(type("Wrong", (Slide,), {"observations": lambda self: {"critic": (Observation("qpos"),)}})(), 1)
     with pytest.raises(ValueError, match=r"observations returns a Group, must return groups by name"):
         StepperVectorEnv(only_group(), 1)
-    with pytest.raises(ValueError, match=r"delay of Observation 'qpos' is \(2, 1\), must be one or two whole numbers"):
+    with pytest.raises(ValueError, match=r"delay of Observation 'qpos' is \(2, 1\), must be a whole number or a tuple of two"):
         Observation("qpos", delay=(2, 1))
     with pytest.raises(ValueError, match="history of Observation 'qpos' is 0"):
         Observation("qpos", history=0)

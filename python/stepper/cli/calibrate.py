@@ -74,7 +74,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         worlds: int = typer.Option(
             208,
             min=59,
-            help="Number of worlds of the search, of each certificate, and of the test of minimality; at least 80 with three tries.",
+            help="Number of worlds of the search, of each certificate, and of the test of minimality; 80 or more with three tries.",
         ),
         tries: int = typer.Option(3, min=1, help="Largest number of certificates that are tried; they share the probability of an error."),
         recordings: int | None = typer.Option(

@@ -53,12 +53,12 @@ class Options(Hints):
             joints lie on several branches get an added inertia that grows with h^2 k and h d, which keeps them stable.
         error: Error of the positions that a step may make, m and rad; None makes every step once, whatever its error.
 
-            Otherwise a step is divided into substeps, in each environment on its own. The estimate is that of step doubling: every
-            interval is stepped as a whole and in halves. Each interval may have its share of the error, by its length, but at least a
-            quarter, so that the sum `Stepper.error_estimate` can exceed the error in steps with many impacts. `Stepper.substeps` counts
-            substeps. INACCURATE in `status` means that the shortest ones (1/256 of the time step) exceeded their share. Controls,
-            actuator and sensor models act once in a step. It needs hard contact and "midpoint", "implicit" or "euler"; `linearize` does
-            not take it. docs/how-to/keep_an_error.md says what it costs.
+            Otherwise a step is divided into substeps, which differ between environments. The estimate is that of step doubling: every
+            interval is stepped as a whole and in halves. An interval may have a share of the error in proportion to its length, but at
+            least a quarter. The sum `Stepper.error_estimate` can therefore exceed the error in steps with many impacts.
+            `Stepper.substeps` counts substeps. INACCURATE in `status` means that the shortest ones (1/256 of the time step) exceeded
+            their share. Controls, actuator and sensor models act once in a step. The option needs hard contact and "midpoint",
+            "implicit" or "euler". `linearize` refuses it. docs/how-to/keep_an_error.md has its costs.
         solver: Solver of the constraint problem with hard contact.
 
             * "pgs": projected Gauss-Seidel with Anderson acceleration. Each iteration (sweep) visits all constraints, and solves the

@@ -943,10 +943,10 @@ class Stepper:
     """Number of Newton steps of the solver in the last step: the sum over all islands of bodies, (num_envs,) uint32. `iterations` also
     includes Gauss-Seidel iterations."""
     error_estimate: Final[Any]
-    """Largest estimated error of the positions in a step of the last call of `step`, (num_envs,) float64, m or rad: the sum over the
-    substeps. `RuntimeError` without `Options(error=...)`."""
+    """Largest estimated error of the positions in a step of the last call of `step`, (num_envs,) float64, m or rad. The estimate of a step
+    is a sum over its parts. NaN without `Options(error=...)`."""
     substeps: Final[Any]
-    """Number of substeps in the last call of `step`, (num_envs,) uint32. `RuntimeError` without `Options(error=...)`."""
+    """Number of substeps in the last call of `step`, (num_envs,) uint32. 0 without `Options(error=...)`."""
     max_penetration: Final[Any]
     """Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
     detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP."""

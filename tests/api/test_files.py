@@ -336,6 +336,7 @@ def folders_of_commands():
         "tune": ["tune", "study.toml", "--error", "1 mm", "--horizon", "0.1 s"],
         "chart": ["chart", "study.toml"],
         "explain": ["explain", "study.toml"],
+        "calibrate": ["calibrate", "study.toml", "--margin", "0.1"],
         "compare": ["compare", "m.xml"],
         "identify": ["identify", "m.xml", "log.csv", "-p", "dof_damping[my hinge]"],
         "demo": ["demo", "--num-envs", "1"],

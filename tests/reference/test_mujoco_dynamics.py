@@ -33,7 +33,7 @@ def kinetic_error(metric, found, expected) -> float:
 
 @pytest.mark.parametrize("name", SOURCES_BY_NAME)
 def test_every_model_loads_strictly(name):
-    """What is left out has no effect on the motion (sensors, flags for MuJoCo's solver), or is how MuJoCo softens contacts and limits."""
+    """Elements that are left out have no effect on the motion (sensors, flags of the solver), or soften contacts and limits in MuJoCo."""
     harmless = {kind for kind, _, _ in stepper_model(name).omitted if not kind.startswith(("sensor ", "flag "))}
     assert harmless <= {"joint margin", "tendon margin"}
 
@@ -75,7 +75,7 @@ def test_qacc_smooth(name):
 
 def test_activations_act():
     """The one robot with activations (quadruped: servos behind a lag) loads with omissions only; its actuators are compared alone."""
-    sim, model, many, rng = states("dm_control/quadruped", strict=False)
+    sim, model, many, rng = states("dm_control/quadruped")
     for state in many:
         forces = []
         for act in (np.zeros(model.na), rng.uniform(-1, 1, model.na)):

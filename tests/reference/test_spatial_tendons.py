@@ -97,7 +97,7 @@ def test_lengths_and_rates_are_mujocos(num_envs):
 
 
 def test_bits_do_not_depend_on_neighbours():
-    """A string that touches no obstacle has the same arms alone as beside one that does."""
+    """A string that touches no obstacle has the same arms alone as next to one that does."""
     source, rng = all_paths(), np.random.default_rng(2)
     model, batch = mujoco.MjModel.from_xml_string(source), simulate(source, 8)
     alone = simulate(source, 1)

@@ -265,7 +265,7 @@ def test_wrong_arguments(tmp_path: Path, changed: dict[str, float], text: str) -
 
 
 def test_outcomes_that_jump_have_no_tolerance() -> None:
-    """An outcome that is a hash of a parameter passes with no tolerance, and the error says what to change."""
+    """An outcome that is a hash of a parameter passes with no tolerance, and the error has a remedy."""
     search = searched(lambda x: (x[:, 0] * 1e7 * np.sqrt(2.0)) % 1.0, 0)
     with pytest.raises(ValueError, match="jumps or is chaotic"):
         search.widest([0])

@@ -146,7 +146,6 @@ mod probe;
 mod sensing;
 mod stages;
 mod step;
-mod substeps;
 mod tuning;
 
 pub use actuation::{ActuatorSpec, Motor, Servo};

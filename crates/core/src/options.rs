@@ -109,8 +109,7 @@ pub struct Options {
     pub integrator: Option<Integrator>,
     /// Error of the positions that a step may make, m and rad; `None` makes every step once.
     ///
-    /// Otherwise a step is divided into substeps, each lane on its own, until the estimated error of each is within its share of this
-    /// bound.
+    /// Otherwise a step is divided into substeps, until the estimated error of each is within its share of this bound.
     pub error: Option<f64>,
     /// Solver of the constraint problem.
     pub solver: Solver,

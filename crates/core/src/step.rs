@@ -5,19 +5,20 @@ use stepper_real::{Mask, Real, kernel};
 use crate::compile::LaneModel;
 use crate::integrators::acceptance::{accept, store_generalized_impulse};
 use crate::integrators::devices::{ActuatorDevices, Devices};
+use crate::integrators::evaluation::Substep;
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
 use crate::integrators::observation::observe;
 use crate::integrators::positions::{accept_corrections, correct_positions, find_tunnelling, integrate_positions};
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::{StepOutcome, record};
+use crate::integrators::substeps::step_within_error;
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, span};
 use crate::stages::s05_solve::{share_sticking_loads, store_impulses};
 use crate::stages::s10_record::Record;
-use crate::substeps::step_within_error;
 
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
 /// the inputs, and receives the next state.
@@ -50,7 +51,7 @@ pub fn step<R: Real>(
         });
         if let Some(error) = options.error {
             // Stages 1 to 8 and 10, once in every substep, except for the actuator pipelines. Stage 9 follows.
-            let record = step_within_error(compiled, options, error, s, probe);
+            let record = step_within_error(compiled, options, error, s, |s| make_substep(compiled, options, s, probe));
             span!(probe, Sense, || sense_state(compiled, options, s, devices));
             return record;
         }
@@ -87,9 +88,25 @@ fn sense_state<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut
     observe(input, velocity, &mut evaluation.kinematics, sensors, devices);
 }
 
+/// Makes the substep of `s.evaluation.substep`, and returns its record. The time of the state does not advance.
+#[inline(never)]
+fn make_substep<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> Record<R> {
+    kernel!(R, || {
+        let outcome = solve_step(compiled, options, s, probe);
+        let accepted = span!(probe, Accept, || accept(compiled, s, 0.0));
+        let Workspace { state, inputs, evaluation, free_motion, problem, velocity, alive, .. } = s;
+        let Substep { offset, length } = evaluation.substep;
+        let end = (R::of(state.elapsed) + offset + length, &mut evaluation.kinematics);
+        let input = StepInput { compiled, options, state, inputs, alive: *alive };
+        let record = span!(probe, Record, || record(input, end, free_motion, problem, velocity, &outcome, accepted));
+        problem.remove_deferred(&mut state.contacts, accepted.finite);
+        record
+    })
+}
+
 /// Executes stages 1 to 8 of a step, or of a substep, with hard contact: from actuator forces to corrected positions.
 ///
-/// The function is compiled separately, because `step` and `substeps` call it.
+/// The function is compiled separately, because `step` and `make_substep` call it.
 #[inline(never)]
 pub(crate) fn solve_step<R: Real>(
     compiled: &LaneModel<R>,

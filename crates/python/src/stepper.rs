@@ -100,12 +100,6 @@ impl Stepper {
         if self.batched { read_only(out.into_any()) } else { out.call_method0("item") }
     }
 
-    /// Error estimate and number of substeps of each environment in the last call of `step`, for the attribute `name`.
-    fn error_estimates(&self, name: &str) -> PyResult<Vec<(f64, u32)>> {
-        let found = (0..self.n()).map(|env| self.simulation.error_estimate(env)).collect::<Option<Vec<_>>>();
-        found.ok_or_else(|| PyRuntimeError::new_err(format!("Stepper.{name} needs steps that keep an error: Options(error=...)")))
-    }
-
     /// Selection of environments by an argument `envs`. None selects all environments.
     fn selection(&self, envs: Option<&Bound<'_, PyAny>>) -> PyResult<Selection> {
         Selection::of(envs, self.n())

@@ -203,14 +203,11 @@ impl<R: Real> Contacts<R> {
         self.count[l] = to;
     }
 
-    /// Closes gaps that are smaller than their rounding error, in single precision.
+    /// Sets gaps that are smaller than their rounding error to zero, in single precision.
     ///
     /// The rounding of positions can open a gap under a body at rest. In the next step the body would fall through this gap, and its normal
     /// force would be too small. The error, as a fraction of the force, is the ratio of the gap to `drop`. `drop` is the distance that
     /// gravity covers in the step, g h^2, m.
-    ///
-    /// Gaps up to three times as large become smaller, without a jump. Otherwise, of two nearly equal gaps under one body, only one might
-    /// count as touching, and its contact would bear the whole load.
     ///
     /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is
     /// added only where it matters. For both errors, the function uses an upper bound of [`DISTANCE_ROUNDINGS`] units in the last place; a
@@ -225,12 +222,8 @@ impl<R: Real> Contacts<R> {
                 let point = &mut self.data[k].point;
                 let rounding = point.rounding();
                 let allows_for_angles = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
-                let rounding = rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero());
-                point.distance = R::select(
-                    point.distance.gt(R::zero()),
-                    ((point.distance - rounding) * R::of(1.5)).max(R::zero()).min(point.distance),
-                    point.distance,
-                );
+                let small = point.distance.lt(rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero()));
+                point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
             }
         })
     }

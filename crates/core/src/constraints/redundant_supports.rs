@@ -6,17 +6,17 @@
 //! iterations load the contacts that they visit first, and such forces rotate a box that two fingers hold.
 //!
 //! Three or more contacts between the same two bodies form a contact group, if one of the bodies floats freely (is alone on a free joint).
-//! So do two contacts, if that body has more contacts with others and the environment has few contacts. Groups that act on a common
-//! degree of freedom form a cluster, whose loads are shared together. Examples: a box between two fingers has two groups of four contacts in
-//! one cluster, an upright cylinder two groups of two. Among all impulses with the same effect on the joints, the impulses of least norm are
-//! used, as far as the friction cones allow.
+//! So do two contacts, if that body has more contacts and the environment has few. Groups that act on a common degree of freedom form a
+//! cluster, whose loads are shared together. Examples: a box between two fingers has two groups of four contacts in one cluster. An upright
+//! cylinder between them has two groups of two. Among all impulses with the same effect on the joints, the impulses of least norm are used,
+//! as far as the friction cones allow.
 //!
 //! * If a loaded contact of the cluster slips, the normal impulses are shared. Friction of a slipping contact is recomputed as mu times the
 //!   normal impulse, against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque
 //!   changes, and the solver continues from the shared loads.
-//! * If the cluster sticks and moves, all impulses are shared at the end of about one step in eight; with a smaller tolerance than the
-//!   default, of every step. This changes no velocity. Without it the residuals of many steps would move load from contact to contact, until
-//!   some contacts reach their cones and the cluster slips.
+//! * If the cluster sticks and moves, all impulses are shared in about one step in eight. With a smaller tolerance than the default, they
+//!   are shared in every step. This changes no velocity. Without it the residuals of many steps would move load from contact to contact,
+//!   until some contacts reach their cones and the cluster slips.
 
 use std::ops::Range;
 

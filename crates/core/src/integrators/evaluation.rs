@@ -41,7 +41,7 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
 }
 
-/// Part of a step: the whole step, unless the step keeps an error ([`crate::substeps`]).
+/// Part of a step: the whole step, unless the step keeps an error (`substeps.rs`).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Substep<R> {
     /// Time from the beginning of the step to that of its part, s.

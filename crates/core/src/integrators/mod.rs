@@ -23,5 +23,7 @@ pub(crate) mod state;
 pub(crate) mod step_input;
 pub(crate) mod step_outcome;
 pub mod step_resolution;
+pub mod substep_buffers;
+pub mod substeps;
 pub(crate) mod velocity_loop;
 pub mod workspace;

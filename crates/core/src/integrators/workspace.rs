@@ -17,10 +17,10 @@ use crate::integrators::mujoco::workspace::MujocoWorkspace;
 use crate::integrators::rk4::Rk4;
 use crate::integrators::state::State;
 use crate::integrators::step_resolution::StepResolution;
+use crate::integrators::substep_buffers::ErrorControl;
 use crate::math::spatial::*;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::{SensorWorkspace, errors};
-use crate::substeps::ErrorControl;
 
 /// Workspace of the sensors in a step.
 #[derive(Clone, Debug)]
@@ -103,7 +103,7 @@ impl<R: Real> Workspace<R> {
             mujoco: MujocoWorkspace::new(compiled, options),
         };
         if options.error.is_some() {
-            workspace.error_control = Some(ErrorControl::new(&workspace));
+            workspace.error_control = Some(ErrorControl::new(&workspace.state, &workspace.velocity.scalar_impulse));
         }
         workspace
     }

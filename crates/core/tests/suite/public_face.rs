@@ -140,6 +140,7 @@ fn an_environment_that_does_not_exist_is_named() {
         |sim| _ = sim.depth(3),
         |sim| _ = sim.limit_overshoot(3),
         |sim| _ = sim.max_equality_violation(3),
+        |sim| _ = sim.error_estimate(3),
         |sim| drop(sim.sensor_faults(3)),
         |sim| drop(sim.actuator_saturation(3)),
         |sim| _ = sim.certificate(3),

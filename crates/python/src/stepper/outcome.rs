@@ -125,11 +125,11 @@ getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Number of Newton steps of the solver in the last step: the sum over all islands of bodies, (num_envs,) uint32. `iterations` also
     /// includes Gauss-Seidel iterations.
     newton_steps: slf.per_env(py, |env| slf.simulation.certificate(env).newton_steps),
-    /// Largest estimated error of the positions in a step of the last call of `step`, (num_envs,) float64, m or rad: the sum over the
-    /// substeps. `RuntimeError` without `Options(error=...)`.
-    error_estimate: { let found = slf.error_estimates("error_estimate")?; slf.per_env(py, |env| found[env].0) },
-    /// Number of substeps in the last call of `step`, (num_envs,) uint32. `RuntimeError` without `Options(error=...)`.
-    substeps: { let found = slf.error_estimates("substeps")?; slf.per_env(py, |env| found[env].1) },
+    /// Largest estimated error of the positions in a step of the last call of `step`, (num_envs,) float64, m or rad. The estimate of a step
+    /// is a sum over its parts. NaN without `Options(error=...)`.
+    error_estimate: slf.per_env(py, |env| slf.simulation.error_estimate(env).map_or(f64::NAN, |(error, _)| error)),
+    /// Number of substeps in the last call of `step`, (num_envs,) uint32. 0 without `Options(error=...)`.
+    substeps: slf.per_env(py, |env| slf.simulation.error_estimate(env).map_or(0, |(_, substeps)| substeps)),
     /// Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
     /// detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP.
     max_penetration: slf.per_env(py, |env| slf.simulation.depth(env)),

@@ -45,8 +45,8 @@ def fit(loss: Loss, low: Array, high: Array, *, samples: int = 20, elite: int = 
 
     Args:
         loss: The loss. Samples whose loss is not finite are never in the elite.
-        low: Lower bounds, (parameters,).
-        high: Upper bounds, (parameters,).
+        low: Lower bounds, (parameters,), in the units of the parameters.
+        high: Upper bounds, (parameters,), in the units of the parameters.
         samples: Number of samples per round. The first round, a Sobol sequence over the bounds, has twice as many.
         elite: Number of best samples of a round to which the distribution is fitted.
         rounds: Number of rounds.
@@ -83,7 +83,7 @@ def bootstrap(values: Array, statistic: Callable[..., Array] = np.mean, *, resam
     """95 % percentile bootstrap interval of a statistic of independent values (B. Efron, Annals of Statistics 7, 1979).
 
     Args:
-        values: Independent values, (n,).
+        values: Independent values, (n,), of any unit.
         statistic: Function of an array and `axis`, such as `numpy.mean` or `numpy.median`.
         resamples: Number of bootstrap samples.
         seed: Seed of the resampling.

@@ -58,13 +58,13 @@ class Space:
         return rng.uniform(self.low, self.high, shape), rng.choice([-1.0, 1.0], shape)
 
     def model(self, worlds: Array, signs: Array, tolerances: Array) -> Array:
-        """Parameters of the models of worlds, (n, parameters).
+        """Parameters of the models of worlds, (n, parameters), in their units.
 
         Each error is as large as the tolerance. Its sign changes if the measured value would be outside the range.
 
         Args:
-            worlds: True values, (n, parameters).
-            signs: Signs of the errors, (n, parameters).
+            worlds: True values, (n, parameters), in the units of the parameters.
+            signs: Signs of the errors, -1 or 1, (n, parameters), without unit.
             tolerances: Largest error of each measurement as a fraction of the range, (parameters,); `UNMEASURED` for nominal values.
         """
         unmeasured = np.isinf(tolerances)
@@ -127,18 +127,29 @@ class Search:
         return int(ALLOWED * len(self.worlds))
 
     def add(self, worlds: Array, signs: Array) -> None:
-        """Adds worlds in which a certificate failed, (n, parameters), with the signs of their errors."""
+        """Adds worlds in which a certificate failed.
+
+        Args:
+            worlds: True values, (n, parameters), in the units of the parameters.
+            signs: Signs of the errors, -1 or 1, (n, parameters), without unit.
+        """
         self.worlds, self.signs = np.concatenate([worlds, self.worlds]), np.concatenate([signs, self.signs])
 
     def trial(self, tolerances: Array, worlds: Array, signs: Array) -> Trial:
-        """Result of tolerances on given worlds, all of which are run."""
+        """Result of tolerances on given worlds, all of which are run.
+
+        Args:
+            tolerances: Tolerances as fractions of the ranges, (parameters,), without unit.
+            worlds: True values, (n, parameters), in the units of the parameters.
+            signs: Signs of the errors, -1 or 1, (n, parameters), without unit.
+        """
         found = np.asarray(self._difference(worlds, self.space.model(worlds, signs, tolerances)), float)
         found = np.where(np.isnan(found), np.inf, found)
         # Differences of means of the same numbers may be rounded differently.
         return Trial(tolerances, int((found > self.margin * (1.0 + 1e-9)).sum()), len(found), found)
 
     def passes(self, tolerances: Array) -> bool:
-        """Whether tolerances pass on the worlds of the search."""
+        """Whether tolerances, (parameters,) as fractions of the ranges, pass on the worlds of the search."""
         self.sets += 1
         left = self.allowed
         for part in (slice(_FIRST_BLOCK), slice(_FIRST_BLOCK, None)):
@@ -188,10 +199,10 @@ class Search:
         The last alternative is the first that surely fails, or has a tolerance above half the range.
 
         Args:
-            tolerances: Tolerances that pass, (parameters,).
+            tolerances: Tolerances that pass, (parameters,), as fractions of the ranges.
             k: Index of the parameter.
-            worlds: True values, (n, parameters).
-            signs: Signs of the errors, (n, parameters).
+            worlds: True values, (n, parameters), in the units of the parameters.
+            signs: Signs of the errors, -1 or 1, (n, parameters), without unit.
         """
         other = tolerances.copy()
         other[k] = UNMEASURED
@@ -212,7 +223,7 @@ def smallest_set(passes: Callable[[set[int]], bool], importance: Array) -> list[
 
     Args:
         passes: Function that tells whether a set passes.
-        importance: Importance of each parameter, (parameters,), in whose order sets of equal size are tried.
+        importance: Importance of each parameter, (parameters,), without unit, in whose order sets of equal size are tried.
     """
     n, order = len(importance), [int(k) for k in np.argsort(-importance, kind="stable")]
     needed = {k for k in range(n) if not passes(set(range(n)) - {k})}

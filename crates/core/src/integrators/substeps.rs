@@ -13,55 +13,20 @@
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
-use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::quat_at;
-use crate::integrators::acceptance::accept;
 use crate::integrators::evaluation::Substep;
-use crate::integrators::state::State;
-use crate::integrators::step_input::StepInput;
-use crate::integrators::step_outcome::record;
+use crate::integrators::substep_buffers::ErrorControl;
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::StepSettings;
-use crate::probe::{Probe, span};
 use crate::stages::s10_record::{Record, Status};
-use crate::step::solve_step;
 use crate::tuning::{MAX_HALVINGS, MIN_ERROR_SHARE};
 
 /// Number of the shortest substeps in a step.
 const TICKS: u32 = 1 << MAX_HALVINGS;
-
-/// Buffers of steps that keep an error.
-#[derive(Clone, Debug)]
-pub(crate) struct ErrorControl<R: Real> {
-    /// State at the beginning of the interval of each lane.
-    start: Snapshot<R>,
-    /// Result of a step over the interval.
-    whole: Snapshot<R>,
-    /// Result of the first half of the interval.
-    middle: Snapshot<R>,
-    /// State of the lanes at the end of the step.
-    end: Snapshot<R>,
-    /// Sums of the impulses of all accepted substeps, with the contacts of the last one.
-    total: Snapshot<R>,
-    /// Contacts whose impulses are being summed.
-    summed: Contacts<R>,
-    /// Velocity, configuration and activations at the beginning of the step.
-    before: [Vec<R>; 3],
-}
-
-/// State of all lanes, with what the next substep starts from.
-#[derive(Clone, Debug)]
-struct Snapshot<R: Real> {
-    state: State<R>,
-    /// Impulses of scalar rows.
-    scalar_impulse: Vec<R>,
-    /// Length of the substep to which the impulses belong, s.
-    span: R,
-}
 
 /// Substep that a lane makes next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,110 +52,10 @@ struct Interval {
     broken: bool,
 }
 
-impl<R: Real> Snapshot<R> {
-    fn new(s: &Workspace<R>) -> Self {
-        Self { state: s.state.clone(), scalar_impulse: s.velocity.scalar_impulse.clone(), span: R::one() }
-    }
-
-    /// Stores the state of the workspace in the lanes `lanes`. Its impulses belong to a substep of `span` seconds.
-    fn store(&mut self, s: &Workspace<R>, span: R, lanes: R::Mask) {
-        copy(&mut self.state, &s.state, lanes);
-        select_into(&mut self.scalar_impulse, &s.velocity.scalar_impulse, lanes);
-        kernel!(R, || self.span = R::select(lanes, span, self.span));
-    }
-
-    /// Copies the lanes `lanes` of another snapshot.
-    fn take(&mut self, from: &Self, lanes: R::Mask) {
-        copy(&mut self.state, &from.state, lanes);
-        select_into(&mut self.scalar_impulse, &from.scalar_impulse, lanes);
-        kernel!(R, || self.span = R::select(lanes, from.span, self.span));
-    }
-
-    /// Restores the lanes `lanes` of the workspace, whose impulses belong to a substep of `span` seconds afterwards.
-    fn restore(&self, s: &mut Workspace<R>, span: &mut R, lanes: R::Mask) {
-        copy(&mut s.state, &self.state, lanes);
-        select_into(&mut s.velocity.scalar_impulse, &self.scalar_impulse, lanes);
-        kernel!(R, || *span = R::select(lanes, self.span, *span));
-    }
-
-    /// Adds the impulses of an accepted substep with the result `state`, in the lanes `lanes`. Its contacts replace those of the earlier
-    /// ones. `summed` is a buffer.
-    fn add(&mut self, summed: &mut Contacts<R>, state: &State<R>, scalar_impulse: &[R], lanes: R::Mask) {
-        summed.copy_from(&state.contacts);
-        summed.add_impulses(&self.state.contacts, lanes.bits());
-        self.state.contacts.copy_lanes(summed, lanes.bits());
-        kernel!(R, || {
-            for (sums, impulses) in [(&mut self.state.impulse, &state.impulse[..]), (&mut self.scalar_impulse, scalar_impulse)] {
-                for (sum, &impulse) in sums.iter_mut().zip(impulses) {
-                    *sum = R::select(lanes, *sum + impulse, *sum);
-                }
-            }
-        });
-    }
-}
-
-/// Copies the lanes `lanes` of a state.
-fn copy<R: Real>(to: &mut State<R>, from: &State<R>, lanes: R::Mask) {
-    select_into(&mut to.q, &from.q, lanes);
-    select_into(&mut to.v, &from.v, lanes);
-    select_into(&mut to.act, &from.act, lanes);
-    select_into(&mut to.impulse, &from.impulse, lanes);
-    to.contacts.copy_lanes(&from.contacts, lanes.bits());
-}
-
-/// Copies the lanes `lanes` of a list.
-fn select_into<R: Real>(to: &mut [R], from: &[R], lanes: R::Mask) {
-    kernel!(R, || {
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = R::select(lanes, from, *to);
-        }
-    });
-}
-
-impl<R: Real> ErrorControl<R> {
-    /// Buffers for the workspace `s`.
-    pub(crate) fn new(s: &Workspace<R>) -> Box<Self> {
-        let (new, state) = (|| Snapshot::new(s), &s.state);
-        let before = [state.v.clone(), state.q.clone(), state.act.clone()];
-        Box::new(Self { start: new(), whole: new(), middle: new(), end: new(), total: new(), summed: state.contacts.clone(), before })
-    }
-
-    /// Begins a step from the state of the workspace.
-    fn begin(&mut self, s: &Workspace<R>, h: R) {
-        let Self { start, end, total, before, .. } = self;
-        for (before, now) in before.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
-            before.copy_from_slice(now);
-        }
-        for snapshot in [start, end] {
-            snapshot.store(s, h, R::Mask::splat(true));
-        }
-        total.state.contacts.clear();
-        [&mut total.state.impulse, &mut total.scalar_impulse].into_iter().for_each(|impulses| impulses.fill(R::zero()));
-    }
-
-    /// Ends a step: the workspace gets the state at the end, sums of impulses, and the state before the step, as after one whole substep.
-    fn end(&self, s: &mut Workspace<R>, options: &StepSettings, alive: R::Mask, rejected: u32) {
-        self.end.restore(s, &mut R::zero(), R::Mask::splat(true));
-        s.state.contacts.copy_from(&self.total.state.contacts);
-        s.state.impulse.copy_from_slice(&self.total.state.impulse);
-        s.velocity.scalar_impulse.copy_from_slice(&self.total.scalar_impulse);
-        for lane in each_of(!rejected & u32::MAX >> (u32::BITS as usize - R::LANES)) {
-            s.state.time[lane] += options.timestep;
-        }
-        s.state.elapsed += options.timestep;
-        let [v, q, act] = &self.before;
-        s.velocity.v.copy_from_slice(v);
-        s.position.q.copy_from_slice(q);
-        s.position.act.copy_from_slice(act);
-        s.alive = alive;
-        s.evaluation.substep = Substep::whole(options.timestep);
-        // What a lane finds in its next step must not depend on the passes of others.
-        s.evaluation.collision.forget_planes();
-    }
-}
-
 /// Makes stages 1 to 8 and 10 of a step of `options.timestep` seconds in substeps. Each may have its share of the error `error`, m or rad,
 /// by its length, but at least [`MIN_ERROR_SHARE`]; the sum of the estimates can therefore exceed the error.
+///
+/// `make_substep` makes the substep of `s.evaluation.substep`, without advancing the time of the state, and returns its record.
 ///
 /// Afterwards the workspace has the next state and, as after one substep of that length, the state before the step in the buffers of
 /// velocities and positions. Lanes in which the shortest substeps exceed their share have the flag [`Status::INACCURATE`].
@@ -201,26 +66,26 @@ pub(crate) fn step_within_error<R: Real>(
     options: &StepSettings,
     error: f64,
     s: &mut Workspace<R>,
-    probe: impl Probe,
+    make_substep: impl Fn(&mut Workspace<R>) -> Record<R>,
 ) -> Record<R> {
     let mut control = s.error_control.take().expect("buffers of a step that keeps an error");
     let (all, h) = (s.alive, options.timestep);
     let mut span = R::of(h);
-    control.begin(s, span);
+    begin(&mut control, s, span);
     let mut intervals = [Interval { begin: 0, length: TICKS, phase: Phase::Whole, broken: false }; MAX_LANES];
     let mut active = all.bits();
     // Records of the accepted substeps, and of the first half of each interval.
     let (mut total, mut first) = (Record::none(), Record::none());
     while active != 0 {
         begin_pass(s, &intervals, active, h, &mut span);
-        let made = make_substep(compiled, options, s, probe);
+        let made = make_substep(s);
         let in_phase =
             |phase| R::Mask::from_bits(each_of(active).filter(|&l| intervals[l].phase == phase).fold(0, |bits, l| bits | 1 << l));
         let [wholes, firsts, seconds] = [Phase::Whole, Phase::First, Phase::Second].map(in_phase);
         let ErrorControl { start, whole, middle, end, total: sums, summed, .. } = &mut *control;
-        whole.store(s, span, wholes);
-        start.restore(s, &mut span, wholes);
-        middle.store(s, span, firsts);
+        whole.store((&s.state, &s.velocity.scalar_impulse), span, wholes);
+        start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, wholes);
+        middle.store((&s.state, &s.velocity.scalar_impulse), span, firsts);
         first.replace(&made, firsts);
         let distance = kernel!(R, || distance(compiled, &s.state.q, &whole.state.q));
         let broken = made.lanes(Status::NON_FINITE);
@@ -241,17 +106,50 @@ pub(crate) fn step_within_error<R: Real>(
             total.add(&first, taken);
             total.add(&made, taken);
             total.add_error(distance, R::Mask::from_bits(inaccurate), taken);
-            start.store(s, span, taken);
-            end.store(s, span, R::Mask::from_bits(done));
+            start.store((&s.state, &s.velocity.scalar_impulse), span, taken);
+            end.store((&s.state, &s.velocity.scalar_impulse), span, R::Mask::from_bits(done));
         }
         // The first half of a rejected interval is the next one. The step over it has been made.
         whole.take(middle, rejected);
-        start.restore(s, &mut span, rejected);
+        start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, rejected);
         active &= !done;
     }
-    control.end(s, options, all, total.lanes(Status::NON_FINITE));
+    end(&control, s, options, all, total.lanes(Status::NON_FINITE));
     s.error_control = Some(control);
     total
+}
+
+/// Begins a step from the state of the workspace.
+fn begin<R: Real>(control: &mut ErrorControl<R>, s: &Workspace<R>, h: R) {
+    let ErrorControl { start, end, total, before, .. } = control;
+    for (before, now) in before.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
+        before.copy_from_slice(now);
+    }
+    for snapshot in [start, end] {
+        snapshot.store((&s.state, &s.velocity.scalar_impulse), h, R::Mask::splat(true));
+    }
+    total.state.contacts.clear();
+    [&mut total.state.impulse, &mut total.scalar_impulse].into_iter().for_each(|impulses| impulses.fill(R::zero()));
+}
+
+/// Ends a step: the workspace gets the state at the end, sums of impulses, and the state before the step, as after one whole substep.
+fn end<R: Real>(control: &ErrorControl<R>, s: &mut Workspace<R>, options: &StepSettings, alive: R::Mask, rejected: u32) {
+    control.end.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut R::zero(), R::Mask::splat(true));
+    s.state.contacts.copy_from(&control.total.state.contacts);
+    s.state.impulse.copy_from_slice(&control.total.state.impulse);
+    s.velocity.scalar_impulse.copy_from_slice(&control.total.scalar_impulse);
+    for lane in each_of(!rejected & u32::MAX >> (u32::BITS as usize - R::LANES)) {
+        s.state.time[lane] += options.timestep;
+    }
+    s.state.elapsed += options.timestep;
+    let [v, q, act] = &control.before;
+    s.velocity.v.copy_from_slice(v);
+    s.position.q.copy_from_slice(q);
+    s.position.act.copy_from_slice(act);
+    s.alive = alive;
+    s.evaluation.substep = Substep::whole(options.timestep);
+    // What a lane finds in its next step must not depend on the passes of others.
+    s.evaluation.collision.forget_planes();
 }
 
 impl Interval {
@@ -313,21 +211,6 @@ fn begin_pass<R: Real>(s: &mut Workspace<R>, intervals: &[Interval; MAX_LANES], 
         }
         *span = substep.length;
     });
-}
-
-/// Makes the substep of `s.evaluation.substep`, and returns its record. The time of the state does not advance.
-fn make_substep<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> Record<R> {
-    kernel!(R, || {
-        let outcome = solve_step(compiled, options, s, probe);
-        let accepted = span!(probe, Accept, || accept(compiled, s, 0.0));
-        let Workspace { state, inputs, evaluation, free_motion, problem, velocity, alive, .. } = s;
-        let Substep { offset, length } = evaluation.substep;
-        let end = (R::of(state.elapsed) + offset + length, &mut evaluation.kinematics);
-        let input = StepInput { compiled, options, state, inputs, alive: *alive };
-        let record = span!(probe, Record, || record(input, end, free_motion, problem, velocity, &outcome, accepted));
-        problem.remove_deferred(&mut state.contacts, accepted.finite);
-        record
-    })
 }
 
 /// Largest distance between two configurations in each lane: of a coordinate, or of the rotation of a ball or free joint, m or rad.

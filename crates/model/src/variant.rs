@@ -194,6 +194,12 @@ fn geom(i: usize, old: &Geom, new: &Geom) -> Checked {
 }
 
 fn actuator(i: usize, old: &Actuator, new: &Actuator) -> Checked {
+    if old.muscle != new.muscle {
+        let what =
+            "actuator_gainprm or actuator_biasprm differs from the model's, but the parameters of muscles are the same in all environments";
+        let remedy = "change them for all by model.replace";
+        return Err(ModelError::invalid(format!("actuator {:?}", label(&new.name, i)), what, remedy));
+    }
     if !new.force_depends_on_motion() || old.force_depends_on_motion() {
         return Ok(());
     }

@@ -1,13 +1,13 @@
-//! Steps that keep an error: a step is divided into substeps until the estimated error of the positions in each is within its share of the
-//! user's bound.
+//! Steps that keep an error: a step is divided into substeps. The estimated error of the positions in each is within a share of the user's
+//! bound.
 //!
 //! The estimate is that of step doubling (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.4). An interval
 //! is stepped once as a whole and once in two halves. The distance between both results is the estimate, and the two halves are the result.
 //! If the distance is too large, the first half becomes the next interval. The result of a step over it is known already.
 //!
-//! Every lane has intervals of its own, and what it computes does not depend on other lanes. A pass executes stages 1 to 8 and 10 in all
+//! Lanes differ in their intervals, and what a lane computes does not depend on other lanes. A pass executes stages 1 to 8 and 10 in all
 //! lanes, each with the substep that it needs next. Lanes that have reached the end of the step wait. Lengths are the step divided by
-//! powers of two; after an accepted interval, the next one is the longest that begins at a multiple of its length.
+//! powers of two. After an accepted interval, the next one is the longest that begins at a multiple of its length.
 //!
 //! Controls, actuator pipelines and sensors act once in a step of the user. Impulses are summed over the substeps.
 
@@ -33,9 +33,9 @@ const TICKS: u32 = 1 << MAX_HALVINGS;
 enum Phase {
     /// The whole interval.
     Whole,
-    /// Its first half.
+    /// First half of the interval.
     First,
-    /// Its second half.
+    /// Second half of the interval.
     Second,
     /// None: the lane has reached the end of the step.
     Done,
@@ -52,13 +52,13 @@ struct Interval {
     broken: bool,
 }
 
-/// Makes stages 1 to 8 and 10 of a step of `options.timestep` seconds in substeps. Each may have its share of the error `error`, m or rad,
-/// by its length, but at least [`MIN_ERROR_SHARE`]; the sum of the estimates can therefore exceed the error.
+/// Makes stages 1 to 8 and 10 of a step of `options.timestep` seconds in substeps. Each may have a share of the error `error`, m or rad, in
+/// proportion to its length, but at least [`MIN_ERROR_SHARE`]. The sum of the estimates can therefore exceed the error.
 ///
-/// `make_substep` makes the substep of `s.evaluation.substep`, without advancing the time of the state, and returns its record.
+/// `make_substep` executes the substep of `s.evaluation.substep`, without advancing the time of the state, and returns its record.
 ///
-/// Afterwards the workspace has the next state and, as after one substep of that length, the state before the step in the buffers of
-/// velocities and positions. Lanes in which the shortest substeps exceed their share have the flag [`Status::INACCURATE`].
+/// Afterwards the workspace has the next state. The buffers of velocities and positions have the state before the step, as after one whole
+/// substep. Lanes in which the shortest substeps exceed their share have the flag [`Status::INACCURATE`].
 #[cold]
 #[inline(never)]
 pub(crate) fn step_within_error<R: Real>(

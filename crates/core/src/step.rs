@@ -108,12 +108,7 @@ fn make_substep<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
 ///
 /// The function is compiled separately, because `step` and `make_substep` call it.
 #[inline(never)]
-pub(crate) fn solve_step<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    s: &mut Workspace<R>,
-    probe: impl Probe,
-) -> StepOutcome<R> {
+fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     kernel!(R, || solve_stages(compiled, options, s, probe))
 }
 

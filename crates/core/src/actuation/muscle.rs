@@ -6,10 +6,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::actuation::affine_force::{AffineForce, Motion};
-use crate::compile::{CompiledMuscle, MuscleCurve};
-
-/// Smallest divisor, as in MuJoCo (`mjMINVAL`).
-const SMALLEST: f64 = 1e-15;
+use crate::compile::{CompiledMuscle, MuscleCurve, SMALLEST};
 
 /// Value of a function, and its derivative.
 #[derive(Clone, Copy)]

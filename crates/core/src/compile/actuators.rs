@@ -132,8 +132,8 @@ pub struct MuscleCurve<S> {
     pub lengthening: S,
 }
 
-/// Smallest divisor in the curves of muscles, as in MuJoCo (`mjMINVAL`).
-const SMALLEST: f64 = 1e-15;
+/// Smallest divisor in the curves of muscles, and shortest distance with a direction, as in MuJoCo (`mjMINVAL`).
+pub(crate) const SMALLEST: f64 = 1e-15;
 
 impl<S: Scalar> MuscleCurve<S> {
     fn new(muscle: &Muscle, parameters: &[f64; MUSCLE_PARAMETERS]) -> Self {

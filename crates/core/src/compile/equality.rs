@@ -64,6 +64,12 @@ impl<S: Scalar> Combination<S> {
         }
     }
 
+    /// Iterator over the entries of [`Self::for_each_arm`], which is slower in kernels.
+    pub fn arms<'a, R: Real<Scalar = S>>(&'a self, paths: &'a PathLengths<R>) -> impl Iterator<Item = (usize, R)> + 'a {
+        let of_path = |term: &'a PathTerm| term.dofs.iter().zip(&paths.arms[term.arms..]).map(|(&dof, &arm)| (dof as usize, arm));
+        self.terms.iter().map(|&(_, dof, c)| (dof, R::splat(c))).chain(self.path.iter().flat_map(of_path))
+    }
+
     /// Degrees of freedom on which the combination depends.
     pub fn dofs(&self) -> impl Iterator<Item = usize> {
         self.terms.iter().map(|&(_, dof, _)| dof).chain(self.path.iter().flat_map(|term| term.dofs.iter().map(|&dof| dof as usize)))

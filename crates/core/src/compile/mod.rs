@@ -22,6 +22,7 @@ mod static_pairs;
 mod tree;
 
 pub use crate::model::Kernel;
+pub(crate) use actuators::SMALLEST;
 pub use actuators::{
     CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledMuscle, MomentKind, MotorControl, MuscleCurve, VariableMoment,
 };

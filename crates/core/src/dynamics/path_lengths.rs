@@ -7,7 +7,7 @@
 use stepper_geometry::Obstacle;
 use stepper_real::{Mask, Real};
 
-use crate::compile::{CompiledPath, CompiledSegment, LaneModel};
+use crate::compile::{CompiledPath, CompiledSegment, LaneModel, SMALLEST};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
@@ -87,7 +87,7 @@ impl<R: Real> Kinematics<R> {
 fn direction<R: Real>([from, to]: [V3<R>; 2]) -> (V3<R>, R) {
     let apart = sub(to, from);
     let distance = norm(apart);
-    let short = distance.lt(R::of(1e-15));
+    let short = distance.lt(R::of(SMALLEST));
     let inverse = R::one() / R::select(short, R::one(), distance);
     (select(short, [R::one(), R::zero(), R::zero()], scale(apart, inverse)), distance)
 }

@@ -10,12 +10,12 @@ use crate::integrators::state::State;
 pub(crate) struct ErrorControl<R: Real> {
     /// State at the beginning of the interval of each lane.
     pub(super) start: Snapshot<R>,
-    /// Result of a step over the interval.
-    pub(super) whole: Snapshot<R>,
+    /// Configuration after a step over the interval.
+    pub(super) whole: Vec<R>,
     /// Result of the first half of the interval.
     pub(super) middle: Snapshot<R>,
-    /// State of the lanes at the end of the step.
-    pub(super) end: Snapshot<R>,
+    /// Velocity, configuration and activations at the end of the step.
+    pub(super) end: [Vec<R>; 3],
     /// Sums of the impulses of all accepted substeps, with the contacts of the last one.
     pub(super) total: Snapshot<R>,
     /// Contacts whose impulses are being summed.
@@ -44,13 +44,6 @@ impl<R: Real> Snapshot<R> {
         copy(&mut self.state, state, lanes);
         select_into(&mut self.scalar_impulse, scalar_impulse, lanes);
         kernel!(R, || self.span = R::select(lanes, span, self.span));
-    }
-
-    /// Copies the lanes `lanes` of another snapshot.
-    pub(super) fn take(&mut self, from: &Self, lanes: R::Mask) {
-        copy(&mut self.state, &from.state, lanes);
-        select_into(&mut self.scalar_impulse, &from.scalar_impulse, lanes);
-        kernel!(R, || self.span = R::select(lanes, from.span, self.span));
     }
 
     /// Restores the lanes `lanes` of a state and of impulses of scalar rows, which belong to a substep of `span` seconds afterwards.
@@ -86,7 +79,7 @@ fn copy<R: Real>(to: &mut State<R>, from: &State<R>, lanes: R::Mask) {
 }
 
 /// Copies the lanes `lanes` of a list.
-fn select_into<R: Real>(to: &mut [R], from: &[R], lanes: R::Mask) {
+pub(super) fn select_into<R: Real>(to: &mut [R], from: &[R], lanes: R::Mask) {
     kernel!(R, || {
         for (to, &from) in to.iter_mut().zip(from) {
             *to = R::select(lanes, from, *to);
@@ -98,7 +91,7 @@ impl<R: Real> ErrorControl<R> {
     /// Buffers for states like `state`, and impulses of scalar rows like `scalar_impulse`.
     pub(super) fn new(state: &State<R>, scalar_impulse: &[R]) -> Box<Self> {
         let new = || Snapshot::new(state, scalar_impulse);
-        let before = [state.v.clone(), state.q.clone(), state.act.clone()];
-        Box::new(Self { start: new(), whole: new(), middle: new(), end: new(), total: new(), summed: state.contacts.clone(), before })
+        let (end, before) = ([&state.v, &state.q, &state.act].map(Clone::clone), [&state.v, &state.q, &state.act].map(Clone::clone));
+        Box::new(Self { start: new(), whole: state.q.clone(), middle: new(), end, total: new(), summed: state.contacts.clone(), before })
     }
 }

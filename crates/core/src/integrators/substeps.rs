@@ -16,7 +16,7 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::quat_at;
 use crate::integrators::evaluation::Substep;
-use crate::integrators::substep_buffers::ErrorControl;
+use crate::integrators::substep_buffers::{ErrorControl, select_into};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
@@ -83,18 +83,19 @@ pub(crate) fn step_within_error<R: Real>(
             |phase| R::Mask::from_bits(each_of(active).filter(|&l| intervals[l].phase == phase).fold(0, |bits, l| bits | 1 << l));
         let [wholes, firsts, seconds] = [Phase::Whole, Phase::First, Phase::Second].map(in_phase);
         let ErrorControl { start, whole, middle, end, total: sums, summed, .. } = &mut *control;
-        whole.store((&s.state, &s.velocity.scalar_impulse), span, wholes);
+        select_into(whole, &s.state.q, wholes);
         start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, wholes);
         middle.store((&s.state, &s.velocity.scalar_impulse), span, firsts);
         first.replace(&made, firsts);
-        let distance = kernel!(R, || distance(compiled, &s.state.q, &whole.state.q));
+        let distance = kernel!(R, || distance(compiled, &s.state.q, whole));
         let broken = made.lanes(Status::NON_FINITE);
         let (mut accepted, mut inaccurate, mut done) = (0, 0, 0);
         for lane in each_of(active) {
             let interval = &mut intervals[lane];
             interval.broken |= broken >> lane & 1 == 1;
-            if interval.advance(distance.lane(lane).to_f64(), error, |exceeds| inaccurate |= u32::from(exceeds) << lane) {
+            if let Some(exceeds) = interval.advance(distance.lane(lane).to_f64(), error) {
                 accepted |= 1 << lane;
+                inaccurate |= u32::from(exceeds) << lane;
                 done |= u32::from(interval.phase == Phase::Done) << lane;
             }
         }
@@ -107,10 +108,12 @@ pub(crate) fn step_within_error<R: Real>(
             total.add(&made, taken);
             total.add_error(distance, R::Mask::from_bits(inaccurate), taken);
             start.store((&s.state, &s.velocity.scalar_impulse), span, taken);
-            end.store((&s.state, &s.velocity.scalar_impulse), span, R::Mask::from_bits(done));
+            for (end, now) in end.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
+                select_into(end, now, R::Mask::from_bits(done));
+            }
         }
         // The first half of a rejected interval is the next one. The step over it has been made.
-        whole.take(middle, rejected);
+        select_into(whole, &middle.state.q, rejected);
         start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, rejected);
         active &= !done;
     }
@@ -122,19 +125,22 @@ pub(crate) fn step_within_error<R: Real>(
 /// Begins a step from the state of the workspace.
 fn begin<R: Real>(control: &mut ErrorControl<R>, s: &Workspace<R>, h: R) {
     let ErrorControl { start, end, total, before, .. } = control;
-    for (before, now) in before.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
-        before.copy_from_slice(now);
+    for list in [before, end] {
+        for (list, now) in list.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
+            list.copy_from_slice(now);
+        }
     }
-    for snapshot in [start, end] {
-        snapshot.store((&s.state, &s.velocity.scalar_impulse), h, R::Mask::splat(true));
-    }
+    start.store((&s.state, &s.velocity.scalar_impulse), h, R::Mask::splat(true));
     total.state.contacts.clear();
     [&mut total.state.impulse, &mut total.scalar_impulse].into_iter().for_each(|impulses| impulses.fill(R::zero()));
 }
 
 /// Ends a step: the workspace gets the state at the end, sums of impulses, and the state before the step, as after one whole substep.
 fn end<R: Real>(control: &ErrorControl<R>, s: &mut Workspace<R>, options: &StepSettings, alive: R::Mask, rejected: u32) {
-    control.end.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut R::zero(), R::Mask::splat(true));
+    let [v, q, act] = &control.end;
+    s.state.v.copy_from_slice(v);
+    s.state.q.copy_from_slice(q);
+    s.state.act.copy_from_slice(act);
     s.state.contacts.copy_from(&control.total.state.contacts);
     s.state.impulse.copy_from_slice(&control.total.state.impulse);
     s.velocity.scalar_impulse.copy_from_slice(&control.total.scalar_impulse);
@@ -153,11 +159,11 @@ fn end<R: Real>(control: &ErrorControl<R>, s: &mut Workspace<R>, options: &StepS
 }
 
 impl Interval {
-    /// Takes up the result of the substep. Returns whether the two halves of the interval are accepted; the interval is then the next one.
+    /// Takes up the result of the substep. If the two halves of the interval are accepted, the interval becomes the next one. The result is
+    /// then whether the halves exceed their share of the error, which only the shortest substeps may. Otherwise it is `None`.
     ///
-    /// `distance` is the distance between the results of the whole interval and of its halves, m or rad, and `error` the error of the
-    /// step. `exceeds` receives whether the shortest substeps exceed their share of it.
-    fn advance(&mut self, distance: f64, error: f64, exceeds: impl FnOnce(bool)) -> bool {
+    /// `distance` is the distance between the results of the whole interval and of its halves, m or rad. `error` is the error of the step.
+    fn advance(&mut self, distance: f64, error: f64) -> Option<bool> {
         match self.phase {
             Phase::Whole => self.phase = Phase::First,
             Phase::First => self.phase = Phase::Second,
@@ -165,18 +171,17 @@ impl Interval {
                 let share = (f64::from(self.length) / f64::from(TICKS)).max(MIN_ERROR_SHARE);
                 let good = distance <= share * error && !self.broken;
                 if good || self.length == 2 {
-                    exceeds(!good);
                     let begin = self.begin + self.length;
                     let phase = if begin == TICKS { Phase::Done } else { Phase::Whole };
                     // The longest interval that begins at a multiple of its length.
                     *self = Self { begin, length: 1 << begin.trailing_zeros(), phase, broken: false };
-                    return true;
+                    return Some(!good);
                 }
                 *self = Self { length: self.length / 2, phase: Phase::First, ..*self };
             }
             Phase::Done => unreachable!("lanes that are done make no substep"),
         }
-        false
+        None
     }
 
     /// Beginning and length of the next substep, in units of the shortest one.

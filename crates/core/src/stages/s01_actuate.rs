@@ -49,7 +49,14 @@ pub fn actuate<R: Real>(
             let motion = actuator_forces.motion(actuator, at.q, at.v_at, at.v);
             let parameters = compiled.params.actuator(i);
             let input = nearest_equivalent_angle(actuator, parameters, input, motion.length);
-            let affine = affine_force(actuator, parameters, at, input, &motion);
+            let affine = affine_force(
+                actuator,
+                parameters,
+                at,
+                input,
+                #[inline(always)]
+                || motion,
+            );
             actuator_forces.found_saturated[i] = R::Mask::splat(false);
             // With `implicit`, servos of actuator dynamics are always implicit, and other servos if the scheme makes `all` implicit.
             match (implicit, &actuator.dynamics) {
@@ -135,12 +142,18 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
         Some(a) => at.act[a],
         None => control(at.ctrl[actuator], own.ctrl_range),
     };
-    let motion = forces.motion(own, at.q, at.v, at.v);
-    let AffineForce { level, slope, rate } = affine_force(own, compiled.params.actuator(actuator), at, input, &motion);
+    let AffineForce { level, slope, rate } = affine_force(
+        own,
+        compiled.params.actuator(actuator),
+        at,
+        input,
+        #[inline(always)]
+        || forces.motion(own, at.q, at.v, at.v),
+    );
     let mut at_bound = forces.is_at_bound(compiled, actuator);
     if let Some(dynamics) = &own.dynamics {
         let velocity = forces.project(own, at.v);
-        let requested = AffineForce { level, slope, rate }.force(&motion);
+        let requested = AffineForce { level, slope, rate }.force(&forces.motion(own, at.q, at.v, at.v));
         at_bound = at_bound.or(clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], requested, velocity).is_limited);
     }
     [slope, rate].map(
@@ -189,7 +202,7 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
 }
 
 /// Affine force of an actuator: gain . (1, length, velocity) * input + bias . (1, length, velocity). The force of a muscle is linearised at
-/// `motion`.
+/// `motion`, which other actuators do not need.
 ///
 /// With actuator dynamics that contain a continuous servo, slope and rate are those of the servo. A motor with voltage control multiplies
 /// the force by its stall torque and subtracts its back-EMF.
@@ -199,11 +212,11 @@ fn affine_force<R: Real>(
     ActuatorParams { gain, bias }: ActuatorParams<R>,
     at: &ForceState<'_, R>,
     input: R,
-    motion: &Motion<R>,
+    motion: impl FnOnce() -> Motion<R>,
 ) -> AffineForce<R> {
     let [mut level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
     if let Some(muscle) = &actuator.muscle {
-        let force = muscle_force(muscle, input, motion);
+        let force = muscle_force(muscle, input, &motion());
         (level, slope, rate) = (level + force.level, slope + force.slope, rate + force.rate);
     }
     let Some(dynamics) = &actuator.dynamics else { return AffineForce { level, slope, rate } };

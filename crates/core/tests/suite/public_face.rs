@@ -132,7 +132,7 @@ fn an_environment_that_does_not_exist_is_named() {
     let model = ball(0.002);
     let mut sim = simulation(model.clone(), Options::default(), 3);
     let expected = "env is 3, must be below 3";
-    let reads: [fn(&Simulation); 13] = [
+    let reads: [fn(&Simulation); 14] = [
         |sim| drop(sim.qpos(3)),
         |sim| drop(sim.qvel(3)),
         |sim| _ = sim.time(3),

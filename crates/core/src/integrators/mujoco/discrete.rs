@@ -48,16 +48,10 @@ pub(super) fn assemble_effective_mass<R: Real>(
             let taut = length.lt(R::splat(rest[0])).or(length.gt(R::splat(rest[1])));
             let stiffness = R::select(taut, R::splat(spring.stiffness), R::zero());
             let push = h * stiffness * tendon.length.rate(v, paths);
-            let on_path = tendon
-                .length
-                .path
-                .iter()
-                .flat_map(|term| term.dofs.iter().zip(&paths.arms[term.arms..]).map(|(&dof, &arm)| (dof as usize, arm)));
-            let parts = || tendon.length.terms.iter().map(|&(_, dof, arm)| (dof, R::splat(arm))).chain(on_path.clone());
-            for (dof, arm) in parts() {
+            for (dof, arm) in tendon.length.arms(paths) {
                 applied[dof] -= push * arm;
             }
-            effective.add(compiled, parts(), h * (R::splat(spring.damping) + h * stiffness), entries);
+            effective.add(compiled, tendon.length.arms(paths), h * (R::splat(spring.damping) + h * stiffness), entries);
         }
         let at = stage.forces(inputs);
         for (k, servo) in compiled.servos.iter().enumerate() {

@@ -6,7 +6,7 @@ Coulomb's law: the object sticks if mu times the sum of finger forces is at leas
 import numpy as np
 import pytest
 import stepper
-from hypothesis import assume, example, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import prism, vertices
 from stepper import Status
@@ -145,12 +145,10 @@ def test_a_held_object_does_not_slip(name, accuracy):
 )
 @example(name="cube", accuracy="f32", factors=[1.1, 1.2, 1.4], milliseconds=4, seed=0)
 @example(name="upright cylinder", accuracy="f64", factors=[1.1, 1.17, 1.3], milliseconds=2, seed=0)
+@example(name="upright cylinder", accuracy="f32", factors=[1.1, 1.5, 2.0], milliseconds=1, seed=0)
 @settings(max_examples=15)
 def test_no_object_slips_where_friction_suffices(name, accuracy, factors, milliseconds, seed):
     """An object that fingers hold at any place and angle is lifted, carried, turned and shaken without slip, at any time step."""
-    # In f32 a gap may count as open at one of two contacts of a finger and as closed at the other, by rounding of 5e-7 m. The cylinder then
-    # slips by up to 3 mm, once in some hundred seconds.
-    assume(not (name == "upright cylinder" and accuracy == "f32"))
     precision, tolerance = ACCURACY[accuracy]
     options = {"precision": precision, "tolerance": tolerance, "timestep": milliseconds / 1000}
     slip = Grasp(name, factors, seconds=6, travels=True, seed=seed, **options).slip()

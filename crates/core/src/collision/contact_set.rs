@@ -14,6 +14,12 @@ const TANGENT_JUMP: f64 = 1e-2;
 /// Largest error of a normal force by rounded gaps, as a fraction of the body's weight, that [`Contacts::close_rounded_gaps`] tolerates.
 const FORCE_ERROR: f64 = 0.01;
 
+/// Rounding errors up to which a gap closes if another contact of its pair touches, as a multiple of those of a single contact.
+///
+/// Two contacts of a finger and a cylinder differ by rounding. If one of them were open, the other would bear the whole force of the
+/// finger, and the cylinder would turn.
+const PAIR_ROUNDING_RATIO: f64 = 4.0;
+
 /// Identity of a contact from step to step: index of its pair in the compiled model (high 32 bits) and feature of the pair (low 32 bits).
 /// The contacts of an environment are sorted by it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -209,23 +215,44 @@ impl<R: Real> Contacts<R> {
     /// force would be too small. The error, as a fraction of the force, is the ratio of the gap to `drop`. `drop` is the distance that
     /// gravity covers in the step, g h^2, m.
     ///
-    /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is
-    /// added only where it matters. For both errors, the function uses an upper bound of [`DISTANCE_ROUNDINGS`] units in the last place; a
-    /// typical error is one unit. The second error matters where the typical sum of both exceeds [`FORCE_ERROR`] times `drop`.
+    /// The rounding error is that of [`rounded_gap`]. If one contact of a pair touches, that of its other contacts counts
+    /// [`PAIR_ROUNDING_RATIO`] times.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;
         }
         kernel!(R, || {
-            let rounding_at_a_metre = R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON);
+            let mut slightly_open = R::Mask::splat(false);
             for k in 0..self.slots() {
+                let lanes = R::Mask::from_bits(self.lanes_of(k));
                 let point = &mut self.data[k].point;
-                let rounding = point.rounding();
-                let allows_for_angles = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
-                let small = point.distance.lt(rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero()));
-                point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
+                let (error, open) = (rounded_gap(point, drop), point.distance.gt(R::zero()));
+                point.distance = R::select(open.and(point.distance.lt(error)), R::zero(), point.distance);
+                let open = point.distance.gt(R::zero()).and(point.distance.lt(error * R::of(PAIR_ROUNDING_RATIO)));
+                slightly_open = slightly_open.or(open.and(lanes));
+            }
+            for l in each_of(slightly_open.bits()) {
+                for k in 0..self.count[l] {
+                    let point = self.data[k].point;
+                    let open = point.distance.lane(l) > R::Scalar::from_f64(0.0);
+                    if open
+                        && point.distance.lane(l) < (rounded_gap(&point, drop) * R::of(PAIR_ROUNDING_RATIO)).lane(l)
+                        && self.pair_touches(k, l)
+                    {
+                        self.data[k].point.distance.set_lane(l, R::Scalar::from_f64(0.0));
+                    }
+                }
             }
         })
+    }
+
+    /// Whether any contact of the pair of slot `k` touches or overlaps, in lane `l`.
+    fn pair_touches(&self, k: usize, l: usize) -> bool {
+        let pair = self.ids[k][l].pair();
+        let of_pair = |&other: &usize| self.ids[other][l].pair() == pair;
+        // Contacts are sorted by pair.
+        let (before, after) = ((0..k).rev().take_while(of_pair), (k..self.count[l]).take_while(of_pair));
+        before.chain(after).any(|other| self.data[other].point.distance.lane(l) <= R::Scalar::from_f64(0.0))
     }
 
     /// Chooses the tangents of every contact from its normal, and sets all impulses to 0.
@@ -451,6 +478,19 @@ fn copy_lane<R: Real>(to: &mut V3<R>, from: &V3<R>, l: usize) {
     for i in 0..3 {
         to[i].set_lane(l, from[i].lane(l));
     }
+}
+
+/// Upper bound of the rounding error of a gap in single precision, m.
+///
+/// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is
+/// added only where it matters. For both errors, the function uses an upper bound of [`DISTANCE_ROUNDINGS`] units in the last place; a
+/// typical error is one unit. The second error matters where the typical sum of both exceeds [`FORCE_ERROR`] times `drop`, the distance
+/// that gravity covers in the step.
+#[inline(always)]
+fn rounded_gap<R: Real>(point: &ContactPoint<R>, drop: R) -> R {
+    let (rounding, rounding_at_a_metre) = (point.rounding(), R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON));
+    let allows_for_angles = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
+    rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero())
 }
 
 #[cfg(test)]

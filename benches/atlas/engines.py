@@ -227,6 +227,7 @@ def stepper_engines() -> list[Stepper]:
         "rk4": {"integrator": "rk4"},
         "implicit": {"integrator": "implicit"},
         "newton": {"solver": "newton"},
+        "fine": {"tolerance": 1e-6},
     }
     default = stepper.Options()
     out = [Stepper("stepper"), *(Stepper(f"stepper {name}", dataclasses.replace(default, **s)) for name, s in settings.items())]

@@ -16,7 +16,7 @@ from atlas.scene import Scene
 USUAL = 2e-3
 """Time step of the atlas's summary, s. The summary has the error of each scene at the scene's time step that is nearest to this value."""
 
-MAIN = ("stepper", "stepper f32", "MuJoCo", "MuJoCo tuned", "rapier")
+MAIN = ("stepper", "stepper fine", "stepper f32", "MuJoCo", "MuJoCo tuned", "rapier")
 """Engines of the summary, which the pages of the groups compare with all others."""
 
 HEAD = """# The failure atlas
@@ -33,7 +33,7 @@ Engines:
 
 * **stepper** has the default `Options()`.
 * **stepper f32** has `precision="f32"`. **stepper euler**, **rk4** and **implicit** have this `integrator`, **baumgarte** this
-  `stabilization`, and **newton** this `solver`.
+  `stabilization`, and **newton** this `solver`. **stepper fine** has `tolerance=1e-6`.
 * **MuJoCo's law in stepper** has `Options(contact="mujoco", integrator="euler")`: the contact law of MuJoCo.
 * **MuJoCo** has default settings. MuJoCo has no coefficient of restitution, so its default cannot reproduce a bounce.
 * **MuJoCo tuned** has the settings of MuJoCo's guide for contact without slip: elliptic cones, impratio 100, the integrator implicitfast,

@@ -8,6 +8,10 @@ environments. To compare two builds, run the script with each; the references ar
 
     PYTHONPATH=old/python:benches python -m comparison.refinement out/references
     PYTHONPATH=new/python:benches python -m comparison.refinement out/references
+
+With tolerances of the solver, the columns are these tolerances, in m/s, at the time step dt.
+
+    PYTHONPATH=benches python -m comparison.refinement out/references --tolerances 1e-10 1e-6 1e-5 1e-4 1e-3
 """
 
 from __future__ import annotations
@@ -28,6 +32,8 @@ Array = NDArray[np.float64]
 NUM_ENVS, WARM_UP, SECONDS = 256, 120, 0.04
 REFINED = 64
 """Number of steps of the reference solution per time step of the model."""
+REFERENCE_TOLERANCE = 1e-10
+"""Tolerance of the solver in the reference solution, m/s."""
 QUANTILES = (0.5, 0.75, 0.9)
 """Quantiles of the errors over environments in the table."""
 
@@ -36,10 +42,15 @@ def main() -> None:
     """Print a markdown table with the trajectory errors of each robot at three time steps."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("references", type=Path, help="folder of the references; missing ones are computed")
-    folder = parser.parse_args().references
+    parser.add_argument("--tolerances", type=float, nargs="+", metavar="TOLERANCE", help="tolerances of the solver, m/s")
+    args = parser.parse_args()
+    folder = args.references
     folder.mkdir(parents=True, exist_ok=True)
     warnings.simplefilter("ignore")
-    print(f"| robot | {' | '.join(f'dt / {k}' for k in (1, 2, 4))} |\n|---|---|---|---|")
+    columns = {f"dt / {parts}": (parts, None) for parts in (1, 2, 4)}
+    if args.tolerances:
+        columns = {f"{tolerance:g} m/s": (1, tolerance) for tolerance in args.tolerances}
+    print(f"| robot | {' | '.join(columns)} |\n|---{'|---' * len(columns)}|")
     for package, file in MODELS:
         try:
             path = package_file(package, file, "to step its robots")
@@ -55,8 +66,8 @@ def main() -> None:
         with np.load(kept) as there:
             given = dict(there)
         cells = []
-        for parts in (1, 2, 4):
-            reached = final_qpos(model, (given["qpos"], given["qvel"], given["ctrl"]), parts)
+        for parts, tolerance in columns.values():
+            reached = final_qpos(model, (given["qpos"], given["qvel"], given["ctrl"]), parts, tolerance)
             errors = np.abs(reached - given["reached"]).max(axis=1)
             cells.append(" ".join(f"{q:.2e}" for q in np.quantile(errors, QUANTILES)))
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
@@ -73,20 +84,21 @@ def reference(model: Model) -> tuple[Array, Array, Array, Array]:
     for _ in range(WARM_UP):
         sim.step(rng.uniform(low, high, (NUM_ENVS, len(low))))
     given = np.array(sim.qpos), np.array(sim.qvel), rng.uniform(low, high, (NUM_ENVS, len(low))) / 2
-    return *given, final_qpos(model, given, REFINED)
+    return *given, final_qpos(model, given, REFINED, REFERENCE_TOLERANCE)
 
 
-def final_qpos(model: Model, given: tuple[Array, Array, Array], parts: int) -> Array:
+def final_qpos(model: Model, given: tuple[Array, Array, Array], parts: int, tolerance: float | None) -> Array:
     """Final positions, (num_envs, nq), from given initial states and controls.
 
     Args:
         model: The model.
         given: Initial qpos and qvel, and controls.
         parts: Number of steps per time step of the model.
+        tolerance: Tolerance of the solver, m/s; None selects the default.
     """
     (qpos, qvel, ctrl), dt = given, float(model.timestep)
     steps = max(4, round(SECONDS / dt))
-    sim = Stepper(model, NUM_ENVS, options=Options(timestep=dt / parts))
+    sim = Stepper(model, NUM_ENVS, options=Options(timestep=dt / parts, tolerance=tolerance))
     sim.set_state(qpos=qpos, qvel=qvel)
     sim.step(ctrl, nstep=steps * parts)
     return np.array(sim.qpos)

@@ -112,5 +112,7 @@ class Theirs(MujocoBatch):
 
 PGS = Options(solver="pgs")
 """Options of stepper with the solver projected Gauss-Seidel, without Newton's method."""
+FINE = Options(tolerance=1e-6)
+"""Options of stepper with a hundredth of the default tolerance."""
 LAW = Options(contact="mujoco")
 """Options of stepper with MuJoCo's contact law and the integrator of the model."""

@@ -22,7 +22,7 @@ from stepper.lab.demo.race import MATCHED
 from stepper.lab.demo.referee import Measured, Referee
 from stepper.shared.machine import one_core
 
-from many_contacts.engines import LAW, PGS, Batch, Ours, Theirs
+from many_contacts.engines import FINE, LAW, PGS, Batch, Ours, Theirs
 from many_contacts.episodes import episode
 from many_contacts.scene import Array, Scene, Script
 
@@ -36,7 +36,7 @@ DROPPED = 0.02
 """Displacement relative to the holder above which an object counts as dropped, m."""
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
 """Names of MuJoCo's two settings."""
-SETTINGS = ("default", "fast", "pgs", "law")
+SETTINGS = ("default", "fine", "fast", "pgs", "law")
 """Names of stepper's settings, see `options`."""
 
 
@@ -96,8 +96,8 @@ class Track:
 
 
 def options(setting: str, model: Model) -> Options | None:
-    """Options of stepper for a setting, "default", "fast", "pgs" or "law", and a model. None means the default options."""
-    return {"default": None, "fast": fast(model), "pgs": PGS, "law": LAW}[setting]
+    """Options of stepper for a setting, "default", "fine", "fast", "pgs" or "law", and a model. None means the default options."""
+    return {"default": None, "fine": FINE, "fast": fast(model), "pgs": PGS, "law": LAW}[setting]
 
 
 def read(path: Path) -> tuple[Model, str]:

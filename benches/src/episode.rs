@@ -27,9 +27,7 @@ pub struct Episode {
 impl Episode {
     /// Benchmark run with the environments `first..first + count` of a scene, which the calling thread steps.
     pub fn new(scene: &Scene, first: usize, count: usize, precision: Precision, level: Level) -> Self {
-        // Both precisions have the same tolerance, so that rows are comparable.
-        let options = Options { tolerance: Some(Precision::F64.tolerance()), ..Options::default() };
-        let mut simulation = Simulation::at_level(scene.model.clone(), options, Some(count), precision, 1, level);
+        let mut simulation = Simulation::at_level(scene.model.clone(), Options::default(), Some(count), precision, 1, level);
         for env in 0..count {
             let (q, v) = scene.start(first + env);
             simulation.set(Field::Qpos, env, &q).expect("a valid configuration");

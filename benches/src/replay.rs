@@ -314,6 +314,7 @@ struct PythonOptions {
     solver: Solver,
     iterations: u32,
     tolerance: Option<f64>,
+    rtol: f64,
     #[serde(with = "StabilizationName")]
     stabilization: Stabilization,
     baumgarte: f64,
@@ -363,7 +364,7 @@ mod tests {
     /// Episode that tests/helpers/bench_episode.py recorded, which a test in Python compares with a new recording.
     const EPISODE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/episode");
     const HEADER: &str = r#"{"format": 0, "closed": true, "note": "", "num_envs": 2, "precision": "f32", "actuators": null, "sensors": null,
-        "options": {"timestep": null, "contact": "hard", "integrator": "rk4", "error": null, "solver": "pgs", "iterations": 7, "tolerance": 1e-5, "stabilization": "none",
+        "options": {"timestep": null, "contact": "hard", "integrator": "rk4", "error": null, "solver": "pgs", "iterations": 7, "tolerance": 1e-5, "rtol": 1e-3, "stabilization": "none",
             "baumgarte": 0.2, "slop": 1e-5, "max_correction_speed": 1.0, "restitution_threshold": 0.01, "max_contacts": null}}"#;
 
     #[test]

@@ -69,10 +69,13 @@ class Options(Hints):
             bodies in contact (docs/development/decisions/bounds.md). A step that reaches the bound sets NOT_CONVERGED in `status`, and
             `Stepper.worst_row` names the constraint with the largest residual. `Stepper.iterations` counts sweeps and Newton steps,
             `Stepper.newton_steps` Newton steps alone.
-        tolerance: Residual at which the solver stops, m/s: the error of the contact conditions, expressed as a velocity (natural map).
-            None uses 1e-6, and 1e-4 with precision="f32". With contact="mujoco", None uses the smaller of that default and 0.6 % of
-            the velocity that gravity adds in a step, but at least 1e-6. The relative error of contact forces at rest then does not
-            grow with shorter steps.
+        tolerance: Largest residual at which the solver stops, m/s. The residual is the error of the contact conditions, expressed as a
+            velocity (natural map). None uses 0.6 % of the velocity that gravity adds in a step, from 1e-6 to 1e-4. The relative
+            error of contact forces then does not grow with shorter steps. Hard contact with precision="f32" uses 1e-4, and
+            contact="mujoco" with "f64" uses 1e-6.
+        rtol: Residual at which the solver stops, as a fraction of the speed of the environment's fastest degree of freedom (rad/s or
+            m/s) before the step. The solver stops at the smaller of `rtol` times this speed and `tolerance`. Environments at rest are
+            therefore solved to rounding, and do not creep. It has no effect with contact="mujoco".
         stabilization: Method that removes overlap and other position errors of constraints: "baumgarte" (a velocity bias), "split" (a
             second solve that moves positions only) or "none".
         baumgarte: Fraction of the overlap beyond the slop that is removed per step, 0 to 1.
@@ -90,6 +93,7 @@ class Options(Hints):
     solver: Literal["auto", "pgs", "newton"] = "auto"
     iterations: int = 50
     tolerance: float | None = None
+    rtol: float = 1e-3
     stabilization: Literal["baumgarte", "split", "none"] = "split"
     baumgarte: float = 0.2
     slop: float = 1e-5

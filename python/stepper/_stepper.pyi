@@ -992,7 +992,7 @@ class Stepper:
     reset."""
     eq_active: NDArray[np.bool_]
     """Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`. Writable; each step uses it until it is changed.
-    It is part of the state of `get_state`. `reset` restores the model's `eq_active0`.
+    Part of the state of `get_state`. `reset` restores the model's `eq_active0`.
 
     The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
     `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the current one."""

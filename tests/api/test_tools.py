@@ -168,7 +168,7 @@ WORDS = {
     "solver": ("auto", "pgs", "newton"), "stabilization": ("baumgarte", "split", "none"),
 }  # fmt: skip
 NUMBERS = {
-    **dict.fromkeys(("timestep", "tolerance", "error"), (lambda x: 0 < x < np.inf)),
+    **dict.fromkeys(("timestep", "tolerance", "rtol", "error"), (lambda x: 0 < x < np.inf)),
     **dict.fromkeys(("slop", "max_correction_speed", "restitution_threshold"), (lambda x: x >= 0)),
     "baumgarte": lambda x: 0 <= x <= 1,
 }

@@ -11,7 +11,7 @@ DTS = sorted({0.001, 0.02, *(dt for _, dt in CASES)})
 def test_it_holds_if_and_only_if_friction_can(mu, dt):
     done = push(mu, dt)
     expected = max(0.0, PUSH / MASS - mu * G)
-    # Speed to the solver's tolerance, 1e-6 m/s, after a second; one that stays stays exactly, but for rounding.
+    # Speed to a solver residual of 1e-6 m/s, after a second; one that stays stays exactly, but for rounding.
     assert done.acceleration == pytest.approx(expected, abs=1e-6 if expected else 1e-9)
     assert done.residual <= 1e-6
 

@@ -88,7 +88,7 @@ UNSOLVED = 1e-2
 
 def check_certificate(sim, problem):
     """Whether there was something to compare: beyond UNSOLVED the velocity is not that of the impulses."""
-    assert (sim.residual > 1e-6) == bool(sim.status & stepper.Status.NOT_CONVERGED)
+    assert (sim.residual > sim.tolerance) == bool(sim.status & stepper.Status.NOT_CONVERGED)
     if sim.residual > UNSOLVED:
         return False
     problem.leave_to_scalars(sim.qvel)

@@ -24,7 +24,7 @@ def sole(which: range, friction: str = "0.8", lift: float = 0.0) -> stepper.Mode
 
 def slid(model: stepper.Model, velocity: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, int]:
     """Where a sole is after half a second, its velocity, and its contacts on the way at the most."""
-    sim = stepper.Stepper(model, num_envs=1)
+    sim = stepper.Stepper(model, num_envs=1, options=stepper.Options(tolerance=1e-6))
     sim.set_state(qvel=velocity)
     most = 0
     for _ in range(250):

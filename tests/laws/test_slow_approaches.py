@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from stepper import Status
 
 TOLERANCE, SLOP = 1e-6, 1e-5
-"""Default tolerance, m/s, and overlap that stabilisation leaves, m."""
+"""Tolerance of the solver, m/s, and overlap that stabilisation leaves, m."""
 RESTING = 10 * TOLERANCE
 """Normal speed below which a touching contact counts as resting, m/s."""
 REPORTED = 1e-4 + SLOP
@@ -35,7 +35,7 @@ SLOPES = st.floats(-6.5, -5.1).map(lambda x: 10.0**x)
 def mover(joint: str, slope: float, speed: float, *, overlap: float, condim: int = 3, timestep: float = 2e-3) -> stepper.Stepper:
     """A box that a joint moves along a face at `speed`, m/s, while the face approaches it at `slope` times that speed."""
     xml = (HINGE if joint == "hinge" else SLIDE).format(height=0.07 - overlap, slope=-slope, condim=condim)
-    sim = stepper.Stepper(stepper.load(xml), options=stepper.Options(timestep=timestep))
+    sim = stepper.Stepper(stepper.load(xml), options=stepper.Options(timestep=timestep, tolerance=TOLERANCE))
     sim.set_state(qvel=[speed / REACH if joint == "hinge" else speed])
     return sim
 
@@ -90,7 +90,7 @@ def test_a_slow_approach_beyond_the_slop_is_reported(slope, approach, overlap):
 @given(speed=st.floats(-4.9, 0.0).map(lambda x: 10.0**x), overlap=st.floats(0.0, 9.0))
 def test_a_plate_pressed_into_a_box_is_reported(speed, overlap):
     """A moving plate presses a box across its slide, so that the contact has no lever arm at all."""
-    sim = stepper.Stepper(stepper.load(PRESS.format(height=0.07 - overlap * SLOP)))
+    sim = stepper.Stepper(stepper.load(PRESS.format(height=0.07 - overlap * SLOP)), options=stepper.Options(tolerance=TOLERANCE))
     sim.step()
     for k in range(3):
         sim.mocap_pos = np.array([[0.0, 0.0, 2e-3 * speed * (k + 1)]])

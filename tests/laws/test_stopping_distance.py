@@ -16,7 +16,7 @@ DISTANCE = V0**2 / (2 * MU * G)
 
 def stop(dt: float, choice: dict) -> float:
     """Distance at rest."""
-    sim = simulate(on_plane(BOX, MU, 0.05), timestep=dt, **choice)
+    sim = simulate(on_plane(BOX, MU, 0.05), timestep=dt, tolerance=1e-6, **choice)
     sim.set_state(qvel=[V0, 0, 0, 0, 0, 0])
     sim.step(nstep=int(1.2 * V0 / (MU * G * dt)) + 2)
     sim.step(nstep=100)  # The warm start converges.

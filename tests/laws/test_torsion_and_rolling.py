@@ -20,7 +20,7 @@ def scene(geom: str, height: float, condim: int, friction: str) -> str:
 def test_a_spinning_sphere_stops_at_the_rate_of_torsional_friction(condim, integrator):
     """I w' = -mu_t m g with I = 2/5 m r^2: exactly linear, to rest within a step, and then it rests exactly."""
     r, mu, spin, h = 0.1, 0.002, 20.0, 1e-3
-    sim = simulate(scene(f'type="sphere" size="{r}"', r, condim, f"1 {mu} .0001"), integrator=integrator, timestep=h)
+    sim = simulate(scene(f'type="sphere" size="{r}"', r, condim, f"1 {mu} .0001"), integrator=integrator, timestep=h, tolerance=1e-6)
     rate = mu * G / (0.4 * r * r)
     sim.set_state(qvel=[0, 0, 0, 0, 0, spin])
     for steps in (500, 500, 1000):
@@ -54,13 +54,13 @@ def rolling(push: float, press: float, r: float, slide: float, roll: float) -> t
 def test_a_rolling_ball_is_stopped_by_rolling_friction(integrator):
     """Rate v' = -5/7 g mu_r / r but for what the force takes of the cone; it stops, and does not creep."""
     r, mu, speed, h = 0.1, 0.005, 1.0, 1e-3
-    sim = simulate(scene(f'type="sphere" size="{r}"', r, 6, f"1 .003 {mu}"), integrator=integrator, timestep=h)
+    sim = simulate(scene(f'type="sphere" size="{r}"', r, 6, f"1 .003 {mu}"), integrator=integrator, timestep=h, tolerance=1e-6)
     rate, lever = rolling(0, G, r, 1, mu)
     assert rate == pytest.approx(-5 / 7 * G * mu / r, rel=2e-3)
     direction = np.array([np.cos(0.7), np.sin(0.7), 0])
     sim.set_state(qvel=np.concatenate([speed * direction, np.cross([0, 0, 1], direction) * speed / lever]))
     sim.step(nstep=1000)
-    # The solver's tolerance, 1e-6 m/s, sums up to less than its like; velocities are linear in time, which both rules integrate exactly.
+    # A solver residual of 1e-6 m/s sums up to less than its like; velocities are linear in time, which both rules integrate exactly.
     assert sim.qvel[:3] == pytest.approx((speed + rate * sim.time) * direction, abs=2e-6)
     sim.step(nstep=round(-speed / rate / h) - 1000 + 5)
     stopped = sim.qpos[:3]

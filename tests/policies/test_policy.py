@@ -78,7 +78,7 @@ def test_it_is_the_same_after_it_was_saved(envs, tmp_path):
 
 
 @pytest.mark.parametrize(("settings", "named"), [
-    ({"contact": "hard"}, {"options.contact", "options.integrator", "options.iterations"}),
+    ({"contact": "hard"}, {"options.contact", "options.integrator", "options.iterations", "options.tolerance"}),
     ({"precision": "f32"}, {"precision", "options.tolerance"}),
     ({"options": stepper.Options(contact="mujoco", integrator="rk4", iterations=100, timestep=0.005)}, {"options.timestep"}),
     ({"frame_skip": 4}, {"task.frame_skip", "frame_skip"}),

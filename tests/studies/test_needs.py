@@ -37,7 +37,10 @@ def push(now):
 
 
 def heap(more=""):
-    return stepper.lab.Study(model=HEAP.format(more=more), name="heap", controller=push, seconds=0.1, episodes=1, control=0.02)
+    options = stepper.Options(tolerance=1e-6)
+    return stepper.lab.Study(
+        model=HEAP.format(more=more), name="heap", options=options, controller=push, seconds=0.1, episodes=1, control=0.02
+    )
 
 
 def bench(study):
@@ -68,7 +71,8 @@ def test_a_cone_that_is_left_is_needed():
     def shove(now):
         now.xfrc_applied[:, 2, 0] = 1.5 * MASS * G
 
-    study = stepper.lab.Study(model=HEAP.format(more=""), name="heap", controller=shove, seconds=0.1, control=0.02)
+    options = stepper.Options(tolerance=1e-6)
+    study = stepper.lab.Study(model=HEAP.format(more=""), name="heap", options=options, controller=shove, seconds=0.1, control=0.02)
     (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.part.startswith("cones")]
     # The third box lies still and uses no friction at all: what it needs less is no cone but no rows.
     assert found.part == "cones of 1 of 3 pairs of geoms that touch"

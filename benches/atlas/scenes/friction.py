@@ -196,7 +196,7 @@ def tray_slips(mu: float):
 
 
 COULOMB = "statics with Coulomb's law"
-TOLERANCE = "the solver's tolerance, 1e-6 m/s, over a second of motion"
+TOLERANCE = "a solver residual of 1e-6 m/s, over a second of motion"
 ACCELERATION = "1e-4 of the net force, which is at most 1 % of the friction force"
 
 SCENES = (

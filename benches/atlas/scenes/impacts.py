@@ -166,7 +166,7 @@ SCENES = (
         "conservation laws",
         "1",
         flat(2e-5),
-        "twice the solver's tolerance of 1e-6 m/s in each of five speeds, relative to the speed of the first ball",
+        "twice a solver residual of 1e-6 m/s in each of five speeds, relative to the speed of the first ball",
         conservation_error,
     ),
     Scene(

@@ -172,13 +172,13 @@ def _apart(world: World) -> bool:
 def share(dt: float) -> float:
     """Largest relative error of a force in a stack that counts as correct, at the time step `dt`, s.
 
-    This tolerance is ten times (once per contact of the stack) the solver's tolerance, 1e-6 m/s, divided by the velocity g dt that gravity
+    This tolerance is ten times (once per contact of the stack) a solver residual of 1e-6 m/s, divided by the velocity g dt that gravity
     adds in a step.
     """
     return max(1e-6, 10 * 1e-6 / (G * dt))
 
 
-SHARE = "ten times the solver's tolerance, 1e-6 m/s, relative to the load of a step, g dt"
+SHARE = "ten times a solver residual of 1e-6 m/s, relative to the load of a step, g dt"
 STATICS = "statics"
 
 SCENES = (
@@ -232,7 +232,7 @@ SCENES = (
         "invariance under renaming of contacts",
         "m",
         lambda dt: 1e-6,
-        "the solver's tolerance of 1e-6 m/s over half a second, half of it for each of four feet",
+        "a solver residual of 1e-6 m/s over half a second, half of it for each of four feet",
         table_order,
     ),
     Scene(

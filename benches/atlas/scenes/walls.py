@@ -136,7 +136,7 @@ SCENES = (
         STATICS,
         "1",
         lambda dt: max(1e-6, 1e-6 / (PUSH * dt)),
-        "the solver's tolerance of 1e-6 m/s, relative to the push of a step, F dt / m",
+        "a solver residual of 1e-6 m/s, relative to the push of a step, F dt / m",
         flicker,
     ),
     Scene(

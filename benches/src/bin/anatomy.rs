@@ -245,9 +245,7 @@ fn spheres(n: usize) -> Arc<Model> {
 }
 
 fn simulation(model: &Arc<Model>, num_envs: usize, precision: Precision, threads: usize, level: Level) -> Simulation {
-    // Both precisions have the same tolerance, so that rows are comparable.
-    let options = Options { tolerance: Some(Precision::F64.tolerance()), ..Options::default() };
-    Simulation::at_level(model.clone(), options, Some(num_envs), precision, threads, level)
+    Simulation::at_level(model.clone(), Options::default(), Some(num_envs), precision, threads, level)
 }
 
 /// Time per environment step, us, in the fastest of [`ROUNDS`] runs of `calls` steps from the current state.

@@ -117,11 +117,17 @@ pub struct Options {
     ///
     /// [`Solver::Auto`] makes at most 50 sweeps, and in 64 bits at most 25 before the first Newton iteration.
     pub iterations: u32,
-    /// Residual at which the solver stops, m/s. `None` selects [`Precision::tolerance`].
+    /// Largest residual at which the solver stops, m/s. `None` selects 0.6 % of the velocity that gravity adds in a step, but at least 1e-6
+    /// and at most 1e-4 m/s.
     ///
-    /// With MuJoCo's contact law and 32-bit numbers, short steps have a smaller default: 0.6 % of the velocity that gravity adds in a step,
-    /// but at least 1e-6 m/s.
+    /// There are two exceptions. `None` selects 1e-4 m/s for hard contact in 32 bits, and 1e-6 m/s for MuJoCo's contact law in 64 bits.
     pub tolerance: Option<f64>,
+    /// Residual at which the solver stops, as a fraction of the speed of the fastest degree of freedom, rad/s or m/s. The solver stops at
+    /// the smaller of this residual and `tolerance`, so that an environment at rest does not creep. MuJoCo's contact law ignores it.
+    ///
+    /// Evidence: a residual r causes joint speeds up to 60 r (ants at rest). With 1e-3 the speed at which a robot at rest creeps decreases
+    /// in every step.
+    pub rtol: f64,
     /// Stabilisation method.
     pub stabilization: Stabilization,
     /// Fraction of the overlap beyond the slop that a step removes.
@@ -153,27 +159,39 @@ const AUTO_SWEEPS: u32 = 50;
 /// iteration.
 const NEWTON_SWEEPS: u32 = 2;
 
-/// Acceleration error that the default tolerance permits with MuJoCo's contact law, as a fraction of gravity. It bounds the error of
-/// contact forces at rest, independent of the time step.
+/// Acceleration error that the default tolerance permits in short steps, as a fraction of gravity. It bounds the error of contact forces at
+/// rest, independent of the time step.
 ///
-/// Evidence, in 32 bits at a time step of 0.1 ms: the contact force under a cube of weight 98.1 N is 97.7 to 98.6 N. With 1e-4 m/s, the
-/// default tolerance of long steps, it is 88.9 to 106.7 N.
+/// Evidence, with MuJoCo's contact law in 32 bits at a time step of 0.1 ms: the contact force under a cube of weight 98.1 N is 97.7 to
+/// 98.6 N. With 1e-4 m/s, the default tolerance of long steps, it is 88.9 to 106.7 N.
 const SHARE_OF_GRAVITY: f64 = 6e-3;
 
 /// Gravity assumed for a model without gravity, and upper bound of the gravity that [`default_tolerance`] uses, m/s^2.
 const USUAL_GRAVITY: f64 = 10.0;
 
+/// Smallest default tolerance of the solver, m/s. Below it, predictions and corrections become more accurate too
+/// ([`StepSettings::accuracy_factor`]).
+const FINE_TOLERANCE: f64 = 1e-6;
+
+/// Largest default tolerance of the solver, m/s.
+///
+/// Evidence: errors of twelve robots under random control are those of 1e-6 m/s (docs/development/decisions/tolerance.md).
+const MAX_TOLERANCE: f64 = 1e-4;
+
 /// Default tolerance of the solver, m/s.
 ///
-/// A velocity error e in every step of h seconds is a force error proportional to e / h. With MuJoCo's contact law, short steps therefore
-/// have a smaller tolerance, but at least the default tolerance of 64-bit numbers.
+/// A velocity error e in every step of h seconds is a force error proportional to e / h. Short steps therefore have a smaller tolerance. In
+/// 32 bits, the rounding of hard contacts prevents this. MuJoCo's contact law is solved more exactly in 64 bits, by Newton's method, which
+/// converges quadratically.
 fn default_tolerance(contact: ContactLaw, precision: Precision, timestep: f64, gravity: f64) -> f64 {
-    let usual = precision.tolerance();
-    if contact == ContactLaw::Hard {
-        return usual;
+    match (contact, precision) {
+        (ContactLaw::Hard, Precision::F32) => MAX_TOLERANCE,
+        (ContactLaw::Mujoco, Precision::F64) => FINE_TOLERANCE,
+        _ => {
+            let gravity = if gravity > 0.0 { gravity.min(USUAL_GRAVITY) } else { USUAL_GRAVITY };
+            (SHARE_OF_GRAVITY * gravity * timestep).clamp(FINE_TOLERANCE, MAX_TOLERANCE)
+        }
     }
-    let gravity = if gravity > 0.0 { gravity.min(USUAL_GRAVITY) } else { USUAL_GRAVITY };
-    usual.min((SHARE_OF_GRAVITY * gravity * timestep).max(Precision::F64.tolerance()))
 }
 
 impl Default for Options {
@@ -186,6 +204,7 @@ impl Default for Options {
             solver: Solver::Auto,
             iterations: 50,
             tolerance: None,
+            rtol: 1e-3,
             stabilization: Stabilization::Split,
             baumgarte: 0.2,
             slop: 1e-5,
@@ -230,6 +249,7 @@ impl Options {
             solver: self.solver,
             iterations: self.iterations,
             tolerance: self.tolerance.unwrap_or_else(|| default_tolerance(self.contact, precision, timestep, gravity)),
+            rtol: self.rtol,
             stabilization: self.stabilization,
             baumgarte: self.baumgarte,
             slop: self.slop,
@@ -273,10 +293,11 @@ impl Options {
     pub fn check(&self) -> Result<(), Error> {
         let positive = |x: Option<f64>| x.is_none_or(|x| x > 0.0 && x.is_finite());
         // Name, whether the value is in its range, value, range.
-        let checks: [(_, _, &dyn Display, _); 9] = [
+        let checks: [(_, _, &dyn Display, _); 10] = [
             ("timestep", positive(self.timestep), &self.timestep.unwrap_or_default(), "a finite number above 0"),
             ("error", positive(self.error), &self.error.unwrap_or_default(), "a finite number above 0"),
             ("tolerance", positive(self.tolerance), &self.tolerance.unwrap_or_default(), "a finite number above 0"),
+            ("rtol", positive(Some(self.rtol)), &self.rtol, "a finite number above 0"),
             ("slop", self.slop >= 0.0, &self.slop, "0 or more"),
             ("max_correction_speed", self.max_correction_speed >= 0.0, &self.max_correction_speed, "0 or more"),
             ("restitution_threshold", self.restitution_threshold >= 0.0, &self.restitution_threshold, "0 or more"),
@@ -306,8 +327,10 @@ pub struct StepSettings {
     pub solver: Solver,
     /// Largest number of iterations, see [`Options::iterations`].
     pub iterations: u32,
-    /// Residual at which the solver stops, m/s.
+    /// Largest residual at which the solver stops, m/s.
     pub tolerance: f64,
+    /// Residual at which the solver stops, relative to the speed, see [`Options::rtol`].
+    pub rtol: f64,
     /// Stabilisation method, see [`Options::stabilization`].
     pub stabilization: Stabilization,
     /// Fraction of the overlap beyond the slop that a step removes, see [`Options::baumgarte`].
@@ -325,12 +348,12 @@ pub struct StepSettings {
 }
 
 impl StepSettings {
-    /// Factor by which the user's tolerance is smaller than the default tolerance of double precision, at least 1.
+    /// Factor by which the tolerance is smaller than [`FINE_TOLERANCE`], at least 1.
     ///
-    /// The module `tuning` has tolerances and iteration limits of predictions and corrections, which hold at the default tolerance. A
-    /// step divides these tolerances by the factor, and multiplies these iteration limits by it.
+    /// The module `tuning` has tolerances and iteration limits of predictions and corrections. A step divides these tolerances by the
+    /// factor, and multiplies these iteration limits by it.
     pub(crate) fn accuracy_factor(&self) -> f64 {
-        (Precision::F64.tolerance() / self.tolerance).max(1.0)
+        (FINE_TOLERANCE / self.tolerance).max(1.0)
     }
 
     /// Largest numbers of Gauss-Seidel iterations and of Newton iterations in a solve.

@@ -19,11 +19,11 @@ pub(crate) const MIN_ROUGH_MOTION_OF_SEVERAL_TREES: f64 = 1e-3;
 pub(crate) const MAX_ROUGH_MOTION: f64 = 0.3;
 
 /// Largest number of Gauss-Seidel iterations of an impulse prediction that is not rough. The step multiplies it by
-/// `StepSettings::accuracy_factor`, which is 1 at the default tolerance.
+/// `StepSettings::accuracy_factor`, which is 1 unless the tolerance is below 1e-6 m/s.
 pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 
 /// Largest error that the impulse prediction may cause in the free velocity (the velocity without constraint impulses), m/s. The step
-/// divides it by `StepSettings::accuracy_factor`, which is 1 at the default tolerance.
+/// divides it by `StepSettings::accuracy_factor`.
 ///
 /// Let v be the velocity before a step of h seconds. An error d of the predicted velocity changes the velocity by inertial forces by about
 /// `h |v| d`. The iterations therefore stop at `ESTIMATE_ERROR / (h |v|)`.
@@ -38,10 +38,6 @@ pub(crate) const REST_MOTION: f64 = 1e-6;
 pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
 
 // Stage 5: the solve.
-
-/// Tolerance of the solve as a fraction of the speed of the fastest degree of freedom. Evidence: a residual r causes joint speeds up to 60
-/// r (ants at rest). With 1e-3 the speed at which a robot at rest creeps decreases in every step.
-pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-3;
 
 /// Lower bound of the residual at which the solver stops, m/s, in double precision. Single precision has larger bounds (`tolerance` in
 /// `stages/s05_solve.rs`).

@@ -58,6 +58,7 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
         solver: given.choice("solver", &[("auto", Solver::Auto), ("pgs", Solver::Pgs), ("newton", Solver::Newton)])?,
         iterations: given.count("iterations")?,
         tolerance: given.optional("tolerance", Given::number)?,
+        rtol: given.number("rtol")?,
         stabilization: given.choice("stabilization", &stabilizations)?,
         baumgarte: given.number("baumgarte")?,
         slop: given.number("slop")?,

@@ -177,9 +177,7 @@ impl Simulation {
         self.settings().timestep
     }
 
-    /// Residual at which the solver stops, m/s: the options' tolerance if it is set, otherwise [`Precision::tolerance`].
-    ///
-    /// With MuJoCo's contact law and 32-bit numbers, short steps have a smaller default, see [`Options::tolerance`].
+    /// Largest residual at which the solver stops, m/s, see [`Options::tolerance`].
     pub fn tolerance(&self) -> f64 {
         self.settings().tolerance
     }

@@ -11,7 +11,7 @@ use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
 use crate::tuning::{
     ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MAX_REST_TOLERANCE, MAX_ROUGH_MOTION, MIN_ROUGH_MOTION_OF_SEVERAL_TREES,
-    MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS, SLIP_SPEED,
+    MIN_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS, SLIP_SPEED,
 };
 
 /// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or a smaller one. Afterwards, [`store_impulses`] can
@@ -166,9 +166,9 @@ pub struct ImpulsePredictor<R: Real> {
 impl<R: Real> ImpulsePredictor<R> {
     /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// Rough predictions are accurate enough for the default tolerance, at which the free velocity may have an error of [`ESTIMATE_ERROR`].
-    /// If the user's tolerance is smaller, the predictor iterates to a tolerance in all moving lanes. The option [`Solver::Newton`] has the
-    /// same effect. Otherwise the predictor iterates to a tolerance in lanes that move too little or too far for a rough prediction
+    /// Rough predictions are accurate enough unless [`StepSettings::accuracy_factor`] exceeds 1: the free velocity may have an error of
+    /// [`ESTIMATE_ERROR`]. Otherwise the predictor iterates to a tolerance in all moving lanes. The option [`Solver::Newton`] has the same
+    /// effect. With rough predictions, it still iterates to a tolerance in lanes that move too little or too far
     /// ([`MIN_ROUGH_MOTION_OF_SEVERAL_TREES`], [`MAX_ROUGH_MOTION`]), and in lanes with a contact group. A contact group has three or more
     /// contacts between two bodies, one of which floats freely.
     #[inline(always)]
@@ -249,7 +249,7 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     fastest
 }
 
-/// Residual at which the solver stops in each lane, m/s: [`RELATIVE_TOLERANCE`] times the speed of the lane's fastest degree of freedom.
+/// Residual at which the solver stops in each lane, m/s: the option `rtol` times the speed of the lane's fastest degree of freedom.
 /// The result is at least a bound for rounding errors, but never above the tolerance of the options.
 ///
 /// An upper bound of the rounding error is 1e4 machine epsilons of a velocity of 1 m/s, in 32 bits 1e-3 m/s. With so large a residual,
@@ -259,6 +259,6 @@ fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R
     kernel!(R, || {
         let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
         let least = R::select(has_groups, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
-        (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(least).min(R::of(options.tolerance))
+        (fastest(v) * R::of(options.rtol)).max(least).min(R::of(options.tolerance))
     })
 }

@@ -43,8 +43,14 @@ fn the_time_step_is_the_models_unless_it_is_given() {
 }
 
 #[test]
-fn the_tolerance_follows_the_precision_unless_it_is_given() {
-    for (precision, tolerance) in [(Precision::F64, 1e-6), (Precision::F32, 1e-4)] {
+fn the_tolerance_follows_the_contact_law_and_the_precision_unless_it_is_given() {
+    let mujoco = Options { contact: ContactLaw::Mujoco, ..Options::default() };
+    assert_eq!(Simulation::new(ball(0.002), mujoco, Some(2), Precision::F64, 1).unwrap().tolerance(), 1e-6);
+    let short = Options { timestep: Some(5e-4), ..Options::default() };
+    assert!(
+        (Simulation::new(ball(0.002), short, Some(2), Precision::F64, 1).unwrap().tolerance() / (6e-3 * 9.81 * 5e-4) - 1.0).abs() < 1e-12
+    );
+    for (precision, tolerance) in [(Precision::F64, 1e-4), (Precision::F32, 1e-4)] {
         let make = |options: Options| Simulation::new(ball(0.002), options, Some(2), precision, 1).unwrap();
         let mut sim = make(Options::default());
         assert_eq!(sim.tolerance(), tolerance);

@@ -153,6 +153,7 @@ pub(crate) fn parameters(model: &Description) -> Checked {
     joints(model)?;
     geoms(model)?;
     pairs(model)?;
+    equalities(model)?;
     actuators(model)
 }
 

@@ -69,7 +69,7 @@ impl Actuator {
     pub fn gear_row(&self) -> [f64; GEAR] {
         match self.transmission {
             Transmission::Site { wrench, .. } => wrench.map(|x| x * self.gear),
-            Transmission::Joint(_) | Transmission::Tendon(_) | Transmission::SliderCrank { .. } => [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0],
+            _ => [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0],
         }
     }
 
@@ -92,6 +92,7 @@ impl Actuator {
             (_, Transmission::Joint(_)) => ("it acts on a joint".into(), 1),
             (_, Transmission::Tendon(_)) => ("it acts on a tendon".into(), 1),
             (_, Transmission::SliderCrank { .. }) => ("it acts on a slider-crank".into(), 1),
+            (_, Transmission::Body(_)) => ("it acts on the contacts of a body".into(), 0),
             (_, Transmission::Site { .. }) => ("it acts on a site".into(), GEAR),
         }
     }
@@ -113,7 +114,7 @@ pub(crate) fn gear(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
             Transmission::Site { wrench, .. } if row.map(f64::to_bits) != before.map(f64::to_bits) => {
                 (*wrench, actuator.gear) = (row, 1.0);
             }
-            Transmission::Site { .. } => {}
+            Transmission::Site { .. } | Transmission::Body(_) => {}
         }
     }
 }

@@ -284,6 +284,9 @@ pub enum Transmission {
         /// Length of the rod, m.
         rod: f64,
     },
+    /// Contacts of a body, by its index: the force pulls the body and what touches it together (adhesion, suction). All contacts share the
+    /// force equally, and the length is 0.
+    Body(usize),
 }
 
 impl Default for Transmission {

@@ -317,6 +317,7 @@ elements! {
             Transmission::Joint(j) => ("joint", j),
             Transmission::Tendon(t) => ("tendon", t),
             Transmission::Site { site, .. } => ("site", site),
+            Transmission::Body(b) => ("body", b),
             Transmission::SliderCrank { crank, .. } => ("slidercrank", crank),
         };
         let has_activation = |a: &stepper_core::model::Actuator| a.activation != Activation::None;

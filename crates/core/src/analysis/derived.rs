@@ -315,7 +315,7 @@ impl<R: Real> Derivation<R> {
             }
             Q::SmoothAcceleration => {
                 let state = [&s.state.q[..], &s.state.v, &s.state.act];
-                self.values.extend(self.dynamics.acceleration(compiled, kinematics, state, &s.inputs));
+                self.values.extend(self.dynamics.acceleration(compiled, kinematics, state, (&s.inputs, Some(&s.state.contacts))));
             }
             Q::BodyJacobian(body) => {
                 let body = &compiled.bodies[body];

@@ -71,7 +71,7 @@ impl Snapshot<'_> {
     /// Acceleration without constraints, (nv,), m/s^2 or rad/s^2.
     pub fn smooth_acceleration(&self) -> Vec<f64> {
         let state = [&self.q[..], &self.v, &self.act];
-        SmoothDynamics::default().acceleration(&self.compiled, &self.kinematics(), state, &self.inputs).to_vec()
+        SmoothDynamics::default().acceleration(&self.compiled, &self.kinematics(), state, (&self.inputs, None)).to_vec()
     }
 
     /// Potential energy (of gravity, and of springs of joints and tendons) and kinetic energy (with armature), J.

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use stepper_real::{Real, Scalar, kernel};
 
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
+use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, PathLengths};
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::Kinematics;
@@ -40,7 +41,7 @@ impl<R: Real> SmoothDynamics<R> {
         compiled: &LaneModel<R>,
         kinematics: &Kinematics<R>,
         [q, v, act]: [&[R]; 3],
-        inputs: &Inputs<R>,
+        (inputs, contacts): (&Inputs<R>, Option<&Contacts<R>>),
     ) -> &[R] {
         let FreeMotion { smooth, actuator_forces, applied } = self.motion.get_or_insert_with(|| FreeMotion {
             smooth: Smooth::new(compiled),
@@ -49,7 +50,7 @@ impl<R: Real> SmoothDynamics<R> {
         });
         smooth.factor_mass(compiled, kinematics, Implicit::none());
         smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], applied);
-        actuator_forces.transmit(compiled, kinematics, v, R::zero());
+        actuator_forces.transmit(compiled, kinematics, contacts, (v, R::zero()));
         actuate(compiled, &ForceState::state(q, v, act, &inputs.ctrl, &inputs.actuator_dynamics), None, actuator_forces);
         add_tendon_springs(compiled, &kinematics.paths, q, v, &mut actuator_forces.tau);
         smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], v, v);

@@ -1,6 +1,7 @@
 //! Compiler: converts the user's model to a compiled model, the numbers that a step reads.
 
 mod actuators;
+mod adhesion;
 mod collision;
 mod compiled_model;
 mod compiler;

@@ -183,7 +183,7 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     let StepInput { compiled, state, .. } = input;
     advance_activations(input, evaluation);
     let scheme = evaluation.scheme;
-    free.actuator_forces.transmit(compiled, &evaluation.kinematics, &state.v, scheme.time_ahead);
+    free.actuator_forces.transmit(compiled, &evaluation.kinematics, Some(&evaluation.contacts), (&state.v, scheme.time_ahead));
     actuate_at_velocity_before(StepContext { input, evaluation }, free);
     free.accelerate(compiled, &evaluation.kinematics, &state.v, &state.v);
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);

@@ -54,7 +54,7 @@ pub(crate) fn read_actuator_forces<R: Real>(
     let StepInput { compiled, options, state, inputs, .. } = input;
     if compiled.variable_arms[1] > 0 {
         kinematics.update(compiled, &state.q);
-        forces.transmit(compiled, kinematics, &state.v, R::zero());
+        forces.transmit(compiled, kinematics, Some(&state.contacts), (&state.v, R::zero()));
     }
     let dynamics = &inputs.actuator_dynamics;
     actuate(compiled, &ForceState::state(&state.q, &state.v, &state.act, &inputs.ctrl, dynamics), None, forces);

@@ -402,6 +402,13 @@ fn actuators(model: &Description) -> Checked {
         match actuator.transmission {
             Transmission::Joint(j) => at.scalar_joint(model, j)?,
             Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,
+            Transmission::Body(b) => {
+                at.index("body", b, model.bodies.len())?;
+                if actuator.force_depends_on_motion() {
+                    let what = "acts on the contacts of a body, and its force depends on its length or velocity";
+                    return at.fail(what, "give gain and bias no coefficients of length and velocity");
+                }
+            }
             Transmission::SliderCrank { crank, slider, rod } => {
                 at.index("site", crank, model.sites.len())?;
                 at.index("site", slider, model.sites.len())?;

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 Description = dict[str, Any]
 
 # Values of MuJoCo's enumerations (mjtype.h); a test compares them with the installed version.
-TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_SLIDER_CRANK, TRN_TENDON, TRN_SITE = range(5)
+TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_SLIDER_CRANK, TRN_TENDON, TRN_SITE, TRN_BODY = range(6)
 DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT, DYN_MUSCLE = range(5)
 SIMULATED = (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT, DYN_MUSCLE)
 GAIN_FIXED, GAIN_AFFINE, GAIN_MUSCLE, GAIN_DCMOTOR, GAIN_PID = 0, 1, 2, 3, 5
@@ -36,8 +36,10 @@ def reasons_to_omit(source: Source, a: int) -> list[str]:
         return str(getattr(mj, enum)(value).name).split("_", 1)[1].lower()
 
     reasons = []
-    if not (on_joint or transmission in (TRN_SLIDER_CRANK, TRN_TENDON, TRN_SITE)):
+    if not (on_joint or transmission in (TRN_SLIDER_CRANK, TRN_TENDON, TRN_SITE, TRN_BODY)):
         reasons.append(f"transmission {name_in('mjtTrn', transmission)}")
+    elif transmission == TRN_BODY and _depends_on_motion(force_of(source, a)):
+        reasons.append("transmission body with a force that depends on its length or velocity")
     elif on_joint and not source.is_hinge_or_slide(target):
         reasons.append(f"transmission to the ball or free joint {source.label('JOINT', target)}")
     if force_of(source, a) is None:
@@ -88,6 +90,11 @@ def force_of(source: Source, a: int) -> Description | None:
             "bias": bias[:MUSCLE_PARAMETERS].tolist() if kinds[1] == BIAS_MUSCLE else [0.0] * MUSCLE_PARAMETERS,
         }
     return force
+
+
+def _depends_on_motion(force: Description | None) -> bool:
+    """Whether the force of an actuator depends on its length or velocity. `force` is the result of `force_of`."""
+    return force is not None and ("muscle" in force or any(force["gain"][1:] + force["bias"][1:]))
 
 
 def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str) -> Description:
@@ -162,7 +169,7 @@ def actuator(source: Source, i: int) -> Description:
 
 
 def _transmission(source: Source, i: int) -> Description:
-    """Transmission of an actuator (joint, tendon, site or slider-crank) as a dictionary for the Rust library.
+    """Transmission of an actuator (joint, tendon, site, body or slider-crank) as a dictionary for the Rust library.
 
     Args:
         source: The compiled model.
@@ -175,7 +182,7 @@ def _transmission(source: Source, i: int) -> Description:
         return {"Site": {"site": target, "reference": reference if reference >= 0 else None, "wrench": wrench}}
     if kind == TRN_SLIDER_CRANK:
         return {"SliderCrank": {"crank": target, "slider": reference, "rod": float(m.actuator_cranklength[i])}}
-    return {"Tendon" if kind == TRN_TENDON else "Joint": target}
+    return {{TRN_TENDON: "Tendon", TRN_BODY: "Body"}.get(kind, "Joint"): target}
 
 
 def activation(source: Source, i: int) -> str | Description:

@@ -65,11 +65,9 @@ impl<R: Real> Acceleration<'_, R> {
                 mocap::pose_bodies(compiled, &inputs.mocap_trajectories, |_| R::of(state.elapsed), kinematics);
                 kinematics.update(compiled, q);
             });
-        }
-        self.free_acceleration(input, stage, recomputed, probe);
-        if moved {
             self.find_contacts(input, stage, probe);
         }
+        self.free_acceleration(input, stage, recomputed, probe);
         // Friction losses of actuator dynamics bound the rows of dry friction.
         if recomputed != Recomputed::Forces || compiled.lossy {
             span!(probe, Assemble, || self.assemble(input, stage));
@@ -113,9 +111,9 @@ impl<R: Real> Acceleration<'_, R> {
     #[inline(always)]
     fn compute_forces(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, inputs, .. } = input;
-        let (free, kinematics) = (&mut *self.free, &self.evaluation.kinematics);
+        let (free, Evaluation { kinematics, contacts, .. }) = (&mut *self.free, &*self.evaluation);
         free.actuator_forces.reset_active_bounds();
-        free.actuator_forces.transmit(compiled, kinematics, &stage.v, R::zero());
+        free.actuator_forces.transmit(compiled, kinematics, Some(contacts), (&stage.v, R::zero()));
         actuate(compiled, &stage.forces(inputs), None, &mut free.actuator_forces);
         if compiled.lossy {
             free.actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, None);

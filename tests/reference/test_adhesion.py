@@ -10,7 +10,8 @@ SCENE = """
 <default><geom condim="{condim}" friction=".6 .02 .003" {reach}/></default><worldbody>
 <geom name="floor" type="plane" size="9 9 1"/><geom name="wall" type="box" size=".02 1 1" pos="-.5 0 0"/>
 <body name="arm" pos="0 0 .5"><joint name="a" axis="0 1 0" damping=".2"/><geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass=".5"/>
-<body name="cup" pos=".3 0 0"><joint name="b" axis="0 1 0" armature=".01"/><geom type="box" size=".04 .04 .04" pos=".05 0 0" mass=".2"/>
+<body name="cup" pos=".3 0 0"><joint name="b" axis="0 1 0" armature=".01"/>
+<geom type="capsule" size=".04" fromto=".05 -.02 0 .05 .02 0" mass=".2"/>
 </body></body>
 <body name="box" pos=".42 0 .5" euler="0 0 0"><freejoint/><geom type="box" size=".03 .03 .03" mass=".4"/></body>
 <body name="ball" pos="-.43 0 .3"><freejoint/><geom type="sphere" size=".05" mass=".3"/></body></worldbody>
@@ -49,13 +50,13 @@ def test_a_step_is_mujocos(integrator, cone, condim, reach):
     states = [random_state(model, rng) for _ in range(n)]
     name = {"Euler": "euler", "implicitfast": "implicitfast", "implicit": "implicit", "RK4": "rk4"}[integrator]
     sim = stepper.Stepper(stepper.load(model), n, options=stepper.Options(contact="mujoco", integrator=name, tolerance=1e-13))
-    sim.set_state(*(np.array([getattr(s, field) for s in states]) for field in ("qpos", "qvel", "act")))
+    sim.set_state(**{field: np.array([getattr(s, field) for s in states]) for field in ("qpos", "qvel", "act")})
     sim.step(np.array([s.ctrl for s in states]))
     pulled = 0
     for env, state in enumerate(states):
         mujoco.mj_step(model, state)
         pulled += np.any(state.actuator_force[1:] != 0) and state.ncon > 0
-        # As far as MuJoCo solves its own problem, relative to the accelerations of a pull on 0.3 kg.
+        # As far as MuJoCo solves the problem, relative to the accelerations of a pull on 0.3 kg.
         np.testing.assert_allclose(sim.qvel[env], state.qvel, atol=2e-9 * (1 + np.abs(state.qvel).max()))
         np.testing.assert_allclose(sim.act[env], state.act, atol=1e-14)
     assert pulled > n / 2
@@ -64,7 +65,7 @@ def test_a_step_is_mujocos(integrator, cone, condim, reach):
 HANGING = """
 <mujoco><option timestep="{h}"/><worldbody><body name="cup" pos="0 0 1"><geom type="box" size=".05 .05 .05" {reach}/></body>
 <body name="box" pos="0 0 {z}"><freejoint/><geom type="box" size=".05 .05 .05" mass="{mass}" {reach}/></body></worldbody>
-<actuator><adhesion body="cup" gain="10" ctrlrange="0 1"/></actuator></mujoco>"""
+<actuator><adhesion name="suck" body="cup" gain="10" ctrlrange="0 1"/></actuator></mujoco>"""
 
 
 def hanging(mass=0.5, z=0.9, h=0.002, reach="", **more) -> stepper.Stepper:
@@ -156,4 +157,4 @@ def test_what_adhesion_cannot_be_is_refused():
     with pytest.raises(stepper.ModelError, match="it acts on the contacts of a body"):
         model.replace(actuator_gear=[[2.0, 0, 0, 0, 0, 0]])
     with pytest.raises(ValueError, match="servo"):
-        stepper.Stepper(model, actuators=stepper.ActuatorModel({0: stepper.Drive(servo=stepper.Servo(kp=1.0))}))
+        stepper.Stepper(model, actuators=stepper.ActuatorModel({"*": stepper.Drive(servo=stepper.actuators.PID(kp=1.0))}))

@@ -369,9 +369,3 @@ pub(crate) const MAX_SHARE_ROUNDS: usize = 4;
 ///
 /// Evidence: in a heap of ten boxes with 45 contacts, Newton's method would take half of the time of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;
-
-// Stage 1: actuators on the contacts of a body.
-
-/// Distance beyond margin + gap up to which adhesion pulls with hard contact, m. Evidence: gaps at rest are below 1e-9 m, and below 1e-6 m
-/// in f32; with 0, a hanging box falls as soon as rounding opens its gap.
-pub(crate) const ADHESION_REACH: f64 = 1e-5;

@@ -317,6 +317,7 @@ elements! {
             Transmission::Joint(j) => ("joint", j),
             Transmission::Tendon(t) => ("tendon", t),
             Transmission::Site { site, .. } => ("site", site),
+            Transmission::JointWrench { joint, in_parent, .. } => (if in_parent { "jointinparent" } else { "joint" }, joint),
             Transmission::Body(b) => ("body", b),
             Transmission::SliderCrank { crank, .. } => ("slidercrank", crank),
         };

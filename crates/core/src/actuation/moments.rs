@@ -1,22 +1,20 @@
 //! Lengths, velocities and moment arms of actuators. A variable moment has arms that depend on the configuration: that of an actuator on a
 //! site or spatial tendon, or of a slider-crank.
 
-use stepper_real::{Mask, Real, kernel};
+use stepper_real::{Real, kernel};
 
 use crate::actuation::affine_force::Motion;
 use crate::actuation::forces::ActuatorForces;
-use crate::collision::contact_set::Contacts;
 use crate::compile::{CompiledActuator, LaneModel, MomentKind, Spot, VariableMoment};
-use crate::dynamics::kinematics::Kinematics;
+use crate::dynamics::kinematics::{Kinematics, quat_at};
 use crate::math::spatial::*;
-use crate::tuning::ADHESION_REACH;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Computes arms and lengths of variable moments at the configuration of `kinematics`.
+    /// Computes arms and lengths of variable moments at the configuration `q`, with the poses `kinematics`.
     ///
-    /// Actuators on contacts pull on those of `contacts`; with `None`, their arms are 0. Lengths are extrapolated with the velocity `v` by
-    /// `time` seconds.
-    pub fn transmit(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, contacts: Option<&Contacts<R>>, (v, time): (&[R], R)) {
+    /// Arms of actuators on contacts are 0 until `set_adhesive_arms` (`collision/adhesion.rs`) sets them. Lengths are extrapolated with the
+    /// velocity `v` by `time` seconds.
+    pub fn transmit(&mut self, compiled: &LaneModel<R>, (kinematics, q): (&Kinematics<R>, &[R]), (v, time): (&[R], R)) {
         if self.lengths.is_empty() {
             return;
         }
@@ -35,8 +33,22 @@ impl<R: Real> ActuatorForces<R> {
                         }
                         gear * kinematics.paths.lengths[*path]
                     }
-                    MomentKind::Contacts { body, .. } => {
-                        compute_contact_arms(compiled, kinematics, contacts, *body, moment, arms);
+                    MomentKind::Joint { q: at, free, in_parent, wrench: [force, torque] } => {
+                        let (rotation, mut torque) = (quat_at(q, *at), splat(*torque));
+                        let length = if *free { R::zero() } else { dot(quat_log(rotation), torque) };
+                        if *in_parent {
+                            torque = rotate_back(&quat_to_mat(rotation), torque);
+                        }
+                        let arms = &mut arms[..moment.dofs.len()];
+                        if *free {
+                            arms[..3].copy_from_slice(&splat(*force));
+                        }
+                        let first = arms.len() - 3;
+                        arms[first..].copy_from_slice(&torque);
+                        length
+                    }
+                    MomentKind::Contacts { .. } => {
+                        arms[..moment.dofs.len()].fill(R::zero());
                         R::zero()
                     }
                     MomentKind::SliderCrank { crank, slider, rod, gear } => {
@@ -169,51 +181,4 @@ fn compute_crank_arms<R: Real>(
         *arm = gear * change;
     }
     gear * R::select(reaches, along - root, along)
-}
-
-/// Computes the moment arms of an actuator on the contacts of body `body` into `arms`: minus the mean of the normal rows of its contacts, as
-/// MuJoCo's `mjTRN_BODY`.
-///
-/// A contact counts within margin + gap. With hard contact, whose gaps close to zero up to rounding, it counts up to [`ADHESION_REACH`]
-/// beyond.
-#[inline(always)]
-fn compute_contact_arms<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    contacts: Option<&Contacts<R>>,
-    body: usize,
-    moment: &VariableMoment<R::Scalar>,
-    arms: &mut [R],
-) {
-    let arms = &mut arms[..moment.dofs.len()];
-    arms.fill(R::zero());
-    let (Some(contacts), Some(adhesion)) = (contacts, &compiled.adhesion) else { return };
-    let tolerance = if compiled.softness.is_some() { 0.0 } else { ADHESION_REACH };
-    let mut count = R::zero();
-    for k in 0..contacts.slots() {
-        for (pair, lanes) in contacts.pairs(k, contacts.lanes_of(k)) {
-            let geoms = compiled.pair_geoms(pair).expect("a contact belongs to a pair");
-            if geoms.iter().all(|&g| compiled.sensing.geom_body[compiled.geoms[g].index] != body) {
-                continue;
-            }
-            let point = &contacts.data[k].point;
-            let pulls = R::Mask::from_bits(lanes).and(point.distance.lt(R::of(adhesion.gap(pair, geoms) + tolerance)));
-            count += R::select(pulls, R::one(), R::zero());
-            let [first, second] = geoms.map(|g| &compiled.moved_dofs[compiled.geoms[g].frame]);
-            for (&(dof, _), arm) in moment.dofs.iter().zip(&mut *arms) {
-                let moves = |set: &[u64]| set[dof / 64] >> (dof % 64) & 1 == 1;
-                let (away, towards) = (moves(second), moves(first));
-                if away == towards {
-                    continue;
-                }
-                let motion = velocity_at(&kinematics.axes[dof], sub(point.pos, kinematics.origin[compiled.dofs[dof].tree]));
-                let along = R::select(pulls, dot(point.normal, motion), R::zero());
-                *arm += if away { along } else { -along };
-            }
-        }
-    }
-    let share = -(R::one() / count.max(R::one()));
-    for arm in arms {
-        *arm *= share;
-    }
 }

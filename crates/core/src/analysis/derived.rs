@@ -3,9 +3,9 @@
 use stepper_real::{Real, kernel};
 
 use crate::analysis::smooth_dynamics::SmoothDynamics;
-use crate::compile::{EqualityRows, LaneModel};
-use crate::constraints::equality_violation::coupling_error;
+use crate::compile::{EqualityRows, LaneModel, coupling_error};
 use crate::dynamics::kinematics::Kinematics;
+use crate::dynamics::path_lengths::ARC_POINTS;
 use crate::integrators::observation::read_actuator_forces;
 use crate::integrators::step_input::StepInput;
 use crate::integrators::workspace::Workspace;
@@ -69,6 +69,11 @@ pub enum DerivedQuantity {
     ///
     /// A connect keeps its anchor in the first body and a weld its anchor in the second; a coupling changes its constant term.
     ClosedEqualityData,
+    /// Paths of the spatial tendons in the world frame, m: (number of segments, 10, 3). A segment is the part between two sites.
+    ///
+    /// Its points are the first site, eight points on the sphere or cylinder between the sites, or on the straight line, and the second
+    /// site.
+    TendonPaths,
     /// Mass matrix with armature, without terms that depend on the time step: (nv, nv), kg, kg m and kg m^2.
     MassMatrix,
     /// Coriolis, centrifugal and gravitational forces: (nv), N or N m.
@@ -104,6 +109,7 @@ impl DerivedQuantity {
             Self::BodyMotion => "cvel",
             Self::BodyForce => "cfrc_ext",
             Self::ClosedEqualityData => "closed_eq_data",
+            Self::TendonPaths => "tendon_paths",
             Self::MassMatrix => "mass_matrix",
             Self::BiasForce => "qfrc_bias",
             Self::SmoothAcceleration => "qacc_smooth",
@@ -127,6 +133,7 @@ impl DerivedQuantity {
             Self::ActuatorForce => vec![model.nu()],
             Self::BodyContactForce | Self::BodyMotion | Self::BodyForce => vec![bodies, 6],
             Self::BodyInertia => vec![bodies, 10],
+            Self::TendonPaths => vec![model.tendons.iter().map(|tendon| tendon.segments().len()).sum(), ARC_POINTS + 2, 3],
             Self::ClosedEqualityData => vec![model.equalities.len(), 11],
             Self::BodyJacobian(_) | Self::SiteJacobian(_) => vec![6, model.nv()],
         }
@@ -308,6 +315,11 @@ impl<R: Real> Derivation<R> {
                 wrenches.iter_mut().for_each(|wrench| wrench.rotate_left(3));
             }
             Q::ClosedEqualityData => self.closed_equalities(compiled, kinematics, &s.state.q),
+            Q::TendonPaths => {
+                for segment in compiled.paths.iter().flat_map(|path| &path.segments) {
+                    self.values.extend(kinematics.points_of_segment(segment).as_flattened());
+                }
+            }
             Q::MassMatrix => self.values.extend(self.dynamics.mass_matrix(compiled, kinematics)),
             Q::BiasForce => {
                 self.values.resize(compiled.nv, R::zero());
@@ -315,7 +327,7 @@ impl<R: Real> Derivation<R> {
             }
             Q::SmoothAcceleration => {
                 let state = [&s.state.q[..], &s.state.v, &s.state.act];
-                self.values.extend(self.dynamics.acceleration(compiled, kinematics, state, (&s.inputs, Some(&s.state.contacts))));
+                self.values.extend(self.dynamics.acceleration(compiled, kinematics, state, (&s.inputs, Some(&s.state.contacts), h)));
             }
             Q::BodyJacobian(body) => {
                 let body = &compiled.bodies[body];

@@ -13,10 +13,9 @@ use crate::collision::joint_path::across_symmetry;
 use crate::collision::packed_pairs::PackedPairs;
 use crate::collision::separation_cache::SeparationCache;
 use crate::collision::static_search::{StaticSearch, merge};
-use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
+use crate::compile::{ADHESION_REACH, CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
-use crate::tuning::ADHESION_REACH;
 
 /// Workspace of collision detection for a group of environments: poses of the colliding geoms, pairs that can touch, and buffers of the
 /// searches.
@@ -345,8 +344,9 @@ fn displacement_bounds<R: Real>(
     }
 }
 
-/// Distance by which every search distance is increased, m: the distance that gravity covers in a step, plus a micrometre for rounding. With
-/// actuators that pull on contacts, also the distance up to which they pull.
+/// Distance by which every search distance is increased, m: the distance that gravity covers in a step, plus a micrometre for rounding.
+///
+/// With actuators that pull on contacts, the distance up to which they pull is added.
 #[inline(always)]
 pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
     let slack = norm(compiled.params.gravity()) * h * h + R::of(1e-6);

@@ -85,8 +85,7 @@ pub struct FramePath {
     pub links: Vec<u32>,
 }
 
-/// Elements from which a step computes the constraint rows of an equality. Their numbers are in
-/// [`EqualityParams`](crate::compile::parameters::EqualityParams).
+/// Elements from which a step computes the constraint rows of an equality. `compile/parameters.rs` has their numbers.
 #[derive(Clone, Debug)]
 pub enum EqualityRows<S> {
     /// Two coincident points (connect), and two aligned orientations (weld).
@@ -107,6 +106,20 @@ pub enum EqualityRows<S> {
         /// Linear combination y of joint positions, in x - x_ref = polynomial(y - y_ref). `None` if x has a constant target.
         second: Option<Combination<S>>,
     },
+}
+
+/// Position error of a joint or tendon coupling, x - x_ref - polynomial(y - y_ref), in the unit of x.
+#[inline(always)]
+pub(crate) fn coupling_error<R: Real>(
+    first: &Combination<R::Scalar>,
+    second: Option<&Combination<R::Scalar>>,
+    c: [R; 5],
+    (q, paths): (&[R], &PathLengths<R>),
+) -> R {
+    let error = first.value(q, paths) - R::splat(first.reference) - c[0];
+    let Some(second) = second else { return error };
+    let x = second.value(q, paths) - R::splat(second.reference);
+    error - x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])))
 }
 
 /// Spring with damper and inertia along a constraint row. In the units of its fields, u is the unit of the row's coordinate, m or rad.

@@ -2,7 +2,7 @@
 
 use stepper_real::{Real, kernel};
 
-use crate::compile::{Combination, CompiledEquality, EqualityRows, LaneModel, PathLengths};
+use crate::compile::{CompiledEquality, EqualityRows, LaneModel, PathLengths, coupling_error};
 use crate::constraints::active_equalities::ActiveEqualities;
 use crate::dynamics::frame_path::follow_path;
 use crate::dynamics::mocap::MocapTrajectory;
@@ -73,18 +73,4 @@ fn violation<R: Real>(
         }
         EqualityRows::Coupling { first, second } => coupling_error(first, second.as_ref(), numbers.polynomial, (q, paths)).abs(),
     }
-}
-
-/// Position error of a joint or tendon coupling, x - x_ref - polynomial(y - y_ref), in the unit of x.
-#[inline(always)]
-pub(crate) fn coupling_error<R: Real>(
-    first: &Combination<R::Scalar>,
-    second: Option<&Combination<R::Scalar>>,
-    c: [R; 5],
-    (q, paths): (&[R], &PathLengths<R>),
-) -> R {
-    let error = first.value(q, paths) - R::splat(first.reference) - c[0];
-    let Some(second) = second else { return error };
-    let x = second.value(q, paths) - R::splat(second.reference);
-    error - x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])))
 }

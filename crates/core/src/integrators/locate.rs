@@ -3,6 +3,7 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::collision::adhesion::set_adhesive_arms;
 use crate::constraints::restitution::any_elastic;
 use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
@@ -84,9 +85,11 @@ fn find_contacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R
 /// Computes moment arms and lengths of actuators at the evaluation points. `pulls` is whether actuators on contacts pull.
 #[inline(always)]
 fn transmit<R: Real>(input: StepInput<'_, R>, evaluation: &Evaluation<R>, free: &mut FreeMotion<R>, pulls: bool) {
-    let Evaluation { scheme, kinematics, contacts, .. } = evaluation;
-    let at = (&input.state.v[..], scheme.time_ahead);
-    free.actuator_forces.transmit(input.compiled, kinematics, pulls.then_some(contacts), at);
+    let Evaluation { scheme, kinematics, q, contacts, .. } = evaluation;
+    free.actuator_forces.transmit(input.compiled, (kinematics, q), (&input.state.v, scheme.time_ahead));
+    if pulls {
+        set_adhesive_arms(input.compiled, kinematics, contacts, &mut free.actuator_forces.arms);
+    }
 }
 
 /// Computes configuration, activations, poses, and moment arms of actuators at the evaluation points. With the implicit rule, also computes

@@ -81,16 +81,16 @@ impl<R: Real> Rk4<R> {
         })
     }
 
-    /// Computes the rates of displacement, velocity and activations at the current state.
-    fn rates(&mut self, compiled: &LaneModel<R>, inputs: &Inputs<R>) {
+    /// Computes the rates of displacement, velocity and activations at the current state, in a step of `h` seconds.
+    fn rates(&mut self, compiled: &LaneModel<R>, inputs: &Inputs<R>, h: R) {
         self.angular_rates(compiled);
         self.kinematics.update(compiled, &self.q);
         self.smooth.factor_mass(compiled, &self.kinematics, Implicit::none());
         self.smooth.apply(compiled, &self.kinematics, [&inputs.qfrc, &inputs.xfrc], &mut self.applied);
-        self.actuator_forces.transmit(compiled, &self.kinematics, None, (&self.v, R::zero()));
+        self.actuator_forces.transmit(compiled, (&self.kinematics, &self.q), (&self.v, R::zero()));
         actuate(
             compiled,
-            &ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.actuator_dynamics),
+            &ForceState::state([&self.q, &self.v, &self.act], h, &inputs.ctrl, &inputs.actuator_dynamics),
             None,
             &mut self.actuator_forces,
         );
@@ -163,7 +163,7 @@ impl<R: Real> Rk4<R> {
         self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
         for (fraction, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
             self.set_state(compiled, state, scheme.h * R::of(fraction));
-            self.rates(compiled, inputs);
+            self.rates(compiled, inputs, scheme.h);
             kernel!(R, || {
                 for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
                     for (sum, &rate) in sum.iter_mut().zip(rate) {

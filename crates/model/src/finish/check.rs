@@ -409,6 +409,14 @@ fn actuators(model: &Description) -> Checked {
                     return at.fail(what, "give gain and bias no coefficients of length and velocity");
                 }
             }
+            Transmission::JointWrench { joint, wrench, .. } => {
+                at.index("joint", joint, model.joints.len())?;
+                if !matches!(model.joints[joint].kind, JointKind::Ball | JointKind::Free) {
+                    let what = format!("a wrench acts on joint {:?}, which is no ball or free joint", model.joint_label(joint));
+                    return at.fail(what, "give the joint itself as transmission, with a gear");
+                }
+                at.finite("wrench", &wrench)?;
+            }
             Transmission::SliderCrank { crank, slider, rod } => {
                 at.index("site", crank, model.sites.len())?;
                 at.index("site", slider, model.sites.len())?;

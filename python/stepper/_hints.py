@@ -19,7 +19,7 @@ from stepper import _stepper
 from stepper._stepper import Model, Stepper
 
 C = TypeVar("C", bound=Callable[..., Any])
-_PREFIXES = {"jnt": "joint", "dof": "joint", "ten": "tendon", "key": "keyframe"}
+_PREFIXES = {"jnt": "joint", "dof": "joint", "ten": "tendon", "key": "keyframe", "eq": "equality"}
 """Kind of element of MuJoCo's names of arrays, by prefix, where the two differ."""
 _IN_FILE = "it is defined in the model's file: change the file, and load it again"
 _RESULT = "each step computes it from the state, which sim.set_state(...) sets"
@@ -285,7 +285,8 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
     elif advice or _attribute_of_element(name):
         hint = f"; {advice or _IN_FILE}"
     else:
-        hint = did_you_mean(name, known) or hint_of(Model, name) or f"; {listed} lists the fields"
+        of_stepper = hint_of(Model, name) if hasattr(Stepper, name) else ""
+        hint = of_stepper or did_you_mean(name, known) or hint_of(Model, name) or f"; {listed} lists the fields"
     return f"{where}: there is no field {name!r}{hint}"
 
 

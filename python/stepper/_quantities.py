@@ -22,12 +22,13 @@ KINDS: dict[str, str] = {
     **dict.fromkeys(("site_xpos", "site_xquat"), "site"),
     **dict.fromkeys(("geom_xpos", "geom_xquat"), "geom"),
     **dict.fromkeys(("actuator_force", "ctrl", "actuator_saturation"), "actuator"),
+    **dict.fromkeys(("closed_eq_data", "eq_active"), "equality"),
     **dict.fromkeys(("sensordata", "sensordata_ideal"), "sensor"),
     **dict.fromkeys(("qpos", *_DOFS), "joint"),
 }
 """Kind of the elements of each quantity, by name of the quantity.
 
-A body, site, geom or actuator has one entry in the array of the quantity. A joint or sensor can have several.
+A body, site, geom, actuator or equality has one entry in the array of the quantity. A joint or sensor can have several.
 """
 
 
@@ -147,10 +148,10 @@ def _rotated(quat: Array, vectors: Array) -> Array:
 
 
 def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
-    """Indices of elements along the axis of a quantity. For one body, site or geom the result is an int, which removes the axis."""
+    """Indices of elements along the axis of a quantity. For one body, site, geom or equality it is an int, which removes the axis."""
     several = not isinstance(of, str | int | np.integer)
     keys: Sequence[Any] = of if several else [of]  # type: ignore[assignment]
-    if kind in ("body", "site", "geom"):
+    if kind in ("body", "site", "geom", "equality"):
         found = [int(getattr(model, kind)(key).id) for key in keys]
         return found if several else found[0]
     columns: list[int] = []

@@ -306,6 +306,25 @@ class Tendon:
     """Dry friction of the tendon, N."""
 
 @final
+class Equality:
+    """Equality of a model: it connects or welds two bodies, or couples joints or tendons."""
+
+    id: Final[int]
+    """Index of the equality, and of its column in `eq_active` and `eq_data`."""
+    name: Final[str]
+    """Name of the equality; may be empty."""
+    type: Final[str]
+    """Type: "connect", "weld", "joint" or "tendon"."""
+    obj1id: Final[int]
+    """Index of the first body, joint or tendon."""
+    obj2id: Final[int]
+    """Index of the second body, joint or tendon; -1 for a coupling of one."""
+    active0: Final[bool]
+    """Whether the equality is active after a reset."""
+    data: Final[_Array]
+    """Anchors, relative pose and torquescale, or polynomial, in the layout of MuJoCo's `eq_data`: (11,)."""
+
+@final
 class Keyframe:
     """Keyframe of a model: a named state for `Stepper.reset(keyframe=)`."""
 
@@ -372,6 +391,8 @@ class Model:
     """Names of the keyframes in order. The name of an unnamed keyframe is empty."""
     tendon_names: Final[list[str]]
     """Names of the tendons in order. The name of an unnamed tendon is empty."""
+    equality_names: Final[list[str]]
+    """Names of the equalities in order. The name of an unnamed equality is empty."""
     sensors: Final[list[dict[str, Any]]]
     """Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and
     interval. The datatype is "real", "positive", "axis" or "quaternion". The last four are properties from the source file, and 0 if
@@ -759,6 +780,13 @@ class Model:
             KeyError: The model has no tendon of that name; the message has similar names.
             IndexError: The model has no tendon of that index.
         """
+    def equality(self, key: str | int) -> Equality:
+        """Equality by name or index (negative from the end).
+
+        Raises:
+            KeyError: The model has no equality of that name; the message has similar names.
+            IndexError: The model has no equality of that index.
+        """
     def keyframe(self, key: str | int) -> Keyframe:
         """Keyframe by name or index (negative from the end).
 
@@ -929,6 +957,14 @@ class Stepper:
     body_contact_force: Final[_Array]
     """Force (3, N) and torque (3, N m) of all contacts of the last step on each body in world axes, (num_envs, nbody, 6). The torque is
     about the body's current centre of mass."""
+    tendon_paths: Final[_Array]
+    """Paths of the spatial tendons at the current `qpos` in the world frame, (num_envs, n, 10, 3), m, with one row for each of the n parts
+    between two sites. The points are the first site, eight points on the sphere or cylinder between the sites, or on the straight line,
+    and the second site."""
+    closed_eq_data: Final[_Array]
+    """Numbers of the equalities with which each has no position error at the current `qpos`, (num_envs, neq, 11), in the layout of
+    `eq_data`. A weld that `randomize` gives these numbers holds the bodies in their current relative pose. A connect keeps its anchor
+    in the first body and a weld its anchor in the second. A coupling keeps its polynomial except for the constant term."""
     time: Final[Any]
     """Simulated time, (num_envs,), s. `set_state(time=...)` sets it."""
     status: Final[NDArray[np.uint32] | int]
@@ -995,7 +1031,12 @@ class Stepper:
     Part of the state of `get_state`. `reset` restores the model's `eq_active0`.
 
     The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
-    `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the current one."""
+    `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`. To hold them in the current pose instead,
+    set the environment's `eq_data` first:
+
+        grasp = model.equality("grasp").id
+        sim.randomize({"eq_data[grasp]": sim.closed_eq_data[grasped, grasp]}, envs=grasped)
+        sim.eq_active[grasped, grasp] = True"""
     randomized: Final[dict[str, Any]]
     """Parameters per environment, as a dictionary of arguments of `randomize`: arrays by field, and an `ActuatorModel` as "actuators"."""
 
@@ -1185,6 +1226,7 @@ class Stepper:
                 * geom_size and geom_pos (num_envs, ngeom, 3), m. Masses do not change.
                 * jnt_stiffness (num_envs, njnt), N/m or N m/rad; jnt_range (num_envs, njnt, 2), m or rad
                 * dof_damping, dof_armature, dof_frictionloss (num_envs, nv)
+                * eq_data (num_envs, neq, 11), anchors, relative pose and torquescale, or polynomial, as in MuJoCo; see `closed_eq_data`
                 * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo. With affine gain and bias, the force is
                   gain[:3] . (1, length, velocity) times the input plus bias[:3] . (1, length, velocity). Entries that the type of an
                   actuator does not use are 0.

@@ -59,14 +59,10 @@ LEFT_OUT = {
     "fixed tendon belt: not simulated: stiffness that grows with deflection": {
         "rest": '<tendon><fixed name="belt" stiffness="1 2"><joint joint="ja" coef="1"/></fixed></tendon>'
     },
-    "actuator stick: transmission body": {"rest": '<actuator><adhesion name="stick" body="a" gain="1" ctrlrange="0 1"/></actuator>'},
-    "actuator spin: transmission to the ball or free joint jb": {
-        "jb": "ball",
-        "rest": '<actuator><motor name="spin" joint="jb" gear="1 0 0"/></actuator>',
+    "actuator stick: transmission body with a force that depends on its length or velocity": {
+        "rest": '<actuator><general name="stick" body="a" biastype="affine" biasprm="0 0 -1"/></actuator>'
     },
-    "actuator early activation lead": {
-        "rest": '<actuator><general name="lead" joint="ja" dyntype="filter" dynprm="0.1" actearly="true"/></actuator>'
-    },
+    "actuator delay lead": {"rest": '<actuator><motor name="lead" joint="ja" nsample="8" interp="cubic" delay="0.0051"/></actuator>'},
     "adhesion ga": {"ga": 'size="0.1" adhesion="1"'},
     "joint spring polynomial ja": {"ja": 'stiffness="1 2"'},
 }
@@ -195,11 +191,11 @@ def test_every_omission_is_listed_at_once() -> None:
     text = scene(
         ja='stiffness="1 2"',
         ga='size="0.1" adhesion="1"',
-        rest='<actuator><general name="lead" joint="ja" dyntype="filter" dynprm="0.1" actearly="true"/></actuator>',
+        rest='<actuator><motor name="lead" joint="ja" nsample="8" interp="cubic" delay="0.0051"/></actuator>',
     )
     with pytest.raises(stepper.ModelError) as error:
         stepper.load(text)
-    parts = ("3 elements", "joint spring polynomial ja", "adhesion ga", "actuator early activation lead")
+    parts = ("3 elements", "joint spring polynomial ja", "adhesion ga", "actuator delay lead")
     assert all(part in str(error.value) for part in parts)
 
 
@@ -417,7 +413,7 @@ def test_numbers_of_mujoco_are_the_installed_ones() -> None:
     assert numbers("mjtJoint", "mjJNT_FREE mjJNT_BALL mjJNT_SLIDE mjJNT_HINGE") == [0, 1, 2, 3]
     shapes = "PLANE HFIELD SPHERE CAPSULE ELLIPSOID CYLINDER BOX MESH SDF"
     assert numbers("mjtGeom", " ".join(f"mjGEOM_{s}" for s in shapes.split())) == list(range(9))
-    assert numbers("mjtTrn", "mjTRN_JOINT mjTRN_JOINTINPARENT mjTRN_TENDON mjTRN_SITE") == [0, 1, 3, 4]
+    assert numbers("mjtTrn", "mjTRN_JOINT mjTRN_JOINTINPARENT mjTRN_TENDON mjTRN_SITE mjTRN_BODY mjTRN_SO3") == [0, 1, 3, 4, 5, 6]
     assert numbers("mjtDyn", "mjDYN_NONE mjDYN_INTEGRATOR mjDYN_FILTER mjDYN_FILTEREXACT") == [0, 1, 2, 3]
     assert numbers("mjtGain", "mjGAIN_FIXED mjGAIN_AFFINE") == numbers("mjtBias", "mjBIAS_NONE mjBIAS_AFFINE") == [0, 1]
     assert numbers("mjtWrap", "mjWRAP_JOINT") == [1]

@@ -50,12 +50,29 @@ KINDS = {
     "muscle without a passive force": 'general {} gaintype="muscle" gainprm=".8 1.1 20 200 .4 1.7 2 1.3 1.3" lengthrange="-1 3"',
     "exact filter": 'general {} dyntype="filterexact" dynprm=".05" gainprm="2" biastype="affine" biasprm="0 -3 -1"',
 }
+# The golden trajectories have the targets and kinds above alone.
+ALL_TARGETS = {
+    **TARGETS,
+    "ball": 'joint="socket" gear="1 -2 3 0 0 0"',
+    "ball in its parent": 'jointinparent="socket" gear="1 -2 3 0 0 0"',
+    "free joint": f'joint="root" {GEAR}',
+    "free joint in the world": f'jointinparent="root" {GEAR}',
+}
+ALL_KINDS = {
+    **KINDS,
+    "early filter": 'general {} dyntype="filter" dynprm=".05" gainprm="2" actearly="true"',
+    "early exact filter": 'general {} dyntype="filterexact" dynprm=".02" gainprm="2" biastype="affine" biasprm="0 -3 -1" actearly="true"',
+    "early integrator": 'general {} dyntype="integrator" gainprm="3" actlimited="true" actrange="-.3 .3" actearly="true"',
+    "early muscle": 'general {} gaintype="muscle" gainprm=".75 1.05 30 200 .5 1.6 1.5 1.3 1.2" lengthrange="-2 2" dyntype="muscle" '
+    'dynprm=".02 .06 .3" actearly="true"',
+}
 
 
 def scene(kind: str) -> str:
     """One actuator of a kind on every target, with sensors of each and of the joints."""
-    names = [f"a{k}" for k in range(len(TARGETS))]
-    made = [f'<{KINDS[kind].format(target)} name="{name}"/>' for name, target in zip(names, TARGETS.values(), strict=True)]
+    names = [f"a{k}" for k in range(len(ALL_TARGETS))]
+    made = [f'<{ALL_KINDS[kind].format(target)} name="{name}"/>' for name, target in zip(names, ALL_TARGETS.values(), strict=True)]
     read = "".join(f'<{s} actuator="{name}"/>' for name in names for s in ("actuatorpos", "actuatorvel", "actuatorfrc"))
     joints = "".join(f'<jointactuatorfrc joint="{j}"/>' for j in ("swing", "rail", "wrist"))
-    return TREE.format(actuators="".join(made), sensors=read + joints)
+    tree = TREE.replace("<freejoint/>", '<freejoint name="root"/>')
+    return tree.format(actuators="".join(made), sensors=read + joints)

@@ -66,12 +66,40 @@ SCENES = {
         '<general joint="a" dyntype="filter" dynprm=".1" gaintype="affine" gainprm="1 -4 -2" biastype="affine" biasprm="0 0 -1"/>',
         5.0,
     ),
+    "early activation": (
+        CHAIN,
+        "",
+        '<general joint="a" dyntype="filter" dynprm=".1" gaintype="affine" gainprm="1 -4 -2" biastype="affine" biasprm="0 0 -1"'
+        ' actearly="true"/>',
+        5.0,
+    ),
+    "early integrated velocity": (
+        CHAIN,
+        "",
+        '<general joint="b" dyntype="integrator" gainprm="20" biastype="affine" biasprm="0 -20 -2" actlimited="true" actrange="-1 1"'
+        ' actearly="true"/>',
+        2.0,
+    ),
+    "early exact filter": (CHAIN, "", '<general joint="b" dyntype="filterexact" dynprm=".02" gainprm="9" actearly="true"/>', 2.0),
+    "servo of a ball": (BRANCHES.replace("{kind}", "ball"), "", '<position joint="b" gear="1 2 -.5 0 0 0" kp="9" kv="1"/>', 0.5),
+    "servo of a ball in its parent": (
+        BRANCHES.replace("{kind}", "ball"),
+        "",
+        '<velocity jointinparent="b" gear="1 2 -.5 0 0 0" kv="3"/>',
+        2.0,
+    ),
     "motor with back-EMF": (CHAIN, "", '<dcmotor joint="a" motorconst="2" resistance="1"/>', 5.0),
     "PID": (CHAIN.replace("{b}", 'actuatorfrcrange="-1 1"'), "", '<pid joint="b" kp="20" kv="3" input="pos"/>', 0.2),
     "drives itself on": (CHAIN, "", '<general joint="b" biastype="affine" biasprm="0 0 .2"/>', 1.0),
     "simple body": (POINT, TENDON, '<velocity tendon="t" kv="300"/>', 3.0),
     "damper of a simple body": (POINT, TENDON.replace("{}", "damping='300'"), '<motor tendon="t" gear="90"/>', 3.0),
     "site of a simple body": (POINT, "", '<velocity site="s" gear="1 2 0 0 0 .3" kv="100"/>', 3.0),
+    "damper of a free body": (
+        "<body><freejoint name='f'/><geom type='box' size='.1 .2 .3'/></body>",
+        "",
+        '<velocity joint="f" gear="1 2 3 .1 .2 .3" kv="50"/><velocity jointinparent="f" gear="1 2 3 .1 .2 .3" kv="50"/>',
+        3.0,
+    ),
     "site of a free body": (
         "<body><freejoint/><geom type='box' size='.1 .2 .3'/><site name='s' pos='.1 .2 0'/></body>",
         "",

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from actuators import KINDS, TARGETS, TREE, scene
+from actuators import ALL_KINDS, TARGETS, TREE, scene
 from models import forward, random_state, simulate
 from numerics import relative_error
 
@@ -15,7 +15,7 @@ BOUND = 1e-10  # As for smooth dynamics: rounding (1e-16) times what a mass matr
 STATES = 20
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ALL_KINDS)
 def test_forces_lengths_and_velocities(kind):
     text, rng = scene(kind), np.random.default_rng(0)
     model, sim, idle = mujoco.MjModel.from_xml_string(text), simulate(text), simulate(TREE.format(actuators="", sensors=""))
@@ -30,6 +30,9 @@ def test_forces_lengths_and_velocities(kind):
         idle.set_state(*state)
         found = sim.mass_matrix() @ (sim.qacc_smooth - idle.qacc_smooth)
         assert relative_error(found, data.qfrc_actuator) < BOUND
+        assert relative_error(sim.actuator_force, data.actuator_force) < BOUND
+        if "early" in kind:
+            continue  # The time step of `reader` determines its early activations.
         # A step so short that it changes nothing takes up the control.
         reader.set_state(*state, act=act)
         reader.step(ctrl)
@@ -72,6 +75,21 @@ def test_setpoints_of_angles_are_those_nearest_to_them(sites, gear):
                 assert sim.act[0] - data.act[0] - turn * round(apart) == pytest.approx(0.0, abs=1e-12 * 30)
 
 
+@pytest.mark.parametrize("target", ['joint="socket"', 'jointinparent="socket"'])
+def test_setpoints_of_balls_are_those_nearest_to_them(target):
+    """A ball's length is the projection of its rotation vector, an angle, so that setpoints count modulo whole turns, as in MuJoCo."""
+    text = TREE.format(actuators=f'<position {target} gear=".5 -1 .3 0 0 0" kp="20" kv="3"/>', sensors="")
+    model, rng = mujoco.MjModel.from_xml_string(text), np.random.default_rng(2)
+    sim = simulate(model, integrator="euler")
+    for _ in range(STATES):
+        state, ctrl = random_state(model, rng), rng.uniform(-20, 20, 1)
+        data = forward(model, *state, ctrl)
+        sim.step(ctrl)  # Puts the control in force; the state is set again below.
+        sim.set_state(*state)
+        assert relative_error(sim.actuator_force, data.actuator_force) < BOUND
+        assert relative_error(sim.qacc_smooth, data.qacc_smooth) < BOUND
+
+
 @pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
 @pytest.mark.parametrize("kind", ["motor", "position", "velocity"])
 def test_trajectories_of_actuators_on_sites(kind, integrator):
@@ -100,6 +118,31 @@ def test_trajectories_of_actuators_on_sites(kind, integrator):
 WHEEL = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint name="axle" axis="0 0 1"/>
   <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
   <actuator><motor name="m" joint="axle" {history}/></actuator></mujoco>"""
+
+
+EARLY = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint name="axle" axis="0 0 1"/>
+  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
+  <actuator><general joint="axle" dyntype="filter" dynprm=".1" gainprm="3" actearly="{early}"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("contact", ["hard", "mujoco"])
+@pytest.mark.parametrize("integrator", ["euler", "implicit", "midpoint"])
+def test_an_early_activation_is_that_after_the_step(integrator, contact):
+    """The first step from rest already has the force of the control, by both laws, and derivatives by the control have it."""
+    if contact == "mujoco" and integrator == "midpoint":
+        pytest.skip("MuJoCo has no midpoint rule")
+    options = stepper.Options(contact=contact, integrator=integrator)
+    early, late = (stepper.Stepper(stepper.load(EARLY.format(early=word)), options=options) for word in ("true", "false"))
+    slope = early.linearize(("ctrl",)).blocks["ctrl"][1, 0]
+    for sim in (early, late):
+        sim.step([2.0])
+    # With the midpoint rule, two half steps of the activation differ from the whole step by h / (4 tau) = 2.5 % of its change. A late
+    # activation acts with its value in the middle, which is 2 h / (2 tau) = 0.1.
+    midpoint = integrator == "midpoint"
+    assert early.qvel[0] == pytest.approx(0.01 * 3 * early.act[0], rel=3e-2 if midpoint else 1e-12)
+    assert late.qvel[0] == pytest.approx(0.01 * 3 * 0.1 if midpoint else 0.0, rel=1e-12, abs=1e-15)
+    assert slope == pytest.approx(early.qvel[0] / 2, rel=1e-6)
+    assert early.model.explain().count("early activations") == 1
 
 
 @pytest.mark.parametrize("delay", [0.01, 0.03, 0.0249999999999999, 0.025, 0.07])

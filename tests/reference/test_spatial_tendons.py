@@ -217,3 +217,36 @@ def test_a_saved_model_keeps_paths_and_muscles(tmp_path):
     assert model.tendon("t").spatial
     assert model.actuator(0).gaintype == "muscle"
     assert model.actuator(0).gainprm[2] == 40.0
+
+
+@pytest.mark.parametrize("path", [name for name, exact in zip(PATHS, EXACT, strict=True) if exact and name != "pulley"])
+def test_drawn_paths_are_mujocos(path):
+    """Paths for drawing have MuJoCo's sites and tangent points. Chords of the arcs are as long as the tendon."""
+    text, rng = scene(f'<spatial name="t">{PATHS[path]}</spatial>'), np.random.default_rng(3)
+    model = mujoco.MjModel.from_xml_string(text)
+    sim, wrapped = simulate(model), 0
+    for _ in range(STATES // 4):
+        state = random_state(model, rng)
+        data = forward(model, *state)
+        sim.set_state(*state)
+        points = sim.tendon_paths
+        given = data.wrap_xpos.reshape(-1, 3)[: data.ten_wrapnum[0]]
+        apart = np.linalg.norm(given[:, None] - points.reshape(-1, 3), axis=2).min(axis=1)
+        # Rounding, times the condition of tangents in random states.
+        assert apart.max() < 1e-9
+        wrapped += len(given) > points.shape[0] + 1
+        length = np.linalg.norm(np.diff(points, axis=1), axis=2).sum()
+        # Seven chords of an arc of at most 2 pi are at most 1 - sin(pi / 7) / (pi / 7) = 3.3 % shorter than the arc.
+        assert 0.967 * data.ten_length[0] - 1e-9 < length < data.ten_length[0] + 1e-9
+    assert wrapped > 0 or "sites" in path
+    assert stepper.Stepper(sim.model, 3).tendon_paths.shape == (3, *points.shape)
+
+
+def test_frames_for_viewers_have_wrapped_tendons():
+    """Frames of the viewers have the paths of every shown environment; a model without spatial tendons has none."""
+    from stepper.viewer.frames import frame_of
+
+    sim = stepper.Stepper(stepper.load(scene(f'<spatial name="t">{PATHS["cylinder"]}</spatial>')), 4)
+    sim.step(nstep=3)
+    assert np.array_equal(frame_of(sim, np.array([1, 3])).tendons, sim.tendon_paths[[1, 3]])
+    assert frame_of(stepper.Stepper(stepper.load("<mujoco/>")), np.array([0])).tendons.shape == (1, 0, 10, 3)

@@ -151,6 +151,29 @@ def test_shapes_have_the_sizes_of_their_environments(count):
         assert widths() == before
 
 
+ROPE = """<mujoco><worldbody><site name="hook" pos="0 0 1"/><geom name="drum" type="cylinder" size=".2 .1" pos=".3 0 .7" euler="90 0 0"/>
+  <body pos=".6 0 .3"><freejoint/><geom size=".05" mass="1"/><site name="load"/></body></worldbody>
+  <tendon><spatial name="rope" limited="true" range="0 1.2"><site site="hook"/><geom geom="drum"/><site site="load"/></spatial></tendon>
+</mujoco>"""
+
+
+def test_tendons_are_drawn_along_their_wrapped_paths():
+    """The lines of each environment join the points of `tendon_paths`; a model without spatial tendons has no visible lines."""
+    sim = stepper.Stepper(stepper.load(ROPE), 2)
+    with View(sim, port=8255) as view:
+        sim.step(nstep=20)
+        view.show()
+        lines = view.window._tendons
+        given = lines.points.reshape(2, -1, 2, 3) - view.window.offsets[:, None, None]
+        assert lines.visible
+        paths = np.asarray(sim.tendon_paths)[:, 0]
+        np.testing.assert_allclose(given, np.stack([paths[:, :-1], paths[:, 1:]], axis=2), atol=1e-6)  # viser has single precision.
+        # The rope bends around the drum, 0.2 m from its axis.
+        assert np.linalg.norm(paths[0, 1:-1, [0, 2]].T - [0.3, 0.7], axis=1).max() == pytest.approx(0.2, abs=1e-9)
+    with View(stepper.Stepper(stepper.load(SCENE)), port=8256) as view:
+        assert not view.window._tendons.visible
+
+
 def test_the_panel_may_draw_while_a_simulation_shows(sim, monkeypatch):
     """Threads of viser answer the panel: a picture is drawn by one at a time."""
     failed, drawing = [], []

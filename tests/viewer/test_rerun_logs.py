@@ -46,6 +46,18 @@ def test_a_log_has_places_contacts_and_scalars(tmp_path, of):
     assert f"{sim.energy()[0][1]:.6f}"[:6] in text
 
 
+def test_a_log_has_spatial_tendons(tmp_path):
+    """The log has the wrapped path of a tendon as a line."""
+    scene = """<mujoco><worldbody><site name="hook" pos="0 0 1"/>
+      <body pos=".6 0 .3"><freejoint/><geom size=".05"/><site name="load"/></body></worldbody>
+      <tendon><spatial><site site="hook"/><site site="load"/></spatial></tendon></mujoco>"""
+    with RerunLog(stepper.Stepper(stepper.load(scene)), tmp_path / "run.rrd") as log:
+        log.log()
+    text = printed(tmp_path / "run.rrd")
+    assert "/env_0/tendons" in text
+    assert "LineStrips3D" in text
+
+
 def test_a_folder_that_is_not_there_is_named(tmp_path):
     sim = stepper.Stepper(stepper.load(SCENE))
     with pytest.raises(FileNotFoundError, match=r"there is no folder .*none"):

@@ -160,7 +160,7 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
     if let Some(rk4) = &mut s.rk4 {
         // Trees without constraints whose motion is not too fast for the time step get the result of the Runge-Kutta method.
         span!(probe, Rk4, || {
-            rk4.find_smooth_trees(input, problem, &free.unresolved);
+            rk4.find_smooth_trees(input, problem, free);
             rk4.replace_step(StepContext { input, evaluation }, velocity, position);
         });
     }

@@ -68,8 +68,8 @@ impl Actuator {
     /// actuator force. For other transmissions, the first value scales length, velocity and force, and the other values are 0.
     pub fn gear_row(&self) -> [f64; GEAR] {
         match self.transmission {
-            Transmission::Site { wrench, .. } => wrench.map(|x| x * self.gear),
-            Transmission::Joint(_) | Transmission::Tendon(_) | Transmission::SliderCrank { .. } => [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0],
+            Transmission::Site { wrench, .. } | Transmission::JointWrench { wrench, .. } => wrench.map(|x| x * self.gear),
+            _ => [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0],
         }
     }
 
@@ -92,6 +92,8 @@ impl Actuator {
             (_, Transmission::Joint(_)) => ("it acts on a joint".into(), 1),
             (_, Transmission::Tendon(_)) => ("it acts on a tendon".into(), 1),
             (_, Transmission::SliderCrank { .. }) => ("it acts on a slider-crank".into(), 1),
+            (_, Transmission::Body(_)) => ("it acts on the contacts of a body".into(), 0),
+            (_, Transmission::JointWrench { .. }) => ("it acts on a ball or free joint".into(), GEAR),
             (_, Transmission::Site { .. }) => ("it acts on a site".into(), GEAR),
         }
     }
@@ -110,10 +112,12 @@ pub(crate) fn gear(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
         row.iter_mut().for_each(&mut *f);
         match &mut actuator.transmission {
             Transmission::Joint(_) | Transmission::Tendon(_) | Transmission::SliderCrank { .. } => actuator.gear = row[0],
-            Transmission::Site { wrench, .. } if row.map(f64::to_bits) != before.map(f64::to_bits) => {
+            Transmission::Site { wrench, .. } | Transmission::JointWrench { wrench, .. }
+                if row.map(f64::to_bits) != before.map(f64::to_bits) =>
+            {
                 (*wrench, actuator.gear) = (row, 1.0);
             }
-            Transmission::Site { .. } => {}
+            Transmission::Site { .. } | Transmission::JointWrench { .. } | Transmission::Body(_) => {}
         }
     }
 }

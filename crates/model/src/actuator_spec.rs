@@ -166,7 +166,7 @@ impl ActuatorSpec {
             if actuator.activation != Activation::None {
                 return Err(DeviceError::ServoWithActivation);
             }
-            if matches!(actuator.transmission, Transmission::Site { .. } | Transmission::SliderCrank { .. }) {
+            if !matches!(actuator.transmission, Transmission::Joint(_) | Transmission::Tendon(_)) {
                 return Err(DeviceError::ServoOnSite);
             }
             (actuator.gain, actuator.bias, actuator.ctrl_range) = ([1.0, 0.0, 0.0], [0.0; 3], None);
@@ -188,7 +188,7 @@ impl ActuatorSpec {
         match actuator.transmission {
             Transmission::Joint(j) => model.joints[j].armature += reflected,
             Transmission::Tendon(t) => model.tendons[t].armature += reflected,
-            Transmission::Site { .. } | Transmission::SliderCrank { .. } => return Err(DeviceError::RotorOnSite),
+            _ => return Err(DeviceError::RotorOnSite),
         }
         Ok(())
     }

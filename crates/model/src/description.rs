@@ -284,6 +284,18 @@ pub enum Transmission {
         /// Length of the rod, m.
         rod: f64,
     },
+    /// Contacts of a body, by its index: the force pulls the body and what touches it together (adhesion, suction). All contacts share the
+    /// force equally, and the length is 0.
+    Body(usize),
+    /// Ball or free joint on which a wrench acts. The length is the projection of a ball's rotation vector; that of a free joint is 0.
+    JointWrench {
+        /// Index of the joint.
+        joint: usize,
+        /// Whether torques are in the axes of the parent (for a free joint, of the world) and not in those of the joint's body.
+        in_parent: bool,
+        /// For a ball the torque (N m, three numbers), for a free joint force (world axes, N) and torque, per unit of actuator force.
+        wrench: [f64; 6],
+    },
 }
 
 impl Default for Transmission {
@@ -340,6 +352,9 @@ pub struct Actuator {
     pub act_range: Option<[f64; 2]>,
     /// Activation dynamics.
     pub activation: Activation,
+    /// Whether the force uses the activation at the end of the step and not at its beginning (MuJoCo's `actearly`).
+    #[serde(default, with = "added_fields")]
+    pub early: bool,
     /// Parameters of the gain: constant, factor of length, factor of velocity. For a DC motor they are resistance and motor constant.
     pub gain: [f64; 3],
     /// Parameters of the bias: constant, factor of length, factor of velocity.

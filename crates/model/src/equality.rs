@@ -77,6 +77,15 @@ impl EqualityKind {
         }
     }
 
+    /// Indices of the first and second body, joint or tendon; `None` for a coupling of one.
+    pub const fn objects(&self) -> (usize, Option<usize>) {
+        match *self {
+            Self::Connect { bodies: [first, second], .. } | Self::Weld { bodies: [first, second], .. } => (first, Some(second)),
+            Self::Joint { joint, other, .. } => (joint, other),
+            Self::Tendon { tendon, other, .. } => (tendon, other),
+        }
+    }
+
     /// Number of rows of the equality in the constraint problem.
     pub const fn rows(&self) -> usize {
         match self {

@@ -6,7 +6,7 @@ use std::fmt::Display;
 
 use crate::Kernel;
 use crate::pairs::{Verdict, weld_groups};
-use crate::{Activation, Actuator, Body, Equality, Joint, JointKind, Model, Pair, Requested, Tendon, label};
+use crate::{Activation, Actuator, Body, Equality, Joint, JointKind, Model, Pair, Requested, Tendon, Transmission, label};
 
 /// Phenomena that rigid-body simulation does not model, in any scene.
 const BEYOND: [&str; 7] = [
@@ -160,7 +160,9 @@ impl Model {
         vec![
             actuators("actuators without activation", |a| a.activation == Activation::None),
             actuators("actuators with activation", |a| a.activation != Activation::None),
+            actuators("early activations (actearly)", |a| a.early),
             actuators("muscles", Actuator::is_muscle),
+            actuators("adhesion: actuators that pull on the contacts of a body", |a| matches!(a.transmission, Transmission::Body(_))),
             actuators("delays of controls", |a| a.delay > 0.0),
             tendons("fixed tendons", |t| t.path.is_empty()),
             tendons("spatial tendons", |t| !t.path.is_empty()),

@@ -14,7 +14,8 @@
 //! - the [`NoSlip`], from version 13 on,
 //! - the `Added` fields, from version 14 on,
 //! - the [`ForceModel`] of every actuator, from version 15 on,
-//! - the [`PathsAndMuscles`], from version 16 on.
+//! - the [`PathsAndMuscles`], from version 16 on,
+//! - the [`Early`] activations, from version 17 on.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -29,7 +30,9 @@ use crate::{Description, ForceModel, Model, ModelError, Muscle, NoSlip, Overlap,
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models. It increases when the payload of a saved model changes.
-pub const FORMAT_VERSION: u32 = 16;
+pub const FORMAT_VERSION: u32 = 17;
+/// Last version of the format without [`Early`].
+const WITHOUT_EARLY: u32 = 16;
 /// Last version of the format without [`PathsAndMuscles`].
 const WITHOUT_PATHS: u32 = 15;
 /// Last version of the format without force models. From a file of this or an earlier version, each actuator gets the force model of
@@ -89,6 +92,22 @@ impl PathsAndMuscles {
     }
 }
 
+/// Whether the activation of each actuator is early. The list is empty if none is.
+#[derive(Default, PartialEq, Serialize, Deserialize)]
+struct Early(Vec<bool>);
+
+impl Early {
+    fn of(model: &Description) -> Self {
+        let early: Vec<bool> = model.actuators.iter().map(|actuator| actuator.early).collect();
+        Self(if early.contains(&true) { early } else { vec![] })
+    }
+
+    /// Writes the stored values to their fields in a description.
+    fn write_to(self, model: &mut Description) {
+        model.actuators.iter_mut().zip(self.0).for_each(|(actuator, early)| actuator.early = early);
+    }
+}
+
 /// Force models of all actuators. The list is empty if every actuator has the force model that follows from its gain and bias
 /// ([`ForceModel::of_parameters`]).
 #[derive(Default, PartialEq, Serialize, Deserialize)]
@@ -129,6 +148,11 @@ impl Model {
         let description = with_affine_forces(&self.description);
         // Without noslip iterations and added fields, the digest must equal that of older stepper versions, which had no such fields.
         let (noslip, added, paths) = (self.soft.noslip, Added::of(self), PathsAndMuscles::of(self));
+        let early = Early::of(self);
+        if early != Early::default() {
+            let held = encoded(&(&self.description, noslip, added, paths, ForceModels::of(self), early));
+            return Sha256::digest(held).into();
+        }
         let held = match (noslip == NoSlip::default(), added == Added::default(), paths == PathsAndMuscles::default()) {
             (true, true, true) => encoded(&*description),
             (false, true, true) => encoded(&(&*description, noslip)),
@@ -142,7 +166,7 @@ impl Model {
     /// Converts the model to bytes, see [`Model::from_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
         let (added, forces, paths) = (Added::of(self), ForceModels::of(self), PathsAndMuscles::of(self));
-        sealed(FORMAT_VERSION, &(&self.description, self.hulls.surfaces(), self.soft.noslip, added, forces, paths))
+        sealed(FORMAT_VERSION, &(&self.description, self.hulls.surfaces(), self.soft.noslip, added, forces, paths, Early::of(self)))
     }
 
     /// Reads a model from the bytes of [`Model::to_bytes`], bit for bit.
@@ -227,28 +251,32 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
     if digest != &Sha256::digest(payload)[..] {
         return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
     }
-    let none = PathsAndMuscles::default;
+    let (none, late) = (PathsAndMuscles::default, Early::default);
     let read = match version {
         WITHOUT_NOSLIP => postcard::take_from_bytes::<(Description, Surfaces)>(payload)
-            .map(|((m, s), rest)| ((m, s, NoSlip::default(), Added::default(), ForceModels::default(), none()), rest)),
+            .map(|((m, s), rest)| ((m, s, NoSlip::default(), Added::default(), ForceModels::default(), none(), late()), rest)),
         WITHOUT_ADDED => postcard::take_from_bytes::<(Description, Surfaces, NoSlip)>(payload)
-            .map(|((m, s, n), rest)| ((m, s, n, Added::default(), ForceModels::default(), none()), rest)),
+            .map(|((m, s, n), rest)| ((m, s, n, Added::default(), ForceModels::default(), none(), late()), rest)),
         WITHOUT_FORCE_MODELS => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added)>(payload)
-            .map(|((m, s, n, a), rest)| ((m, s, n, a, ForceModels::default(), none()), rest)),
+            .map(|((m, s, n, a), rest)| ((m, s, n, a, ForceModels::default(), none(), late()), rest)),
         WITHOUT_PATHS => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels)>(payload)
-            .map(|((m, s, n, a, f), rest)| ((m, s, n, a, f, none()), rest)),
-        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels, PathsAndMuscles)>(payload),
+            .map(|((m, s, n, a, f), rest)| ((m, s, n, a, f, none(), late()), rest)),
+        WITHOUT_EARLY => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels, PathsAndMuscles)>(payload)
+            .map(|((m, s, n, a, f, p), rest)| ((m, s, n, a, f, p, late()), rest)),
+        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels, PathsAndMuscles, Early)>(payload),
     };
     match read {
-        Ok(((mut model, surfaces, noslip, added, forces, paths), []))
+        Ok(((mut model, surfaces, noslip, added, forces, paths, early), []))
             if fits(&added.velocity_limits, &model.joints)
                 && fits(&forces.0, &model.actuators)
                 && fits(&paths.paths, &model.tendons)
-                && fits(&paths.muscles, &model.actuators) =>
+                && fits(&paths.muscles, &model.actuators)
+                && fits(&early.0, &model.actuators) =>
         {
             added.write_to(&mut model);
             forces.write_to(&mut model);
             paths.write_to(&mut model);
+            early.write_to(&mut model);
             model.soft.noslip = noslip;
             model.check(Source::Kept(&surfaces))
         }
@@ -323,6 +351,18 @@ mod tests {
     }
 
     #[test]
+    fn early_activations_are_kept_and_older_files_have_none() {
+        let mut model = rich_model();
+        let (added, forces, paths) = (Added::of(&model), ForceModels::of(&model), PathsAndMuscles::of(&model));
+        let old = sealed(WITHOUT_EARLY, &(&model.description, model.hulls.surfaces(), model.soft.noslip, added, forces, paths));
+        assert_eq!(Model::from_bytes(&old).unwrap(), model);
+        let before = model.digest();
+        model.description.actuators[0].early = true;
+        assert_eq!(Model::from_bytes(&model.to_bytes()).unwrap(), model);
+        assert_ne!(model.digest(), before);
+    }
+
+    #[test]
     fn added_fields_that_do_not_fit_are_refused() {
         let model = rich_model();
         let refused = |added: Added| {
@@ -387,7 +427,7 @@ mod tests {
         let mut surfaces = model.hulls.surfaces();
         change(&mut surfaces);
         let (added, forces, paths) = (Added::of(model), ForceModels::of(model), PathsAndMuscles::of(model));
-        sealed(FORMAT_VERSION, &(&model.description, surfaces, model.soft.noslip, added, forces, paths))
+        sealed(FORMAT_VERSION, &(&model.description, surfaces, model.soft.noslip, added, forces, paths, Early::default()))
     }
 
     #[test]

@@ -65,12 +65,7 @@ impl Description {
         for (i, site) in self.sites.iter_mut().enumerate() {
             unit(&mut site.quat, &format!("site {:?}", label(&site.name, i)), "quaternion")?;
         }
-        for (i, equality) in self.equalities.iter_mut().enumerate() {
-            let place = format!("equality {:?}", label(&equality.name, i));
-            if let EqualityKind::Weld { relpose, .. } = &mut equality.kind {
-                unit(relpose, &place, "quaternion relpose")?;
-            }
-        }
+        normalise_welds(self)?;
         let addresses = self.joint_addresses();
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let place = format!("joint {:?}", label(&joint.name, i));
@@ -92,6 +87,16 @@ impl Description {
         }
         Ok(())
     }
+}
+
+/// Normalises the relative orientations of all welds.
+pub(crate) fn normalise_welds(model: &mut Description) -> Result<(), ModelError> {
+    for (i, equality) in model.equalities.iter_mut().enumerate() {
+        if let EqualityKind::Weld { relpose, .. } = &mut equality.kind {
+            unit(relpose, &format!("equality {:?}", label(&equality.name, i)), "quaternion relpose")?;
+        }
+    }
+    Ok(())
 }
 
 /// Normalises a vector whose norm is 1 within rounding. Any other vector is an error. The error contains `place`, the label of the element,

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::finish::{check_inertia, check_parameters};
+use crate::finish::{check_inertia, check_parameters, normalise_welds};
 use crate::overridden_geom_fields::OverriddenGeomFields;
 use crate::replace::{find, write};
 use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
@@ -65,6 +65,8 @@ parameters! {
     DofArmature = "dof_armature",
     /// Dry friction of the degrees of freedom, N or N m: (num_envs, nv).
     DofFrictionLoss = "dof_frictionloss",
+    /// Numbers of the equalities in the layout of MuJoCo's `eq_data`: (num_envs, neq, 11).
+    EqualityData = "eq_data",
     /// Gain parameters of the actuators: (num_envs, nu, 10).
     ActuatorGain = "actuator_gainprm",
     /// Bias parameters of the actuators: (num_envs, nu, 10).
@@ -130,6 +132,7 @@ impl<'a> Variants<'a> {
             given.extend(values.map(|values| (field.name, values)));
         }
         self.overridden_fields.check(&given)?;
+        normalise_welds(self.model.unchecked_mut())?;
         check_parameters(&self.model)?;
         same_structure(self.base, &self.model)?;
         check_inertia(&self.model)?;

@@ -317,6 +317,8 @@ elements! {
             Transmission::Joint(j) => ("joint", j),
             Transmission::Tendon(t) => ("tendon", t),
             Transmission::Site { site, .. } => ("site", site),
+            Transmission::JointWrench { joint, in_parent, .. } => (if in_parent { "jointinparent" } else { "joint" }, joint),
+            Transmission::Body(b) => ("body", b),
             Transmission::SliderCrank { crank, .. } => ("slidercrank", crank),
         };
         let has_activation = |a: &stepper_core::model::Actuator| a.activation != Activation::None;
@@ -425,6 +427,35 @@ elements! {
     lookup tendon in tendons;
     /// Names of the tendons in order. The name of an unnamed tendon is empty.
     names tendon_names;
+
+    /// Equality of a model: it connects or welds two bodies, or couples joints or tendons.
+    Equality, |v, model, equality, i| {
+        let (first, second) = equality.kind.objects();
+        let other = second.map_or(-1, |id| id as i64);
+    } {
+        /// Index of the equality, and of its column in `eq_active` and `eq_data`.
+        id: v.of(i),
+        /// Name of the equality; may be empty.
+        name: v.of(&equality.name),
+        /// Type: "connect", "weld", "joint" or "tendon".
+        r#type: v.of(equality.kind.name()),
+        /// Index of the first body, joint or tendon.
+        obj1id: v.of(first),
+        /// Index of the second body, joint or tendon; -1 for a coupling of one.
+        obj2id: v.of(other),
+        /// Whether the equality is active after a reset.
+        active0: v.of(equality.active),
+        /// Anchors, relative pose and torquescale, or polynomial, in the layout of MuJoCo's `eq_data`: (11,).
+        data: v.row(&equality.data()),
+    }
+    /// Equality by name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: The model has no equality of that name; the message has similar names.
+    ///     IndexError: The model has no equality of that index.
+    lookup equality in equalities;
+    /// Names of the equalities in order. The name of an unnamed equality is empty.
+    names equality_names;
 
     /// Keyframe of a model: a named state for `Stepper.reset(keyframe=)`.
     Keyframe, |v, model, key, i| {

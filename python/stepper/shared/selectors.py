@@ -376,8 +376,6 @@ def _labels(model: Model, kind: str) -> list[list[str]]:
     The first text is the name of the element, or "" if the element has no name. Further texts are "body/geom" for geoms, and "geom/geom"
     for contact pairs.
     """
-    if kind == "equality":
-        return [[""] for _ in range(len(model.eq_active0))]
     names = list(getattr(model, f"{'joint' if kind in _JOINT_ROWS else kind}_names"))
     if kind == "geom":
         return [[name, f"{model.body(model.geom(k).bodyid).name}/{name}"] for k, name in enumerate(names)]

@@ -26,6 +26,7 @@ class Frame:
         geom_xquat: Orientations of the geoms, (n, ngeom, 4), quaternions (w, x, y, z).
         xpos: Positions of the bodies, (n, nbody, 3), m.
         xquat: Orientations of the bodies, (n, nbody, 4), quaternions (w, x, y, z).
+        tendons: Paths of the spatial tendons, (n, k, 10, 3), m: the k parts between two sites, wrapped around spheres and cylinders.
         center: Centre of mass of the whole model in each environment, (n, 3), m.
         contact_env: Environment of each of the k contacts, as an index from 0 to n - 1 into the arrays of this frame: (k,).
         contact_pos: Positions of the contacts, (k, 3), m.
@@ -41,6 +42,7 @@ class Frame:
     geom_xquat: Array
     xpos: Array
     xquat: Array
+    tendons: Array
     center: Array
     contact_env: Array
     contact_pos: Array
@@ -81,6 +83,7 @@ def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
             name: values_of(sim, name, envs)
             for name in ("time", "geom_xpos", "geom_xquat", "xpos", "xquat", "status", "residual", "max_penetration")
         },
+        tendons=values_of(sim, "tendon_paths", envs),
         center=values_of(sim, "subtree_com", envs)[:, 0],
         contact_env=row[listed["env"]],
         contact_pos=listed["pos"],

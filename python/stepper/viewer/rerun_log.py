@@ -19,7 +19,7 @@ from stepper.viewer.looks import Array
 from stepper.viewer.player import recorded_scene
 from stepper.viewer.recordings import RecordedRun
 from stepper.viewer.shapes import Scene, instances
-from stepper.viewer.window import FORCE
+from stepper.viewer.window import FORCE, TENDON_COLOUR
 
 TIMELINE = "simulated"
 """Name of the timeline: simulated time of the first environment, s, which continues over resets."""
@@ -36,7 +36,7 @@ class RerunLog:
                 sim.step()
                 log.log()
 
-    The log has for each environment the bodies with their geoms, and contacts with forces. It also has scalars: residual,
+    The log has for each environment the bodies with their geoms, spatial tendons, and contacts with forces. It also has scalars: residual,
     max_penetration, number of contacts, status, potential and kinetic energy.
 
     Args:
@@ -164,6 +164,9 @@ class _Writer:
                 show_labels=False,
             )
             stream.log(f"env_{env}/contacts", arrows)
+            if frame.tendons.shape[1]:
+                strips = rr.LineStrips3D(frame.tendons[row], colors=list(TENDON_COLOUR), radii=0.002 * self._extent)
+                stream.log(f"env_{env}/tendons", strips)
             scalars = {
                 "residual": frame.residual[row],
                 "max_penetration": frame.max_penetration[row],

@@ -22,6 +22,8 @@ FORCE = 0.5
 """Length of the arrow for a force that equals the model's weight, as a fraction of the scene's extent."""
 TILES = 48
 """Largest number of square tiles along a side of a drawn floor."""
+TENDON_COLOUR = (210, 70, 70)
+"""Colour of tendons: red, green and blue, from 0 to 255."""
 _CONTACT_COLOUR, _FORCE_COLOUR, _PULL_COLOUR = (255, 200, 40), (230, 60, 40), (40, 160, 255)
 _FLOOR = (0.42, 0.46, 0.52)
 
@@ -150,7 +152,7 @@ class Window:
         handle.on_drag("left", modifier="cmd/ctrl")(dragged)
 
     def _build(self) -> None:
-        """Creates the scene in the browser: lights, camera, meshes, floors, contacts and forces."""
+        """Creates the scene in the browser: lights, camera, meshes, floors, tendons, contacts and forces."""
         server, extent = self.server, self.scene.extent
         across = self._spacing * (np.ceil(np.sqrt(self.count)) - 1) + 2.0 * extent
         server.scene.set_up_direction("+z")
@@ -178,6 +180,9 @@ class Window:
         )  # fmt: skip
         arrow = {"shaft_radius": 0.006 * extent, "head_radius": 0.014 * extent, "head_length": 0.04 * extent, "visible": False}
         self._forces = server.scene.add_arrows("/scene/forces", np.zeros((1, 2, 3), np.float32), _FORCE_COLOUR, **arrow)
+        self._tendons = server.scene.add_line_segments(
+            "/scene/tendons", np.zeros((1, 2, 3), np.float32), TENDON_COLOUR, line_width=3.0, visible=False
+        )
         self._pulls = server.scene.add_arrows("/scene/pull", np.zeros((1, 2, 3), np.float32), _PULL_COLOUR, **arrow)
 
     def _add(self, k: int, part: Part, place: Array, quat: Array, scale: Array) -> Any:
@@ -267,6 +272,10 @@ class Window:
                     handle.batched_scales = self._scales[k] = scales
             for geom, handle in zip(self.scene.planes, self._floors, strict=True):
                 handle.position, handle.wxyz = frame.geom_xpos[0, geom], frame.geom_xquat[0, geom]
+            if frame.tendons.shape[1]:
+                paths = frame.tendons + offsets[:, None, None]
+                self._tendons.points = np.stack([paths[:, :, :-1], paths[:, :, 1:]], axis=3).reshape(-1, 2, 3).astype(np.float32)
+                self._tendons.visible = True
             self._draw_contacts(frame, offsets)
             if pull is not None:
                 self._pulls.points = pull[None].astype(np.float32)

@@ -116,6 +116,8 @@ pub struct ForceState<'a, R: Real> {
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
+    /// Time from the state to the end of the step, s. Early activations are advanced by it.
+    pub time_left: R,
     /// Controls after the actuator pipelines (delay, lag ...), nu.
     pub ctrl: &'a [R],
     /// Parameters of the actuator models within a step (torque-speed curves, friction of gears ...), one entry for each actuator that has
@@ -124,9 +126,9 @@ pub struct ForceState<'a, R: Real> {
 }
 
 impl<'a, R: Real> ForceState<'a, R> {
-    /// Force state in which all quantities are those of one state, for explicit servos.
-    pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], actuator_dynamics: &'a [ActuatorDynamics<R>]) -> Self {
-        Self { q, v, v_at: v, act, ctrl, actuator_dynamics }
+    /// Force state in which all quantities are those of one state, for explicit servos. `time_left` is the time step, s.
+    pub fn state([q, v, act]: [&'a [R]; 3], time_left: R, ctrl: &'a [R], actuator_dynamics: &'a [ActuatorDynamics<R>]) -> Self {
+        Self { q, v, v_at: v, act, time_left, ctrl, actuator_dynamics }
     }
 }
 

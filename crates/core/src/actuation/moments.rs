@@ -6,14 +6,15 @@ use stepper_real::{Real, kernel};
 use crate::actuation::affine_force::Motion;
 use crate::actuation::forces::ActuatorForces;
 use crate::compile::{CompiledActuator, LaneModel, MomentKind, Spot, VariableMoment};
-use crate::dynamics::kinematics::Kinematics;
+use crate::dynamics::kinematics::{Kinematics, quat_at};
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Computes arms and lengths of variable moments at the configuration of `kinematics`.
+    /// Computes arms and lengths of variable moments at the configuration `q`, with the poses `kinematics`.
     ///
-    /// Lengths are extrapolated with the velocity `v` by `time` seconds.
-    pub fn transmit(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+    /// Arms of actuators on contacts are 0 until `set_adhesive_arms` (`collision/adhesion.rs`) sets them. Lengths are extrapolated with the
+    /// velocity `v` by `time` seconds.
+    pub fn transmit(&mut self, compiled: &LaneModel<R>, (kinematics, q): (&Kinematics<R>, &[R]), (v, time): (&[R], R)) {
         if self.lengths.is_empty() {
             return;
         }
@@ -31,6 +32,24 @@ impl<R: Real> ActuatorForces<R> {
                             *arm = gear * of_path;
                         }
                         gear * kinematics.paths.lengths[*path]
+                    }
+                    MomentKind::Joint { q: at, free, in_parent, wrench: [force, torque] } => {
+                        let (rotation, mut torque) = (quat_at(q, *at), splat(*torque));
+                        let length = if *free { R::zero() } else { dot(quat_log(rotation), torque) };
+                        if *in_parent {
+                            torque = rotate_back(&quat_to_mat(rotation), torque);
+                        }
+                        let arms = &mut arms[..moment.dofs.len()];
+                        if *free {
+                            arms[..3].copy_from_slice(&splat(*force));
+                        }
+                        let first = arms.len() - 3;
+                        arms[first..].copy_from_slice(&torque);
+                        length
+                    }
+                    MomentKind::Contacts { .. } => {
+                        arms[..moment.dofs.len()].fill(R::zero());
+                        R::zero()
                     }
                     MomentKind::SliderCrank { crank, slider, rod, gear } => {
                         compute_crank_arms(compiled, kinematics, [crank, slider], [R::splat(*rod), R::splat(*gear)], moment, arms)

@@ -3,8 +3,9 @@
 use stepper_real::{Real, kernel};
 
 use crate::analysis::smooth_dynamics::SmoothDynamics;
-use crate::compile::LaneModel;
+use crate::compile::{EqualityRows, LaneModel, coupling_error};
 use crate::dynamics::kinematics::Kinematics;
+use crate::dynamics::path_lengths::ARC_POINTS;
 use crate::integrators::observation::read_actuator_forces;
 use crate::integrators::step_input::StepInput;
 use crate::integrators::workspace::Workspace;
@@ -64,6 +65,15 @@ pub enum DerivedQuantity {
     /// Torques (N m) and forces (N) of the last step's contacts on the bodies, in world axes: (nbody, 6). The torques are about the centre
     /// of mass of the body's tree. Resets and [`Simulation::set`](crate::Simulation::set) set them to zero.
     BodyForce,
+    /// Numbers of the equalities in the layout of `eq_data` with which each has no position error at the current state: (neq, 11).
+    ///
+    /// A connect keeps its anchor in the first body and a weld its anchor in the second; a coupling changes its constant term.
+    ClosedEqualityData,
+    /// Paths of the spatial tendons in the world frame, m: (number of segments, 10, 3). A segment is the part between two sites.
+    ///
+    /// Its points are the first site, eight points on the sphere or cylinder between the sites, or on the straight line, and the second
+    /// site.
+    TendonPaths,
     /// Mass matrix with armature, without terms that depend on the time step: (nv, nv), kg, kg m and kg m^2.
     MassMatrix,
     /// Coriolis, centrifugal and gravitational forces: (nv), N or N m.
@@ -98,6 +108,8 @@ impl DerivedQuantity {
             Self::BodyInertia => "cinert",
             Self::BodyMotion => "cvel",
             Self::BodyForce => "cfrc_ext",
+            Self::ClosedEqualityData => "closed_eq_data",
+            Self::TendonPaths => "tendon_paths",
             Self::MassMatrix => "mass_matrix",
             Self::BiasForce => "qfrc_bias",
             Self::SmoothAcceleration => "qacc_smooth",
@@ -121,6 +133,8 @@ impl DerivedQuantity {
             Self::ActuatorForce => vec![model.nu()],
             Self::BodyContactForce | Self::BodyMotion | Self::BodyForce => vec![bodies, 6],
             Self::BodyInertia => vec![bodies, 10],
+            Self::TendonPaths => vec![model.tendons.iter().map(|tendon| tendon.segments().len()).sum(), ARC_POINTS + 2, 3],
+            Self::ClosedEqualityData => vec![model.equalities.len(), 11],
             Self::BodyJacobian(_) | Self::SiteJacobian(_) => vec![6, model.nv()],
         }
     }
@@ -248,8 +262,8 @@ impl<R: Real> Derivation<R> {
             }
             Q::BodyQuat => {
                 self.find_orientations(compiled, &s.state.q);
-                for body in &compiled.bodies {
-                    self.values.extend(quat_mul(self.orientation[body.frame], splat(body.quat)));
+                for body in 0..compiled.bodies.len() {
+                    self.values.extend(self.orientation_of(compiled, body));
                 }
             }
             Q::SiteQuat | Q::GeomQuat => {
@@ -300,6 +314,12 @@ impl<R: Real> Derivation<R> {
                 // The torque comes before the force.
                 wrenches.iter_mut().for_each(|wrench| wrench.rotate_left(3));
             }
+            Q::ClosedEqualityData => self.closed_equalities(compiled, kinematics, &s.state.q),
+            Q::TendonPaths => {
+                for segment in compiled.paths.iter().flat_map(|path| &path.segments) {
+                    self.values.extend(kinematics.points_of_segment(segment).as_flattened());
+                }
+            }
             Q::MassMatrix => self.values.extend(self.dynamics.mass_matrix(compiled, kinematics)),
             Q::BiasForce => {
                 self.values.resize(compiled.nv, R::zero());
@@ -307,7 +327,7 @@ impl<R: Real> Derivation<R> {
             }
             Q::SmoothAcceleration => {
                 let state = [&s.state.q[..], &s.state.v, &s.state.act];
-                self.values.extend(self.dynamics.acceleration(compiled, kinematics, state, &s.inputs));
+                self.values.extend(self.dynamics.acceleration(compiled, kinematics, state, (&s.inputs, Some(&s.state.contacts), h)));
             }
             Q::BodyJacobian(body) => {
                 let body = &compiled.bodies[body];
@@ -340,6 +360,52 @@ impl<R: Real> Derivation<R> {
             let [x, y, z] = moment;
             self.values.extend([diagonal(0), diagonal(1), diagonal(2), entry(0, 1), entry(0, 2), entry(1, 2), x, y, z, mass]);
         }
+    }
+
+    /// Computes the numbers with which every equality has no position error at the configuration `q`, into `values`, 11 per equality.
+    #[inline(always)]
+    fn closed_equalities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, q: &[R]) {
+        self.find_orientations(compiled, q);
+        let equalities = compiled.equalities.iter().flat_map(|block| &block.equalities);
+        self.values.resize(11 * equalities.clone().count(), R::zero());
+        for equality in equalities {
+            let numbers = compiled.params.equality(equality.index);
+            let mut row = [R::zero(); 11];
+            match &equality.rows {
+                EqualityRows::Points { frames, bodies, turn, .. } => {
+                    let welded = turn.is_some();
+                    let point =
+                        if welded { kinematics.point(frames[1], numbers.second) } else { kinematics.point(frames[0], numbers.first) };
+                    let quats = [self.orientation_of(compiled, bodies[0]), self.orientation_of(compiled, bodies[1])];
+                    for side in 0..2 {
+                        let body = &compiled.bodies[bodies[side]];
+                        let arm = sub(point, kinematics.point(body.frame, splat(body.pos)));
+                        let anchor = rotate_back(&quat_to_mat(quats[side]), arm);
+                        // A weld has the anchor in the second body first.
+                        let start = if (side == 1) == welded { 0 } else { 3 };
+                        row[start..start + 3].copy_from_slice(&anchor);
+                    }
+                    if welded {
+                        let [w, x, y, z] = quats[0];
+                        row[6..10].copy_from_slice(&quat_mul([w, -x, -y, -z], quats[1]));
+                        row[10] = numbers.weight;
+                    }
+                }
+                EqualityRows::Coupling { first, second } => {
+                    let error = coupling_error(first, second.as_ref(), numbers.polynomial, (q, &kinematics.paths));
+                    row[..5].copy_from_slice(&numbers.polynomial);
+                    row[0] += error;
+                }
+            }
+            self.values[11 * equality.index..][..11].copy_from_slice(&row);
+        }
+    }
+
+    /// Orientation of body `body`, a quaternion (w, x, y, z). The orientations of the frames must be computed.
+    #[inline(always)]
+    fn orientation_of(&self, compiled: &LaneModel<R>, body: usize) -> [R; 4] {
+        let body = &compiled.bodies[body];
+        quat_mul(self.orientation[body.frame], splat(body.quat))
     }
 
     /// Computes the orientations of the frames, unless they are cached.

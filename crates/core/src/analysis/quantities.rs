@@ -25,6 +25,8 @@ pub struct Snapshot<'a> {
     pub(crate) act: Vec<f64>,
     /// Inputs of the user: controls and applied forces.
     pub(crate) inputs: Inputs<f64>,
+    /// Time step, s, by which early activations are advanced.
+    pub(crate) timestep: f64,
     /// Poses of the mocap bodies: position, m, and quaternion.
     pub(crate) mocap: Vec<([f64; 3], [f64; 4])>,
 }
@@ -71,7 +73,7 @@ impl Snapshot<'_> {
     /// Acceleration without constraints, (nv,), m/s^2 or rad/s^2.
     pub fn smooth_acceleration(&self) -> Vec<f64> {
         let state = [&self.q[..], &self.v, &self.act];
-        SmoothDynamics::default().acceleration(&self.compiled, &self.kinematics(), state, &self.inputs).to_vec()
+        SmoothDynamics::default().acceleration(&self.compiled, &self.kinematics(), state, (&self.inputs, None, self.timestep)).to_vec()
     }
 
     /// Potential energy (of gravity, and of springs of joints and tendons) and kinetic energy (with armature), J.

@@ -4,6 +4,8 @@ use nalgebra::{DMatrix, DVector};
 use stepper_real::{Real, Scalar, kernel};
 
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
+use crate::collision::adhesion::set_adhesive_arms;
+use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, PathLengths};
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::Kinematics;
@@ -34,13 +36,13 @@ impl<R: Real> SmoothDynamics<R> {
         kernel!(R, || bias_force(compiled, kinematics, v, work, out));
     }
 
-    /// Acceleration without constraints at the state [q, v, act], (nv,).
+    /// Acceleration without constraints at the state [q, v, act], (nv,), in a step of `h` seconds.
     pub(crate) fn acceleration(
         &mut self,
         compiled: &LaneModel<R>,
         kinematics: &Kinematics<R>,
         [q, v, act]: [&[R]; 3],
-        inputs: &Inputs<R>,
+        (inputs, contacts, h): (&Inputs<R>, Option<&Contacts<R>>, R),
     ) -> &[R] {
         let FreeMotion { smooth, actuator_forces, applied } = self.motion.get_or_insert_with(|| FreeMotion {
             smooth: Smooth::new(compiled),
@@ -49,8 +51,11 @@ impl<R: Real> SmoothDynamics<R> {
         });
         smooth.factor_mass(compiled, kinematics, Implicit::none());
         smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], applied);
-        actuator_forces.transmit(compiled, kinematics, v, R::zero());
-        actuate(compiled, &ForceState::state(q, v, act, &inputs.ctrl, &inputs.actuator_dynamics), None, actuator_forces);
+        actuator_forces.transmit(compiled, (kinematics, q), (v, R::zero()));
+        if let Some(contacts) = contacts {
+            set_adhesive_arms(compiled, kinematics, contacts, &mut actuator_forces.arms);
+        }
+        actuate(compiled, &ForceState::state([q, v, act], h, &inputs.ctrl, &inputs.actuator_dynamics), None, actuator_forces);
         add_tendon_springs(compiled, &kinematics.paths, q, v, &mut actuator_forces.tau);
         smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], v, v);
         if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > <R::Scalar as Default>::default())) {

@@ -13,7 +13,7 @@ use crate::collision::joint_path::across_symmetry;
 use crate::collision::packed_pairs::PackedPairs;
 use crate::collision::separation_cache::SeparationCache;
 use crate::collision::static_search::{StaticSearch, merge};
-use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
+use crate::compile::{ADHESION_REACH, CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
@@ -345,9 +345,15 @@ fn displacement_bounds<R: Real>(
 }
 
 /// Distance by which every search distance is increased, m: the distance that gravity covers in a step, plus a micrometre for rounding.
+///
+/// With actuators that pull on contacts, the distance up to which they pull is added.
 #[inline(always)]
 pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
-    norm(compiled.params.gravity()) * h * h + R::of(1e-6)
+    let slack = norm(compiled.params.gravity()) * h * h + R::of(1e-6);
+    match &compiled.adhesion {
+        Some(adhesion) => slack + R::splat(adhesion.largest) + R::of(ADHESION_REACH),
+        None => slack,
+    }
 }
 
 /// Geoms of all lanes at one time of the step, as input of the narrow phase.

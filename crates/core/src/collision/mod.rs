@@ -1,5 +1,6 @@
 //! Collision detection: broad phase, narrow phase (with the kernels of stepper-geometry), and the contacts of a step.
 
+pub(crate) mod adhesion;
 pub mod broad_phase;
 pub(crate) mod contact_reduction;
 pub mod contact_set;

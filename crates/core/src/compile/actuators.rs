@@ -1,6 +1,7 @@
 //! Compiled actuators: their moments and bounds, and the entries of the mass matrix to which their implicit stiffness and damping
 //! contribute.
 
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 use stepper_real::Scalar;
@@ -9,7 +10,9 @@ use crate::actuation::ActuatorSpec;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::paths::{CompiledPath, Spot, path_of};
 use crate::compile::tree::{CompiledFriction, scalars};
-use crate::model::{Activation, Actuator, BiasType, ForceModel, GainType, JointKind, MUSCLE_PARAMETERS, Model, Muscle, Transmission};
+use crate::model::{
+    Activation, Actuator, BiasType, Filter, ForceModel, GainType, JointKind, MUSCLE_PARAMETERS, Model, Muscle, Transmission,
+};
 
 /// Compiled actuator: on a linear combination of scalar joints (a joint or a fixed tendon), or with moment arms that depend on the
 /// configuration.
@@ -31,6 +34,8 @@ pub struct CompiledActuator<S> {
     pub act: Option<usize>,
     /// Type of the activation's differential equation (MuJoCo's `dyntype`).
     pub activation: Activation,
+    /// Whether the force uses the activation at the end of the step.
+    pub early: bool,
     /// Whether the force depends on length or velocity, by gain, bias or actuator dynamics.
     pub needs_motion: bool,
     /// Index in the compiled model's list of servos; `None` for actuators without [`needs_motion`](Self::needs_motion).
@@ -50,7 +55,7 @@ pub struct VariableMoment<S> {
     /// Change of the actuator's length when the site makes a full rotation, if the length is an angle; otherwise `None`.
     pub turn: Option<S>,
     /// Degrees of freedom with a moment arm, each with a sign. The sign is 1 if only the site moves, and -1 if only the reference site
-    /// moves. For a slider-crank, these two are the crank and the slider. For a tendon the sign is 1.
+    /// moves. For a slider-crank, these two are the crank and the slider. For a tendon, for contacts and for joints the sign is 1.
     pub dofs: Vec<(usize, S)>,
     /// Index of the actuator's first moment arm in the list of variable moment arms.
     pub arms: usize,
@@ -81,6 +86,24 @@ pub enum MomentKind<S> {
         /// Gear of the actuator.
         gear: S,
     },
+    /// Ball or free joint.
+    Joint {
+        /// Address in q of the joint's quaternion.
+        q: usize,
+        /// Whether the joint is free; otherwise it is a ball.
+        free: bool,
+        /// Whether torques are in the axes of the parent or the world.
+        in_parent: bool,
+        /// Force (free joints only) and torque per unit of the actuator's force.
+        wrench: [[S; 3]; 2],
+    },
+    /// Contacts of a body, which an adhesion actuator pulls together.
+    Contacts {
+        /// Index of the body in the model.
+        body: usize,
+        /// A degree of freedom that moves the body; `None` for a body that no degree of freedom moves.
+        dof: Option<usize>,
+    },
     /// Slider-crank.
     SliderCrank {
         /// Pose of the crank's site.
@@ -95,10 +118,16 @@ pub enum MomentKind<S> {
 }
 
 impl<S> VariableMoment<S> {
-    /// Whether the actuator's length depends on the configuration. Without a reference site, the length of an actuator on a site is 0.
+    /// Whether the actuator's length depends on the configuration. Without a reference site, the length of an actuator on a site is 0. So
+    /// are those of actuators on contacts and on free joints.
     #[inline(always)]
     pub fn has_length(&self) -> bool {
-        !matches!(self.kind, MomentKind::Site { reference: None, .. })
+        match &self.kind {
+            MomentKind::Site { reference, .. } => reference.is_some(),
+            MomentKind::Joint { free, .. } => !*free,
+            MomentKind::Contacts { .. } => false,
+            MomentKind::Path { .. } | MomentKind::SliderCrank { .. } => true,
+        }
     }
 }
 
@@ -279,7 +308,7 @@ impl<S: Scalar> CompiledActuators<S> {
         let arms: Vec<(usize, f64)> = match a.transmission {
             Transmission::Joint(j) => vec![(j, 1.0)],
             Transmission::Tendon(t) => input.model.tendons[t].joints.clone(),
-            Transmission::Site { .. } | Transmission::SliderCrank { .. } => vec![],
+            _ => vec![],
         };
         let moment_arms = self.variable_moment(input, a);
         let act = (a.activation != Activation::None).then_some(*na);
@@ -304,6 +333,7 @@ impl<S: Scalar> CompiledActuators<S> {
             act_range: a.act_range.map(scalars),
             act,
             activation: a.activation,
+            early: a.early,
             needs_motion,
             servo,
             dynamics,
@@ -320,6 +350,16 @@ impl<S: Scalar> CompiledActuators<S> {
                 let path = path_of(input.model, t)?;
                 (MomentKind::Path { path, first: input.paths[path].arms, gear }, None)
             }
+            Transmission::JointWrench { joint, in_parent, wrench } => {
+                let wrench = wrench.map(|x| x * a.gear);
+                let free = input.model.joints[joint].kind == JointKind::Free;
+                let [first, second] = [[wrench[0], wrench[1], wrench[2]], [wrench[3], wrench[4], wrench[5]]];
+                let wrench = if free { [first, second] } else { [[0.0; 3], first] };
+                let turn = (!free).then(|| S::from_f64(2.0 * PI * wrench[1].iter().map(|x| x * x).sum::<f64>().sqrt()));
+                let q = input.merged.addresses[joint].0 + if free { 3 } else { 0 };
+                (MomentKind::Joint { q, free, in_parent, wrench: wrench.map(scalars) }, turn.filter(|&turn| turn > S::default()))
+            }
+            Transmission::Body(body) => (MomentKind::Contacts { body, dof: input.merged.last_dof(input.merged.frame[body]) }, None),
             Transmission::SliderCrank { crank, slider, rod } => {
                 let [crank, slider] = [crank, slider].map(|site| spot(input, site));
                 (MomentKind::SliderCrank { crank, slider, rod: S::from_f64(rod), gear }, None)
@@ -344,6 +384,16 @@ impl<S: Scalar> CompiledActuators<S> {
         let dofs: Vec<_> = match kind {
             MomentKind::Path { path, .. } => input.paths[path].dofs.iter().map(|&dof| (dof as usize, S::ONE)).collect(),
             MomentKind::Site { site, reference, .. } => (0..input.model.nv()).filter_map(|dof| side(dof, site, reference)).collect(),
+            MomentKind::Joint { free, .. } => {
+                let Transmission::JointWrench { joint, .. } = a.transmission else { unreachable!("matched above") };
+                let first = input.merged.addresses[joint].1;
+                (first..first + if free { 6 } else { 3 }).map(|dof| (dof, S::ONE)).collect()
+            }
+            MomentKind::Contacts { body, .. } => {
+                let frames = touching_frames(input, body);
+                let moves = |&dof: &usize| frames.iter().any(|&frame| input.merged.moves(dof, frame));
+                (0..input.model.nv()).filter(moves).map(|dof| (dof, S::ONE)).collect()
+            }
             MomentKind::SliderCrank { crank, slider, .. } => {
                 (0..input.model.nv()).filter_map(|dof| side(dof, crank, Some(slider))).collect()
             }
@@ -389,6 +439,15 @@ impl<S: Scalar> CompiledActuators<S> {
         let bounded = |a: &CompiledActuator<S>| a.force_range.is_some() || a.dynamics.is_some();
         self.servos.iter().any(|s| bounded(&self.actuators[s.actuator])) || self.force_ranges.iter().any(|r| r.has_servos)
     }
+}
+
+/// Frames of a body and of all geoms that can touch the body.
+fn touching_frames<S: Scalar>(input: CompilerInput<'_, S>, body: usize) -> BTreeSet<usize> {
+    let (geoms, filter) = (&input.model.geoms, Filter::new(input.model));
+    let own = || (0..geoms.len()).filter(|&g| geoms[g].body == body);
+    let touches = |&g: &usize| own().any(|other| other != g && filter.pair(filter.ordered([g, other])).is_some());
+    let others = (0..geoms.len()).filter(touches).map(|g| input.merged.frame[geoms[g].body]);
+    others.chain([input.merged.frame[body]]).collect()
 }
 
 /// Compiles the pose of a site.

@@ -9,6 +9,7 @@ use std::ops::Deref;
 use stepper_real::{Real, Scalar};
 
 use crate::compile::actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo};
+use crate::compile::adhesion::CompiledAdhesion;
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 use crate::compile::equality::{CompiledTendon, EqualityBlock};
 use crate::compile::mechanisms::Mechanisms;
@@ -140,6 +141,8 @@ pub struct ModelStructure<S: Scalar> {
     pub servos: Vec<CompiledServo<S>>,
     /// Bounds of the sum of actuator forces on one dof (`actuatorfrcrange`).
     pub actuator_force_ranges: Vec<CompiledForceRange<S>>,
+    /// Gaps up to which actuators pull on contacts of a body; `None` without such actuators.
+    pub adhesion: Option<CompiledAdhesion<S>>,
     /// Whether Euler's rule treats joint damping explicitly.
     pub explicit_damping: bool,
     /// Whether any servo's force is bounded, directly or by the sum of forces on its joint.

@@ -2,6 +2,7 @@
 
 use stepper_real::Scalar;
 
+use crate::compile::adhesion::CompiledAdhesion;
 use crate::compile::collision::DynamicPairs;
 use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::{ball_limits, frictions, limits};
@@ -33,6 +34,7 @@ impl<S: Scalar> CompiledModel<S> {
         let lengths = compiler.lengths(&paths);
         let (equalities, tendons) = (compiler.equalities(&paths, &mut scalar_impulses), compiler.tendons(&paths, &mut scalar_impulses));
         let (geoms, pairs, dynamic_pairs) = collision::compile::<S>(model, &merged);
+        let adhesion = CompiledAdhesion::new(model, &geoms, &pairs, dynamic_pairs.as_ref());
         let can_tunnel = dynamic_pairs.is_some() || pairs.iter().any(|p| !p.geoms.iter().any(|&g| geoms[g].is_plane));
         let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
         let contact_points = listed + dynamic_pairs.as_ref().map_or(0, DynamicPairs::contact_points);
@@ -84,6 +86,7 @@ impl<S: Scalar> CompiledModel<S> {
             ball_limits,
             equalities,
             scalar_impulses,
+            adhesion,
             explicit_damping: model.explicit_damping,
             servos_are_bounded: actuators.servos_are_bounded(),
             variable_arms: [actuators.arms, actuators.variable_moments],

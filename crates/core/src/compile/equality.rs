@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use stepper_real::{Real, Scalar};
 
+use crate::compile::merging::Merged;
 use crate::compile::merging::matrix;
-use crate::compile::merging::{Merged, quaternion, vector};
 use crate::compile::paths::{CompiledPath, PathLengths, PathTerm, path_of};
 use crate::compile::tree::scalars;
 use crate::model::{Equality, EqualityKind, Model};
@@ -85,18 +85,17 @@ pub struct FramePath {
     pub links: Vec<u32>,
 }
 
-/// Parameters from which a step computes the constraint rows of an equality.
+/// Elements from which a step computes the constraint rows of an equality. `compile/parameters.rs` has their numbers.
 #[derive(Clone, Debug)]
 pub enum EqualityRows<S> {
     /// Two coincident points (connect), and two aligned orientations (weld).
     Points {
         /// Frames to which the two points are fixed.
         frames: [usize; 2],
-        /// Positions of the points in these frames, m.
-        anchors: [[S; 3]; 2],
-        /// For weld: orientations in these frames that must be aligned, and length that converts the angle to a distance, m/rad. `None` for
-        /// connect.
-        turn: Option<([[S; 9]; 2], S)>,
+        /// Indices of the two bodies in the model.
+        bodies: [usize; 2],
+        /// For weld: orientation of the second body in its frame. `None` for connect.
+        turn: Option<[S; 9]>,
         /// Kinematic paths to the two frames from their nearest common ancestor.
         paths: [FramePath; 2],
     },
@@ -106,9 +105,21 @@ pub enum EqualityRows<S> {
         first: Combination<S>,
         /// Linear combination y of joint positions, in x - x_ref = polynomial(y - y_ref). `None` if x has a constant target.
         second: Option<Combination<S>>,
-        /// Coefficients of the polynomial, for the powers 0 to 4.
-        polynomial: [S; 5],
     },
+}
+
+/// Position error of a joint or tendon coupling, x - x_ref - polynomial(y - y_ref), in the unit of x.
+#[inline(always)]
+pub(crate) fn coupling_error<R: Real>(
+    first: &Combination<R::Scalar>,
+    second: Option<&Combination<R::Scalar>>,
+    c: [R; 5],
+    (q, paths): (&[R], &PathLengths<R>),
+) -> R {
+    let error = first.value(q, paths) - R::splat(first.reference) - c[0];
+    let Some(second) = second else { return error };
+    let x = second.value(q, paths) - R::splat(second.reference);
+    error - x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])))
 }
 
 /// Spring with damper and inertia along a constraint row. In the units of its fields, u is the unit of the row's coordinate, m or rad.
@@ -242,31 +253,25 @@ impl Compiler<'_> {
 
     fn rows<S: Scalar>(&self, kind: &EqualityKind, paths: &[CompiledPath<S>]) -> (EqualityRows<S>, Vec<u32>) {
         match kind {
-            EqualityKind::Connect { bodies, anchors } => self.points(*bodies, *anchors, None),
-            EqualityKind::Weld { bodies, anchors, relpose, torquescale } => self.points(*bodies, *anchors, Some((*relpose, *torquescale))),
-            EqualityKind::Joint { joint, other, polycoef } => {
+            EqualityKind::Connect { bodies, .. } => self.points(*bodies, None),
+            EqualityKind::Weld { bodies, .. } => self.points(*bodies, Some(matrix(&self.merged.quat[bodies[1]]))),
+            EqualityKind::Joint { joint, other, .. } => {
                 let position = |j: usize| self.combination(&[(j, 1.0)]);
-                self.coupling(position(*joint), other.map(position), polycoef)
+                self.coupling(position(*joint), other.map(position))
             }
-            EqualityKind::Tendon { tendon, other, polycoef } => {
+            EqualityKind::Tendon { tendon, other, .. } => {
                 let length = |t: usize| self.length(t, paths);
-                self.coupling(length(*tendon), other.map(length), polycoef)
+                self.coupling(length(*tendon), other.map(length))
             }
         }
     }
 
-    fn points<S: Scalar>(&self, bodies: [usize; 2], anchors: [[f64; 3]; 2], turn: Option<([f64; 4], f64)>) -> (EqualityRows<S>, Vec<u32>) {
-        let [a, b] = bodies;
-        let place = |body: usize, anchor: [f64; 3]| scalars((self.merged.pos[body] + self.merged.quat[body] * vector(anchor)).into());
-        let turn = turn.map(|(relpose, weight)| {
-            let first = self.merged.quat[a] * quaternion(relpose);
-            ([matrix(&first), matrix(&self.merged.quat[b])], S::from_f64(weight))
-        });
+    fn points<S: Scalar>(&self, bodies: [usize; 2], turn: Option<[S; 9]>) -> (EqualityRows<S>, Vec<u32>) {
         let frames = bodies.map(|b| self.merged.frame[b]);
         let moved_dofs = frames.into_iter().filter_map(|f| self.merged.last_dof(f));
         let dofs = self.with_ancestors(moved_dofs);
         let paths = self.paths(frames);
-        (EqualityRows::Points { frames, anchors: [place(a, anchors[0]), place(b, anchors[1])], turn, paths }, dofs)
+        (EqualityRows::Points { frames, bodies, turn, paths }, dofs)
     }
 
     /// Kinematic paths to the two frames, from their nearest common ancestor.
@@ -291,14 +296,9 @@ impl Compiler<'_> {
         paths
     }
 
-    fn coupling<S: Scalar>(
-        &self,
-        first: Combination<S>,
-        second: Option<Combination<S>>,
-        polynomial: &[f64; 5],
-    ) -> (EqualityRows<S>, Vec<u32>) {
+    fn coupling<S: Scalar>(&self, first: Combination<S>, second: Option<Combination<S>>) -> (EqualityRows<S>, Vec<u32>) {
         let dofs = self.with_ancestors(first.dofs().chain(second.iter().flat_map(Combination::dofs)));
-        (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, dofs)
+        (EqualityRows::Coupling { first, second }, dofs)
     }
 
     /// Compiles the equalities and groups them in blocks, which a step assembles together. Hard equalities that share a degree of freedom

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use stepper_real::Scalar;
 
-use crate::compile::actuators::CompiledActuator;
+use crate::compile::actuators::{CompiledActuator, MomentKind, VariableMoment};
 use crate::compile::equality::{CompiledTendon, EqualityBlock, EqualityRows};
 use crate::compile::tree::{CompiledBallLimit, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, Dof};
 use crate::math::disjoint_sets::DisjointSets;
@@ -42,6 +42,7 @@ pub(super) fn tree_of_act<S: Scalar>(na: usize, dofs: &[Dof], actuators: &[Compi
     let mut trees = vec![None; na];
     for actuator in actuators {
         let dof = match &actuator.variable_moment {
+            Some(VariableMoment { kind: MomentKind::Contacts { dof, .. }, .. }) => *dof,
             Some(wrench) => wrench.dofs.first().map(|&(dof, _)| dof),
             None => actuator.moment.first().map(|&(_, dof, _)| dof),
         };
@@ -103,7 +104,9 @@ impl Mechanisms {
             sets.join_all(tendon.dofs.iter().map(|&d| tree(d as usize)));
         }
         for actuator in actuators {
-            let wrench = actuator.variable_moment.iter().flat_map(|wrench| &wrench.dofs);
+            // Adhesion couples bodies only through their contacts.
+            let wrench = actuator.variable_moment.iter().filter(|wrench| !matches!(wrench.kind, MomentKind::Contacts { .. }));
+            let wrench = wrench.flat_map(|wrench| &wrench.dofs);
             sets.join_all(actuator.moment.iter().map(|&(_, d, _)| tree(d)).chain(wrench.map(|&(d, _)| tree(d))));
         }
         let (mut count, mut of_set) = (0, vec![0; ntree + mocap.len()]);

@@ -1,6 +1,7 @@
 //! Compiler: converts the user's model to a compiled model, the numbers that a step reads.
 
 mod actuators;
+mod adhesion;
 mod collision;
 mod compiled_model;
 mod compiler;
@@ -26,15 +27,18 @@ pub(crate) use actuators::SMALLEST;
 pub use actuators::{
     CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledMuscle, MomentKind, MotorControl, MuscleCurve, VariableMoment,
 };
+pub(crate) use adhesion::ADHESION_REACH;
+pub use adhesion::CompiledAdhesion;
 pub(crate) use collision::Symmetry;
 pub use collision::{CompiledPair, DynamicPairs, NO_PAIR_GROUP};
 pub use compiled_model::{CompiledModel, ModelStructure};
+pub(crate) use equality::coupling_error;
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, FramePath, Spring};
 pub use lane_model::LaneModel;
 pub use mechanisms::MechanismPart;
 pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};
-pub use paths::{CompiledPath, CompiledSegment, PathLengths, Spot};
+pub use paths::{CompiledObstacle, CompiledPath, CompiledSegment, PathLengths, Spot};
 pub use ray_surfaces::RaySurfaces;
 pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};
 pub(crate) use softness::{EndLaw, MIN_FRICTION, MIN_MOBILITY};

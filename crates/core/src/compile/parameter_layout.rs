@@ -5,12 +5,12 @@ use stepper_real::Scalar;
 use crate::compile::collision::{CompiledGeom, Radii, radii_of, size};
 use crate::compile::compiled_model::ModelStructure;
 use crate::compile::limits::is_scalar;
-use crate::compile::merging::{combined, vector};
+use crate::compile::merging::{combined, matrix, quaternion, vector};
 use crate::compile::parameters::{
-    ActuatorParams, CompensationParams, ContactParams, DofParams, FluidParams, GeomParams, Inertial, ParameterRows, Params,
+    ActuatorParams, CompensationParams, ContactParams, DofParams, EqualityParams, FluidParams, GeomParams, Inertial, ParameterRows, Params,
 };
 use crate::compile::passive::{FluidShape, inertia_box};
-use crate::model::{Body, Filter, Joint, JointKind, Model, Object, Pair};
+use crate::model::{Body, EqualityKind, Filter, Joint, JointKind, Model, Object, Pair};
 
 impl<S: Scalar> ModelStructure<S> {
     /// Parameters of `model`, in the tables and order of this structure. `model` must be the model that was compiled, or a variant of it
@@ -34,6 +34,7 @@ impl<S: Scalar> ModelStructure<S> {
             bodies: (0..model.bodies.len()).map(|b| source.position(Object::Body(b))).collect(),
             masses: model.bodies.iter().map(|b| b.mass).collect(),
             moments: (0..model.bodies.len()).map(|b| combined(model, &self.merged, [b]).2).collect(),
+            equalities: model.equalities.iter().map(|e| source.equality(&e.kind)).collect(),
             compensations: self.compensation.iter().map(|compensated| source.compensation(compensated.body)).collect(),
             fluid: self.fluid.iter().map(|f| source.fluid(f.object, &f.shape)).collect(),
             places: self.sensing.places.iter().map(|&object| source.position(object)).collect(),
@@ -114,6 +115,22 @@ impl<S: Scalar> Source<'_, S> {
         })
     }
 
+    fn equality(&self, kind: &EqualityKind) -> EqualityParams<f64> {
+        let none = EqualityParams { first: [0.0; 3], second: [0.0; 3], orientation: [0.0; 9], weight: 0.0, polynomial: [0.0; 5] };
+        match *kind {
+            EqualityKind::Connect { bodies, anchors } => {
+                let [first, second] = std::array::from_fn(|side| self.point(bodies[side], anchors[side]));
+                EqualityParams { first, second, ..none }
+            }
+            EqualityKind::Weld { bodies, anchors, relpose, torquescale } => {
+                let [first, second] = std::array::from_fn(|side| self.point(bodies[side], anchors[side]));
+                let orientation = matrix(&(self.structure.merged.quat[bodies[0]] * quaternion(relpose)));
+                EqualityParams { first, second, orientation, weight: torquescale, ..none }
+            }
+            EqualityKind::Joint { polycoef, .. } | EqualityKind::Tendon { polycoef, .. } => EqualityParams { polynomial: polycoef, ..none },
+        }
+    }
+
     fn compensation(&self, body: usize) -> CompensationParams<f64> {
         let Body { mass, gravcomp, .. } = self.model.bodies[body];
         let force = vector(self.model.gravity) * -(mass * gravcomp);
@@ -136,6 +153,11 @@ impl<S: Scalar> Source<'_, S> {
             Object::Geom(g) => (self.model.geoms[g].body, self.model.geoms[g].pos),
             Object::Site(s) => (self.model.sites[s].body, self.model.sites[s].pos),
         };
+        self.point(body, pos)
+    }
+
+    /// Position of a point of a body in the frame to which the body is fixed, m. `pos` is the position in the frame of the body.
+    fn point(&self, body: usize, pos: [f64; 3]) -> [f64; 3] {
         (self.structure.merged.pos[body] + self.structure.merged.quat[body] * vector(pos)).into()
     }
 

@@ -69,6 +69,21 @@ parameter_rows! {
         rotation_reach: T,
     }
 
+    /// Numbers of an equality: points and orientation of a connect or weld, or polynomial of a coupling. Numbers that the kind of equality
+    /// does not have are 0.
+    EqualityParams {
+        /// Position of the connected point in the frame of the first body, m.
+        first: [T; 3],
+        /// Position of the connected point in the frame of the second body, m.
+        second: [T; 3],
+        /// Orientation in the first frame with which the second body is aligned, a rotation matrix.
+        orientation: [T; 9],
+        /// Weight of the rotation error relative to the position error, m/rad.
+        weight: T,
+        /// Coefficients of the polynomial, for the powers 0 to 4.
+        polynomial: [T; 5],
+    }
+
     /// Gravity compensation force on a body.
     CompensationParams {
         /// Point of application in the link's frame, m.
@@ -158,6 +173,8 @@ parameter_tables! {
     /// Inertia of a body of the model about its centre of mass: xx, yy, zz, xy, xz, yz, kg m^2. The axes are those of the frame to which
     /// the body is fixed.
     moments: body_inertia(body) -> [T; 6];
+    /// Points, orientation and polynomial of the equality with index `i` in the model.
+    equalities: equality(i) -> EqualityParams<T>;
     /// Gravity compensation force with index `i`, and its point of application.
     compensations: compensation(i) -> CompensationParams<T>;
     /// Drag coefficients of the body with index `i` in the compiled model's list of bodies and geoms in a fluid.

@@ -432,7 +432,7 @@ impl<S: Scalar> Compiler<'_, S> {
                 let terms = self.model.tendons[t].joints.iter().flat_map(|&(j, c)| self.position(j, c * actuator.gear).terms);
                 Some(Combination { terms: terms.collect(), path: None, reference: S::default() })
             }
-            Transmission::Tendon(_) | Transmission::Site { .. } | Transmission::SliderCrank { .. } => None,
+            _ => None,
         }
     }
 

@@ -72,11 +72,11 @@ impl<R: Real> RowBuilder<R> {
         &mut self,
         input: &RowInput<'_, R>,
         frames: [usize; 2],
-        anchors: [[R::Scalar; 3]; 2],
+        anchors: [V3<R>; 2],
         relative: bool,
     ) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = *input;
-        let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
+        let points = [kinematics.point(frames[0], anchors[0]), kinematics.point(frames[1], anchors[1])];
         let mut size = R::zero();
         for &d in &self.dofs {
             let d = d as usize;
@@ -107,7 +107,7 @@ impl<R: Real> RowBuilder<R> {
     /// The error is the rotation vector from the second to the first orientation in world axes, times `weight` (m/rad). MuJoCo's
     /// `mjEQ_WELD` uses the sine of half its length; both are zero at the same configurations.
     #[inline(always)]
-    fn align(&mut self, input: &RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> EqualityJacobian<R> {
+    fn align(&mut self, input: &RowInput<'_, R>, frames: [usize; 2], mats: &[M3<R>; 2], weight: R) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = *input;
         let mut size = R::zero();
         for &d in &self.dofs {
@@ -125,8 +125,8 @@ impl<R: Real> RowBuilder<R> {
             self.column[d] = scale(j, weight);
             self.scales[d] = [square * weight * weight; 3];
         }
-        let first = mat_mul(&kinematics.mat[frames[0]], &splat(mats[0]));
-        let second = mat_mul(&kinematics.mat[frames[1]], &splat(mats[1]));
+        let first = mat_mul(&kinematics.mat[frames[0]], &mats[0]);
+        let second = mat_mul(&kinematics.mat[frames[1]], &mats[1]);
         let turn = quat_log(mat_to_quat(&mat_mul_transposed(&first, &second)));
         let kappa = sub(angular_acceleration(input, frames[0]), angular_acceleration(input, frames[1]));
         EqualityJacobian { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
@@ -332,18 +332,19 @@ impl<R: Real> Assembler<'_, R> {
         with_scales: bool,
     ) {
         self.builder.use_dofs(&equality.dofs);
+        let numbers = input.compiled.params.equality(equality.index);
         match &equality.rows {
-            EqualityRows::Points { frames, anchors, turn, .. } => {
-                let rows = self.builder.connect_points(input, *frames, *anchors, true);
+            EqualityRows::Points { frames, turn, .. } => {
+                let rows = self.builder.connect_points(input, *frames, [numbers.first, numbers.second], true);
                 self.push_rows::<3>(input, block, equality, 0, &rows, with_scales);
-                if let Some((mats, weight)) = turn {
+                if let Some(turn) = turn {
                     self.builder.use_dofs(&equality.dofs);
-                    let rows = self.builder.align(input, *frames, mats, R::splat(*weight));
+                    let rows = self.builder.align(input, *frames, &[numbers.orientation, splat(*turn)], numbers.weight);
                     self.push_rows::<3>(input, block, equality, 3, &rows, with_scales);
                 }
             }
-            EqualityRows::Coupling { first, second, polynomial } => {
-                let rows = self.builder.couple_joints(input, first, second.as_ref(), splat(*polynomial));
+            EqualityRows::Coupling { first, second } => {
+                let rows = self.builder.couple_joints(input, first, second.as_ref(), numbers.polynomial);
                 self.push_rows::<1>(input, block, equality, 0, &rows, with_scales);
             }
         }

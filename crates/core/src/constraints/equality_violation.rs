@@ -2,7 +2,7 @@
 
 use stepper_real::{Real, kernel};
 
-use crate::compile::{Combination, CompiledEquality, EqualityRows, LaneModel, PathLengths};
+use crate::compile::{CompiledEquality, EqualityRows, LaneModel, PathLengths, coupling_error};
 use crate::constraints::active_equalities::ActiveEqualities;
 use crate::dynamics::frame_path::follow_path;
 use crate::dynamics::mocap::MocapTrajectory;
@@ -54,38 +54,23 @@ fn violation<R: Real>(
     mocap: &[MocapTrajectory<R>],
     elapsed: R,
 ) -> R {
+    let numbers = compiled.params.equality(equality.index);
     match &equality.rows {
-        EqualityRows::Points { anchors, turn, paths, .. } => {
+        EqualityRows::Points { turn, paths, .. } => {
             // Both poses are relative to the nearest common frame, so that the rounding error does not grow with the distance from the
             // world origin.
             let first = follow_path(compiled, &paths[0], q, mocap, elapsed);
             let second = follow_path(compiled, &paths[1], q, mocap, elapsed);
-            let points = [add(first.0, rotate(&first.1, splat(anchors[0]))), add(second.0, rotate(&second.1, splat(anchors[1])))];
+            let points = [add(first.0, rotate(&first.1, numbers.first)), add(second.0, rotate(&second.1, numbers.second))];
             let gap = norm(sub(points[0], points[1]));
             match turn {
-                Some((mats, weight)) if *weight != <R::Scalar as Default>::default() => {
-                    let turned = mat_mul_transposed(&mat_mul(&first.1, &splat(mats[0])), &mat_mul(&second.1, &splat(mats[1])));
-                    gap.max(norm(quat_log(mat_to_quat(&turned))))
+                Some(turn) => {
+                    let turned = mat_mul_transposed(&mat_mul(&first.1, &numbers.orientation), &mat_mul(&second.1, &splat(*turn)));
+                    R::select(numbers.weight.gt(R::zero()), gap.max(norm(quat_log(mat_to_quat(&turned)))), gap)
                 }
-                _ => gap,
+                None => gap,
             }
         }
-        EqualityRows::Coupling { first, second, polynomial } => {
-            coupling_error(first, second.as_ref(), splat(*polynomial), (q, paths)).abs()
-        }
+        EqualityRows::Coupling { first, second } => coupling_error(first, second.as_ref(), numbers.polynomial, (q, paths)).abs(),
     }
-}
-
-/// Position error of a joint or tendon coupling, x - x_ref - polynomial(y - y_ref), in the unit of x.
-#[inline(always)]
-fn coupling_error<R: Real>(
-    first: &Combination<R::Scalar>,
-    second: Option<&Combination<R::Scalar>>,
-    c: [R; 5],
-    (q, paths): (&[R], &PathLengths<R>),
-) -> R {
-    let error = first.value(q, paths) - R::splat(first.reference) - c[0];
-    let Some(second) = second else { return error };
-    let x = second.value(q, paths) - R::splat(second.reference);
-    error - x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])))
 }

@@ -7,4 +7,4 @@ pub mod implicit_weights;
 pub mod inertia;
 pub mod kinematics;
 pub mod mocap;
-mod path_lengths;
+pub(crate) mod path_lengths;

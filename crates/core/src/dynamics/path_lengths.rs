@@ -4,12 +4,17 @@
 //! contribute to the moment arms: the derivatives of the length with respect to the coordinates. They are the generalized forces of unit
 //! forces along each straight part, which push its ends apart.
 
-use stepper_geometry::Obstacle;
+use std::f64::consts::PI;
+
+use stepper_geometry::{Obstacle, Wrap};
 use stepper_real::{Mask, Real};
 
-use crate::compile::{CompiledPath, CompiledSegment, LaneModel, SMALLEST};
+use crate::compile::{CompiledObstacle, CompiledPath, CompiledSegment, LaneModel, SMALLEST};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
+
+/// Number of points on the obstacle of a segment that are drawn.
+pub(crate) const ARC_POINTS: usize = 8;
 
 impl<R: Real> Kinematics<R> {
     /// Computes the lengths and moment arms of all paths from the poses.
@@ -45,14 +50,7 @@ impl<R: Real> Kinematics<R> {
             self.pull(compiled, &segment.moved[1], ends[1], scale(direct, weight), arms);
             return weight * straight;
         };
-        let shape = Obstacle {
-            pos: self.point(obstacle.place.frame, splat(obstacle.place.pos)),
-            mat: mat_mul(&self.mat[obstacle.place.frame], &splat(obstacle.place.mat)),
-            radius: R::splat(obstacle.radius),
-            is_cylinder: obstacle.is_cylinder,
-        };
-        let side = obstacle.side.as_ref().map(|side| self.point(side.frame, splat(side.pos)));
-        let wrap = shape.wrap(ends, side);
+        let (_, wrap) = self.wrap(obstacle, ends);
         let (mut first, mut last, mut length) = (direct, direct, straight);
         if wrap.touches.any() {
             let ((before, to), (after, from)) = (direction([ends[0], wrap.points[0]]), direction([wrap.points[1], ends[1]]));
@@ -68,6 +66,59 @@ impl<R: Real> Kinematics<R> {
         self.pull(compiled, &segment.moved[0], ends[0], scale(first, -weight), arms);
         self.pull(compiled, &segment.moved[1], ends[1], scale(last, weight), arms);
         weight * length
+    }
+
+    /// Obstacle in the world frame, and the path of a string from `ends[0]` to `ends[1]` around it.
+    #[inline(always)]
+    fn wrap(&self, obstacle: &CompiledObstacle<R::Scalar>, ends: [V3<R>; 2]) -> (Obstacle<R>, Wrap<R>) {
+        let shape = Obstacle {
+            pos: self.point(obstacle.place.frame, splat(obstacle.place.pos)),
+            mat: mat_mul(&self.mat[obstacle.place.frame], &splat(obstacle.place.mat)),
+            radius: R::splat(obstacle.radius),
+            is_cylinder: obstacle.is_cylinder,
+        };
+        let side = obstacle.side.as_ref().map(|side| self.point(side.frame, splat(side.pos)));
+        let wrap = shape.wrap(ends, side);
+        (shape, wrap)
+    }
+
+    /// Points of a segment of a path for drawing, world axes, m.
+    ///
+    /// They are the first site, [`ARC_POINTS`] points on the obstacle, and the second site. Where the string touches no obstacle, the
+    /// points are on the straight line.
+    #[inline(always)]
+    pub(crate) fn points_of_segment(&self, segment: &CompiledSegment<R::Scalar>) -> [V3<R>; ARC_POINTS + 2] {
+        let [first, last] =
+            [self.point(segment.ends[0].frame, splat(segment.ends[0].pos)), self.point(segment.ends[1].frame, splat(segment.ends[1].pos))];
+        let apart = sub(last, first);
+        let mut points = [first; ARC_POINTS + 2];
+        for (k, point) in points.iter_mut().enumerate().skip(1) {
+            *point = add_scaled(first, apart, R::of(k as f64 / (ARC_POINTS + 1) as f64));
+        }
+        let Some(obstacle) = &segment.obstacle else { return points };
+        let (shape, wrap) = self.wrap(obstacle, [first, last]);
+        let [start, end] = [sub(wrap.points[0], shape.pos), sub(wrap.points[1], shape.pos)];
+        // The arc turns about the axis of the cylinder, or about the normal of the plane of both points of a sphere.
+        let normal = cross(start, end);
+        let long = norm(normal).gt(R::of(SMALLEST));
+        let axis =
+            if shape.is_cylinder { column(&shape.mat, 2) } else { scale(normal, R::one() / R::select(long, norm(normal), R::one())) };
+        let [low, high] = [dot(start, axis), dot(end, axis)];
+        let (from, to) = (add_scaled(start, axis, -low), add_scaled(end, axis, -high));
+        let short_turn = dot(axis, cross(from, to)).atan2(dot(from, to));
+        // The length of the arc tells the short way around from the long way.
+        let turn = ((wrap.arc * wrap.arc - (high - low).square()).max(R::zero())).sqrt() / shape.radius;
+        let is_long = turn.gt(R::of(PI + 1e-6)).or((turn - short_turn.abs()).abs().gt(R::of(1e-3)));
+        let way_back = R::select(short_turn.gt(R::zero()), short_turn - R::of(2.0 * PI), short_turn + R::of(2.0 * PI));
+        let turn = R::select(is_long, way_back, short_turn);
+        for k in 0..ARC_POINTS {
+            let share = R::of(k as f64 / (ARC_POINTS - 1) as f64);
+            let (sin, cos) = (turn * share).sin_cos();
+            let around = add_scaled(scale(from, cos), cross(axis, from), sin);
+            let on_arc = add(shape.pos, add_scaled(around, axis, low + share * (high - low)));
+            points[k + 1] = select(wrap.touches, on_arc, points[k + 1]);
+        }
+        points
     }
 
     /// Adds the generalized force of the force `force` at the point `point` to `arms`, at the degrees of freedom `moved`.

@@ -3,6 +3,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::actuation::forces::{ActuatorForces, Implicit};
+use crate::collision::adhesion::set_adhesive_arms;
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::evaluation::Evaluation;
@@ -183,7 +184,9 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     let StepInput { compiled, state, .. } = input;
     advance_activations(input, evaluation);
     let scheme = evaluation.scheme;
-    free.actuator_forces.transmit(compiled, &evaluation.kinematics, &state.v, scheme.time_ahead);
+    let Evaluation { kinematics, q, contacts, .. } = &*evaluation;
+    free.actuator_forces.transmit(compiled, (kinematics, q), (&state.v, scheme.time_ahead));
+    set_adhesive_arms(compiled, kinematics, contacts, &mut free.actuator_forces.arms);
     actuate_at_velocity_before(StepContext { input, evaluation }, free);
     free.accelerate(compiled, &evaluation.kinematics, &state.v, &state.v);
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);

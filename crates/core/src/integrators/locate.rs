@@ -3,6 +3,7 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::collision::adhesion::set_adhesive_arms;
 use crate::constraints::restitution::any_elastic;
 use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
@@ -62,9 +63,33 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
         free.actuator_forces.reset_active_bounds();
     }
     compute_free_motion(StepContext { input, evaluation }, free, probe);
+    let unreliable = find_contacts(input, evaluation, free, probe);
+    if input.compiled.adhesion.is_none() {
+        return unreliable;
+    }
+    // Actuators pull on the contacts that were found. Their forces change the free velocity, which decides what other contacts are near.
+    transmit(input, evaluation, free, true);
+    free.actuator_forces.reset_active_bounds();
+    compute_free_motion(StepContext { input, evaluation }, free, probe);
+    find_contacts(input, evaluation, free, probe)
+}
+
+/// Computes stage 3: contacts at the evaluation points. Returns the lanes whose contacts are unreliable.
+#[inline(always)]
+fn find_contacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &FreeMotion<R>, probe: impl Probe) -> R::Mask {
     let Evaluation { scheme, kinematics, collision, contacts, .. } = evaluation;
     let StepInput { compiled, state, alive, .. } = input;
     detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, collision, contacts, probe)
+}
+
+/// Computes moment arms and lengths of actuators at the evaluation points. `pulls` is whether actuators on contacts pull.
+#[inline(always)]
+fn transmit<R: Real>(input: StepInput<'_, R>, evaluation: &Evaluation<R>, free: &mut FreeMotion<R>, pulls: bool) {
+    let Evaluation { scheme, kinematics, q, contacts, .. } = evaluation;
+    free.actuator_forces.transmit(input.compiled, (kinematics, q), (&input.state.v, scheme.time_ahead));
+    if pulls {
+        set_adhesive_arms(input.compiled, kinematics, contacts, &mut free.actuator_forces.arms);
+    }
 }
 
 /// Computes configuration, activations, poses, and moment arms of actuators at the evaluation points. With the implicit rule, also computes
@@ -85,11 +110,11 @@ fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>
             displace(compiled, &evaluation.q, &state.v, scheme.time_ahead, &mut evaluation.q_ahead);
         }
     });
-    let Evaluation { scheme, times, q, kinematics, substep, .. } = evaluation;
+    let Evaluation { times, q, kinematics, substep, .. } = &mut *evaluation;
     span!(probe, Kinematics, || {
         let time_of = |mocap: usize| R::of(state.elapsed) + substep.offset + times.before(compiled.mechanisms.of_mocap[mocap]);
         mocap::pose_bodies(compiled, &inputs.mocap_trajectories, time_of, kinematics);
         kinematics.update(compiled, q);
     });
-    span!(probe, Actuate, || free.actuator_forces.transmit(compiled, kinematics, &state.v, scheme.time_ahead));
+    span!(probe, Actuate, || transmit(input, evaluation, free, false));
 }

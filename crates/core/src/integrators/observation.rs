@@ -3,6 +3,7 @@
 use stepper_real::{Real, Scalar, kernel};
 
 use crate::actuation::forces::{ActuatorForces, ForceState};
+use crate::collision::adhesion::set_adhesive_arms;
 use crate::constraints::VelocitySolution;
 use crate::dynamics::kinematics::Kinematics;
 use crate::dynamics::mocap;
@@ -54,10 +55,12 @@ pub(crate) fn read_actuator_forces<R: Real>(
     let StepInput { compiled, options, state, inputs, .. } = input;
     if compiled.variable_arms[1] > 0 {
         kinematics.update(compiled, &state.q);
-        forces.transmit(compiled, kinematics, &state.v, R::zero());
+        forces.transmit(compiled, (kinematics, &state.q), (&state.v, R::zero()));
+        set_adhesive_arms(compiled, kinematics, &state.contacts, &mut forces.arms);
     }
     let dynamics = &inputs.actuator_dynamics;
-    actuate(compiled, &ForceState::state(&state.q, &state.v, &state.act, &inputs.ctrl, dynamics), None, forces);
+    let state = [&state.q[..], &state.v, &state.act];
+    actuate(compiled, &ForceState::state(state, R::of(options.timestep), &inputs.ctrl, dynamics), None, forces);
     if compiled.lossy {
         forces.compute_losses(compiled, dynamics, None);
         forces.subtract_losses(compiled, dynamics, scalar_impulse, R::of(options.timestep));

@@ -4,10 +4,11 @@ use stepper_real::{Mask, Real, kernel};
 use stepper_solve::System;
 
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
-use crate::compile::{LaneModel, ModelStructure};
+use crate::compile::{LaneModel, ModelStructure, MomentKind};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::lanes::each_of;
@@ -80,16 +81,16 @@ impl<R: Real> Rk4<R> {
         })
     }
 
-    /// Computes the rates of displacement, velocity and activations at the current state.
-    fn rates(&mut self, compiled: &LaneModel<R>, inputs: &Inputs<R>) {
+    /// Computes the rates of displacement, velocity and activations at the current state, in a step of `h` seconds.
+    fn rates(&mut self, compiled: &LaneModel<R>, inputs: &Inputs<R>, h: R) {
         self.angular_rates(compiled);
         self.kinematics.update(compiled, &self.q);
         self.smooth.factor_mass(compiled, &self.kinematics, Implicit::none());
         self.smooth.apply(compiled, &self.kinematics, [&inputs.qfrc, &inputs.xfrc], &mut self.applied);
-        self.actuator_forces.transmit(compiled, &self.kinematics, &self.v, R::zero());
+        self.actuator_forces.transmit(compiled, (&self.kinematics, &self.q), (&self.v, R::zero()));
         actuate(
             compiled,
-            &ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.actuator_dynamics),
+            &ForceState::state([&self.q, &self.v, &self.act], h, &inputs.ctrl, &inputs.actuator_dynamics),
             None,
             &mut self.actuator_forces,
         );
@@ -118,11 +119,20 @@ impl<R: Real> Rk4<R> {
         })
     }
 
-    /// Finds the kinematic trees with smooth motion. `unresolved` has the lanes in which each mechanism is too fast for the time step.
-    pub(crate) fn find_smooth_trees(&mut self, input: StepInput<'_, R>, problem: &ConstraintProblem<R>, unresolved: &[R::Mask]) {
+    /// Finds the kinematic trees with smooth motion: without constraints, and without an actuator that pulls on contacts. `free` also has
+    /// the lanes in which a mechanism is too fast for the time step.
+    pub(crate) fn find_smooth_trees(&mut self, input: StepInput<'_, R>, problem: &ConstraintProblem<R>, free: &FreeMotion<R>) {
         let StepInput { compiled, alive, .. } = input;
         for (smooth, &mechanism) in self.smooth_trees.iter_mut().zip(&compiled.mechanisms.of_tree) {
-            *smooth = alive.and_not(unresolved[mechanism]);
+            *smooth = alive.and_not(free.unresolved[mechanism]);
+        }
+        for moment in compiled.actuators.iter().filter_map(|actuator| actuator.variable_moment.as_ref()) {
+            if matches!(moment.kind, MomentKind::Contacts { .. }) {
+                for (&(dof, _), &arm) in moment.dofs.iter().zip(&free.actuator_forces.arms[moment.arms..]) {
+                    let smooth = &mut self.smooth_trees[compiled.dofs[dof].tree];
+                    *smooth = smooth.and(kernel!(R, || arm.eq(R::zero())));
+                }
+            }
         }
         for lane in each_of(problem.constrained.and(alive).bits()) {
             let own = R::Mask::from_bits(1 << lane);
@@ -153,7 +163,7 @@ impl<R: Real> Rk4<R> {
         self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
         for (fraction, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
             self.set_state(compiled, state, scheme.h * R::of(fraction));
-            self.rates(compiled, inputs);
+            self.rates(compiled, inputs, scheme.h);
             kernel!(R, || {
                 for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
                     for (sum, &rate) in sum.iter_mut().zip(rate) {

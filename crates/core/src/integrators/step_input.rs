@@ -34,6 +34,14 @@ impl<'a, R: Real> StepContext<'a, R> {
     pub(crate) fn forces_at(&self, v_at: &'a [R]) -> ForceState<'a, R> {
         let StepContext { input: StepInput { state, inputs, .. }, evaluation: Evaluation { scheme, q, q_ahead, act, .. } } = *self;
         let Inputs { ctrl, actuator_dynamics, .. } = inputs;
-        ForceState { q: if scheme.looks_ahead() { q_ahead } else { q }, v: &state.v, v_at, act, ctrl, actuator_dynamics }
+        ForceState {
+            q: if scheme.looks_ahead() { q_ahead } else { q },
+            v: &state.v,
+            v_at,
+            act,
+            time_left: scheme.h - scheme.time_before,
+            ctrl,
+            actuator_dynamics,
+        }
     }
 }

@@ -25,11 +25,7 @@ pub fn actuate<R: Real>(
 ) {
     kernel!(R, || {
         for (i, (actuator, &u)) in compiled.actuators.iter().zip(at.ctrl).enumerate() {
-            // `at.act` is already the activation at the evaluation point (`advance_activations`). The control acts only through it.
-            let input = match actuator.act {
-                Some(a) => at.act[a],
-                None => control(u, actuator.ctrl_range),
-            };
+            let input = force_input(compiled, i, at, u);
             let Some(k) = actuator.servo else {
                 let ActuatorParams { gain, bias } = compiled.params.actuator(i);
                 let requested = gain[0] * input + bias[0];
@@ -138,10 +134,7 @@ pub(crate) fn servo_stiffness_and_damping<R: Real>(
 #[inline(always)]
 fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: usize, forces: &ActuatorForces<R>) -> [R; 2] {
     let own = &compiled.actuators[actuator];
-    let input = match own.act {
-        Some(a) => at.act[a],
-        None => control(at.ctrl[actuator], own.ctrl_range),
-    };
+    let input = force_input(compiled, actuator, at, at.ctrl[actuator]);
     let AffineForce { level, slope, rate } = affine_force(
         own,
         compiled.params.actuator(actuator),
@@ -160,6 +153,18 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
         #[inline(always)]
         |x| R::select(at_bound, R::zero(), x),
     )
+}
+
+/// Input of the force of actuator `i`: its control `u`, or its activation.
+///
+/// `at.act` is already the activation at the evaluation point (`advance_activations`). The control acts only through it. An early activation
+/// is that at the end of the step.
+#[inline(always)]
+fn force_input<R: Real>(compiled: &LaneModel<R>, i: usize, at: &ForceState<'_, R>, u: R) -> R {
+    let actuator = &compiled.actuators[i];
+    let Some(a) = actuator.act else { return control(u, actuator.ctrl_range) };
+    let act = at.act[a];
+    if actuator.early { next_activation(actuator, setpoint(compiled, i, actuator, u, act), [act; 2], at.time_left) } else { act }
 }
 
 /// Control `u`, clamped to its range. An infinite control becomes NaN, so that the step is rejected.
@@ -267,19 +272,23 @@ pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: 
     kernel!(R, || {
         for (i, (actuator, &u)) in compiled.actuators.iter().zip(ctrl).enumerate() {
             let Some(a) = actuator.act else { continue };
-            let u = setpoint(compiled, i, actuator, u, rate_at[a]);
-            let next = match actuator.activation {
-                Activation::None => act[a],
-                Activation::Integrator => act[a] + time * u,
-                Activation::Filter(tau) => act[a] + time * ((u - rate_at[a]) / R::of(tau)),
-                Activation::Muscle { rise, fall, smoothing } => {
-                    act[a] + time * activation_rate_of_muscle(u, rate_at[a], [rise, fall, smoothing])
-                }
-                Activation::FilterExact(tau) => u + (act[a] - u) * (-(time / R::of(tau))).exp(),
-            };
-            out[a] = within(next, actuator.act_range);
+            out[a] = next_activation(actuator, setpoint(compiled, i, actuator, u, rate_at[a]), [act[a], rate_at[a]], time);
         }
     })
+}
+
+/// Activation `act` of an actuator with the input `u`, advanced by `time` seconds and clamped to its range. `rate_at` is the activation at
+/// which the rate is evaluated.
+#[inline(always)]
+fn next_activation<R: Real>(actuator: &CompiledActuator<R::Scalar>, u: R, [act, rate_at]: [R; 2], time: R) -> R {
+    let next = match actuator.activation {
+        Activation::None => act,
+        Activation::Integrator => act + time * u,
+        Activation::Filter(tau) => act + time * ((u - rate_at) / R::of(tau)),
+        Activation::Muscle { rise, fall, smoothing } => act + time * activation_rate_of_muscle(u, rate_at, [rise, fall, smoothing]),
+        Activation::FilterExact(tau) => u + (act - u) * (-(time / R::of(tau))).exp(),
+    };
+    within(next, actuator.act_range)
 }
 
 /// Clamps the activations `act` to their ranges.

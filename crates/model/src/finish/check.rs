@@ -153,6 +153,7 @@ pub(crate) fn parameters(model: &Description) -> Checked {
     joints(model)?;
     geoms(model)?;
     pairs(model)?;
+    equalities(model)?;
     actuators(model)
 }
 
@@ -401,6 +402,21 @@ fn actuators(model: &Description) -> Checked {
         match actuator.transmission {
             Transmission::Joint(j) => at.scalar_joint(model, j)?,
             Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,
+            Transmission::Body(b) => {
+                at.index("body", b, model.bodies.len())?;
+                if actuator.force_depends_on_motion() {
+                    let what = "acts on the contacts of a body, and its force depends on its length or velocity";
+                    return at.fail(what, "give gain and bias no coefficients of length and velocity");
+                }
+            }
+            Transmission::JointWrench { joint, wrench, .. } => {
+                at.index("joint", joint, model.joints.len())?;
+                if !matches!(model.joints[joint].kind, JointKind::Ball | JointKind::Free) {
+                    let what = format!("a wrench acts on joint {:?}, which is no ball or free joint", model.joint_label(joint));
+                    return at.fail(what, "give the joint itself as transmission, with a gear");
+                }
+                at.finite("wrench", &wrench)?;
+            }
             Transmission::SliderCrank { crank, slider, rod } => {
                 at.index("site", crank, model.sites.len())?;
                 at.index("site", slider, model.sites.len())?;

@@ -211,6 +211,11 @@ applied_inputs! {
     /// Part of the state of `get_state`. `reset` restores the model's `eq_active0`.
     ///
     /// The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
-    /// `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the current one.
+    /// `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`. To hold them in the current pose instead,
+    /// set the environment's `eq_data` first:
+    ///
+    ///     grasp = model.equality("grasp").id
+    ///     sim.randomize({"eq_data[grasp]": sim.closed_eq_data[grasped, grasp]}, envs=grasped)
+    ///     sim.eq_active[grasped, grasp] = True
     eq_active, set_eq_active: EqActive,
 }

@@ -142,4 +142,12 @@ getters! { Stepper, |mut slf, py| (Writing<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Force (3, N) and torque (3, N m) of all contacts of the last step on each body in world axes, (num_envs, nbody, 6). The torque is
     /// about the body's current centre of mass.
     body_contact_force: slf.derived(py, DerivedQuantity::BodyContactForce),
+    /// Paths of the spatial tendons at the current `qpos` in the world frame, (num_envs, n, 10, 3), m, with one row for each of the n parts
+    /// between two sites. The points are the first site, eight points on the sphere or cylinder between the sites, or on the straight line,
+    /// and the second site.
+    tendon_paths: slf.derived(py, DerivedQuantity::TendonPaths),
+    /// Numbers of the equalities with which each has no position error at the current `qpos`, (num_envs, neq, 11), in the layout of
+    /// `eq_data`. A weld that `randomize` gives these numbers holds the bodies in their current relative pose. A connect keeps its anchor
+    /// in the first body and a weld its anchor in the second. A coupling keeps its polynomial except for the constant term.
+    closed_eq_data: slf.derived(py, DerivedQuantity::ClosedEqualityData),
 }

@@ -126,6 +126,7 @@ impl Stepper {
     ///         * geom_size and geom_pos (num_envs, ngeom, 3), m. Masses do not change.
     ///         * jnt_stiffness (num_envs, njnt), N/m or N m/rad; jnt_range (num_envs, njnt, 2), m or rad
     ///         * dof_damping, dof_armature, dof_frictionloss (num_envs, nv)
+    ///         * eq_data (num_envs, neq, 11), anchors, relative pose and torquescale, or polynomial, as in MuJoCo; see `closed_eq_data`
     ///         * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo. With affine gain and bias, the force is
     ///           gain[:3] . (1, length, velocity) times the input plus bias[:3] . (1, length, velocity). Entries that the type of an
     ///           actuator does not use are 0.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 Description = dict[str, Any]
 
 # Values of MuJoCo's enumerations (mjtype.h); a test compares them with the installed version.
-TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_SLIDER_CRANK, TRN_TENDON, TRN_SITE = range(5)
+TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_SLIDER_CRANK, TRN_TENDON, TRN_SITE, TRN_BODY = range(6)
 DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT, DYN_MUSCLE = range(5)
 SIMULATED = (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT, DYN_MUSCLE)
 GAIN_FIXED, GAIN_AFFINE, GAIN_MUSCLE, GAIN_DCMOTOR, GAIN_PID = 0, 1, 2, 3, 5
@@ -29,17 +29,16 @@ PREVIOUS, LINEAR, CUBIC = range(3)
 def reasons_to_omit(source: Source, a: int) -> list[str]:
     """Reasons why stepper cannot simulate an actuator, one text each; an empty list if it can. `a` is the index in MuJoCo's model."""
     m, mj = source.m, source.mujoco
-    target, transmission = int(m.actuator_trnid[a, 0]), int(m.actuator_trntype[a])
-    on_joint = transmission in (TRN_JOINT, TRN_JOINT_IN_PARENT)
+    transmission = int(m.actuator_trntype[a])
 
     def name_in(enum: str, value: int) -> str:
         return str(getattr(mj, enum)(value).name).split("_", 1)[1].lower()
 
     reasons = []
-    if not (on_joint or transmission in (TRN_SLIDER_CRANK, TRN_TENDON, TRN_SITE)):
+    if transmission > TRN_BODY:
         reasons.append(f"transmission {name_in('mjtTrn', transmission)}")
-    elif on_joint and not source.is_hinge_or_slide(target):
-        reasons.append(f"transmission to the ball or free joint {source.label('JOINT', target)}")
+    elif transmission == TRN_BODY and _depends_on_motion(force_of(source, a)):
+        reasons.append("transmission body with a force that depends on its length or velocity")
     if force_of(source, a) is None:
         if m.actuator_dyntype[a] not in SIMULATED:
             reasons.append(f"dynamics {name_in('mjtDyn', m.actuator_dyntype[a])}")
@@ -88,6 +87,11 @@ def force_of(source: Source, a: int) -> Description | None:
             "bias": bias[:MUSCLE_PARAMETERS].tolist() if kinds[1] == BIAS_MUSCLE else [0.0] * MUSCLE_PARAMETERS,
         }
     return force
+
+
+def _depends_on_motion(force: Description | None) -> bool:
+    """Whether the force of an actuator depends on its length or velocity. `force` is the result of `force_of`."""
+    return force is not None and ("muscle" in force or any(force["gain"][1:] + force["bias"][1:]))
 
 
 def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str) -> Description:
@@ -139,7 +143,8 @@ def actuator(source: Source, i: int) -> Description:
         i: Index of the actuator in MuJoCo's model, one of `source.actuators`.
     """
     m = source.m
-    ctrl, on_site = int(m.actuator_ctrladr[i]), int(m.actuator_trntype[i]) == TRN_SITE
+    ctrl, transmission = int(m.actuator_ctrladr[i]), _transmission(source, i)
+    has_wrench = bool({"Site", "JointWrench"} & transmission.keys())
     group = int(m.actuator_group[i])
     disabled = source.off("actuation") or (0 <= group < 31 and bool(int(m.opt.disableactuator) >> group & 1))
     force = force_of(source, i)
@@ -149,20 +154,21 @@ def actuator(source: Source, i: int) -> Description:
     late, between = delay(source, i)
     return {
         "name": source.name("ACTUATOR", i),
-        "transmission": _transmission(source, i),
-        "gear": 1.0 if on_site else source.gear(i),
+        "transmission": transmission,
+        "gear": 1.0 if has_wrench else source.gear(i),
         "delay": late,
         "delay_holds": between == PREVIOUS,
         "ctrl_range": m.actuator_ctrlrange[ctrl].tolist() if clamps else None,
         "force_range": m.actuator_forcerange[i].tolist() if m.actuator_forcelimited[i] else None,
         "act_range": m.actuator_actrange[i].tolist() if m.actuator_actlimited[i] else None,
         "activation": activation(source, i),
+        "early": bool(m.actuator_actearly[i]) and activation(source, i) != "None",
         **force,
     }
 
 
 def _transmission(source: Source, i: int) -> Description:
-    """Transmission of an actuator (joint, tendon, site or slider-crank) as a dictionary for the Rust library.
+    """Transmission of an actuator (joint, tendon, site, body or slider-crank) as a dictionary for the Rust library.
 
     Args:
         source: The compiled model.
@@ -170,12 +176,14 @@ def _transmission(source: Source, i: int) -> Description:
     """
     m, kind = source.m, int(source.m.actuator_trntype[i])
     target, reference = m.actuator_trnid[i].tolist()
+    wrench = m.actuator_gear[m.actuator_outadr[i]].tolist()
     if kind == TRN_SITE:
-        wrench = m.actuator_gear[m.actuator_outadr[i]].tolist()
         return {"Site": {"site": target, "reference": reference if reference >= 0 else None, "wrench": wrench}}
+    if kind in (TRN_JOINT, TRN_JOINT_IN_PARENT) and not source.is_hinge_or_slide(target):
+        return {"JointWrench": {"joint": target, "in_parent": kind == TRN_JOINT_IN_PARENT, "wrench": wrench}}
     if kind == TRN_SLIDER_CRANK:
         return {"SliderCrank": {"crank": target, "slider": reference, "rod": float(m.actuator_cranklength[i])}}
-    return {"Tendon" if kind == TRN_TENDON else "Joint": target}
+    return {{TRN_TENDON: "Tendon", TRN_BODY: "Body"}.get(kind, "Joint"): target}
 
 
 def activation(source: Source, i: int) -> str | Description:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stepper.loading.mjcf.actuators import CUBIC, activation, delay, is_whole, reasons_to_omit
+from stepper.loading.mjcf.actuators import CUBIC, delay, is_whole, reasons_to_omit
 from stepper.loading.mjcf.source import Source
 
 FIELDS = {
@@ -241,10 +241,6 @@ def _actuators(source: Source) -> None:
             left_out = f"the actuator is left out with its controls, so nu is smaller by {m.actuator_ctrlnum[a]}"
             source.leave_out("actuator", name, f"{', '.join(unsupported)} not simulated; {left_out}")
             continue
-        if m.actuator_actearly[a] and activation(source, a) != "None":
-            source.leave_out(
-                "actuator early activation", name, "actearly is not simulated: the force follows the activation one step later"
-            )
         late, between = delay(source, a)
         if between == CUBIC and not is_whole(late, m.opt.timestep):
             reason = f"the control {late:g} s ago is interpolated linearly, not with a cubic polynomial"

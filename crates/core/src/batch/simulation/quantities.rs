@@ -33,6 +33,7 @@ impl Simulation {
             v: self.values(Field::Qvel, env),
             act: self.values(Field::Act, env),
             inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec(), mocap_trajectories: vec![] },
+            timestep: self.timestep(),
             mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat),
         })
     }

@@ -29,10 +29,11 @@ impl<R: Real> Assembler<'_, R> {
     fn add_soft_equality(&mut self, input: SoftInput<'_, R>, equality: &CompiledEquality<R::Scalar>, system: &mut SoftSystem<R>) {
         let [law, rotation_law] = &input.softness.equalities[equality.index];
         self.builder.use_dofs(&equality.dofs);
+        let numbers = input.row.compiled.params.equality(equality.index);
         match &equality.rows {
-            EqualityRows::Points { frames, anchors, turn, .. } => {
-                let turned = turn.as_ref().map(|(mats, weight)| (Turn::of(input, *frames, mats), R::splat(*weight)));
-                let points = self.builder.connect_points(input.row, *frames, *anchors, false);
+            EqualityRows::Points { frames, turn, .. } => {
+                let turned = turn.map(|turn| (Turn::of(input, *frames, &[numbers.orientation, splat(turn)]), numbers.weight));
+                let points = self.builder.connect_points(input.row, *frames, [numbers.first, numbers.second], false);
                 let mut square = dot(points.error, points.error);
                 if let Some((turn, weight)) = &turned {
                     let error = scale(turn.error, *weight);
@@ -55,8 +56,8 @@ impl<R: Real> Assembler<'_, R> {
                     self.push_soft_triple(input, (equality, 3), system, rotation_law, impedance, errors);
                 }
             }
-            EqualityRows::Coupling { first, second, polynomial } => {
-                let rows = self.builder.couple_joints(input.row, first, second.as_ref(), splat(*polynomial));
+            EqualityRows::Coupling { first, second } => {
+                let rows = self.builder.couple_joints(input.row, first, second.as_ref(), numbers.polynomial);
                 let mut rate = R::zero();
                 for &d in &equality.dofs {
                     rate += self.builder.column[d as usize][0] * input.row.v_free[d as usize];
@@ -118,10 +119,10 @@ struct Turn<R: Real> {
 
 impl<R: Real> Turn<R> {
     #[inline(always)]
-    fn of(input: SoftInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2]) -> Self {
+    fn of(input: SoftInput<'_, R>, frames: [usize; 2], mats: &[M3<R>; 2]) -> Self {
         let kinematics = input.row.kinematics;
-        let first = mat_mul(&kinematics.mat[frames[0]], &splat(mats[0]));
-        let second = mat_mul(&kinematics.mat[frames[1]], &splat(mats[1]));
+        let first = mat_mul(&kinematics.mat[frames[0]], &mats[0]);
+        let second = mat_mul(&kinematics.mat[frames[1]], &mats[1]);
         let [scalar, x, y, z] = mat_to_quat(&mat_mul_transposed(&first, &second));
         let mut turn = Self { scalar, error: rotate_back(&second, [x, y, z]), kappa: zero(), second };
         let [a, b] = frames.map(|f| frame_velocity(input, f));

@@ -5,6 +5,7 @@ use stepper_solve::Outcome;
 use stepper_solve::soft::Effort;
 
 use crate::actuation::forces::Implicit;
+use crate::collision::adhesion::set_adhesive_arms;
 use crate::compile::{LaneModel, PathLengths};
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::row_builder::RowBuilder;
@@ -65,11 +66,9 @@ impl<R: Real> Acceleration<'_, R> {
                 mocap::pose_bodies(compiled, &inputs.mocap_trajectories, |_| R::of(state.elapsed), kinematics);
                 kinematics.update(compiled, q);
             });
-        }
-        self.free_acceleration(input, stage, recomputed, probe);
-        if moved {
             self.find_contacts(input, stage, probe);
         }
+        self.free_acceleration(input, stage, recomputed, probe);
         // Friction losses of actuator dynamics bound the rows of dry friction.
         if recomputed != Recomputed::Forces || compiled.lossy {
             span!(probe, Assemble, || self.assemble(input, stage));
@@ -112,11 +111,12 @@ impl<R: Real> Acceleration<'_, R> {
     /// Computes stage 1: all forces at the state `stage`, without implicit terms.
     #[inline(always)]
     fn compute_forces(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
-        let StepInput { compiled, inputs, .. } = input;
-        let (free, kinematics) = (&mut *self.free, &self.evaluation.kinematics);
+        let StepInput { compiled, options, inputs, .. } = input;
+        let (free, Evaluation { kinematics, contacts, .. }) = (&mut *self.free, &*self.evaluation);
         free.actuator_forces.reset_active_bounds();
-        free.actuator_forces.transmit(compiled, kinematics, &stage.v, R::zero());
-        actuate(compiled, &stage.forces(inputs), None, &mut free.actuator_forces);
+        free.actuator_forces.transmit(compiled, (kinematics, &stage.q), (&stage.v, R::zero()));
+        set_adhesive_arms(compiled, kinematics, contacts, &mut free.actuator_forces.arms);
+        actuate(compiled, &stage.forces(inputs, R::of(options.timestep)), None, &mut free.actuator_forces);
         if compiled.lossy {
             free.actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, None);
         }

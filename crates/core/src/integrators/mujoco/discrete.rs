@@ -53,7 +53,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
             }
             effective.add(compiled, tendon.length.arms(paths), h * (R::splat(spring.damping) + h * stiffness), entries);
         }
-        let at = stage.forces(inputs);
+        let at = stage.forces(inputs, h);
         for (k, servo) in compiled.servos.iter().enumerate() {
             let actuator = &compiled.actuators[servo.actuator];
             let [stiffness, damping] = servo_stiffness_and_damping(compiled, &at, servo.actuator, forces);

@@ -56,7 +56,7 @@ pub(super) fn integrate_velocity<R: Real>(
         smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), late_step: R::zero() }, &mut []);
     });
     if all {
-        let at = ForceState::state(&state.q, v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);
+        let at = ForceState::state([&state.q, v, &state.act], h, &inputs.ctrl, &inputs.actuator_dynamics);
         set_added_inertia_by_damping(compiled, &at, h, actuator_forces);
         smooth.add_implicit_terms(compiled, kinematics, [&actuator_forces.added_inertia, &actuator_forces.arms], v, h);
         kernel!(R, || add_tendon_damping(compiled, &kinematics.paths, h, &mut smooth.mass.entries));

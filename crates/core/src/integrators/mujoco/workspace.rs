@@ -29,9 +29,9 @@ impl<R: Real> StageState<R> {
         self.act.copy_from_slice(&state.act);
     }
 
-    /// Configuration, velocity, activations and controls with which all explicit forces are computed.
-    pub(crate) fn forces<'a>(&'a self, inputs: &'a Inputs<R>) -> ForceState<'a, R> {
-        ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.actuator_dynamics)
+    /// Configuration, velocity, activations and controls with which all explicit forces are computed. `h` is the time step, s.
+    pub(crate) fn forces<'a>(&'a self, inputs: &'a Inputs<R>, h: R) -> ForceState<'a, R> {
+        ForceState::state([&self.q, &self.v, &self.act], h, &inputs.ctrl, &inputs.actuator_dynamics)
     }
 }
 

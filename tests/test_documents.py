@@ -103,7 +103,7 @@ def test_indented_blocks_are_no_python_and_their_commands_exist(page):
 
 @pytest.mark.parametrize("page", [page for page in PAGES if re.search(r"pip install [^\n]*\btrain\]", page.read_text())], ids=named)
 def test_pages_that_install_pytorch_say_its_size_and_how_to_avoid_cuda(page):
-    """Packages of the extra `train` take 6 GB on Linux, because PyTorch on PyPI comes with CUDA. PyTorch's own page has the command without it."""
+    """The extra `train` takes 6 GB on Linux, because PyTorch on PyPI comes with CUDA. PyTorch's own page has the command without it."""
     text = " ".join(page.read_text().split())
     assert "6 GB" in text and "CUDA" in text
     assert '"Get started" (Linux, Pip, CPU)' in text or re.search(r"\[[^]]*PyTorch for CPUs[^]]*\]\([./]*how-to/train\.md\)", text)

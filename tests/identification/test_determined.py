@@ -1,6 +1,7 @@
 """Intervals of `stepper.sysid.identify` where the data determine a part of the parameters only (benches/identification/determined.py)."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,13 @@ def test_a_pendulum_gives_first_moments_and_the_inertia_about_its_joint(tmp_path
     assert 0.5 < found["body_mass[a]"] < 1.0
     found.save(tmp_path / "found.json")
     assert stepper.sysid.Identification.load(tmp_path / "found.json", found.model).combinations == found.combinations
+
+
+def test_a_mass_without_effect_is_not_determined():
+    """A sliding box slows down by friction times gravity, whatever its mass."""
+    found = replace(SCENES["sliding box"], parameters=("body_mass[a]",)).identified(0)
+    assert found.interval().tolist() == [[0.0, np.inf]]
+    assert "no reading depends on it" in found.warnings[0]
 
 
 def test_two_masses_that_fit_equally_well_determine_neither():

@@ -207,7 +207,8 @@ class _Solver:
         """Runs least-squares searches concurrently, one from each start point, and returns where they ended, in the same order.
 
         Args:
-            starts: Start points x, (n + starts,) each: n parameters in units of their scales, then uncertain initial coordinates.
+            starts: Start points x, (n + starts,) each: n parameters in units of their scales, then uncertain initial coordinates. There may
+                be none.
             tolerance: Relative change of x below which a search ends.
         """
         together = Together(self._residuals, len(starts))
@@ -219,7 +220,7 @@ class _Solver:
             """Reports the number of evaluations so far as a fraction of the largest number."""
             self._report(name, min(1.0, (self.evaluations - before) / (len(starts) * self._most)))
 
-        with ThreadPoolExecutor(len(starts)) as pool:
+        with ThreadPoolExecutor(max(len(starts), 1)) as pool:
             try:
                 found = list(pool.map(lambda k: self._search_from(together, k, starts[k], tolerance, report_progress), range(len(starts))))
             except BaseException:  # Only the main thread receives Ctrl-C, and must stop the searches.

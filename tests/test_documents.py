@@ -101,6 +101,14 @@ def test_indented_blocks_are_no_python_and_their_commands_exist(page):
         page_blocks.check_command(line, named(page))
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if re.search(r"pip install [^\n]*\btrain\]", page.read_text())], ids=named)
+def test_pages_that_install_pytorch_say_its_size_and_how_to_avoid_cuda(page):
+    """The extra `train` takes 6 GB on Linux, because PyTorch on PyPI comes with CUDA. PyTorch's own page has the command without it."""
+    text = " ".join(page.read_text().split())
+    assert "6 GB" in text and "CUDA" in text
+    assert '"Get started" (Linux, Pip, CPU)' in text or re.search(r"\[[^]]*PyTorch for CPUs[^]]*\]\([./]*how-to/train\.md\)", text)
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if "\n::: " in page.read_text()], ids=named)
 def test_documented_names_exist(page):
     """`::: NAME` on a page becomes the documentation of that name; modules of adapters need libraries that are not installed here."""

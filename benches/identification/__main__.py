@@ -101,7 +101,7 @@ def main() -> None:
     parser.add_argument("--count-peer", type=int, default=10, help="number of repetitions in the comparison with mujoco.sysid [10]")
     parser.add_argument("--count-online", type=int, default=25, help="number of online runs of each kind [25]")
     parser.add_argument("--count-impacts", type=int, default=200, help="number of online runs of each scene with impacts [200]")
-    parser.add_argument("--count-determined", type=int, default=20, help="number of runs of each scene that is determined in part [20]")
+    parser.add_argument("--count-determined", type=int, default=200, help="number of runs of each scene that is determined in part [200]")
     parser.add_argument("--threads", type=int, default=0, help="number of threads of stepper; 0 uses all cores [0]")
     parser.add_argument(
         "--only",
@@ -119,7 +119,7 @@ def main() -> None:
     if given.only in (None, "coloured"):
         tables["coloured"] = _table("scene", _coloured(given.count, given.threads), Kept(OUT / "coloured.jsonl", given.resume))
     if given.only in (None, "determined"):
-        tables["determined"] = determined.table(given.count_determined)
+        tables["determined"] = determined.table(given.count_determined, Kept(OUT / "determined.jsonl", given.resume))
     if given.only in (None, "online"):
         tables["online"] = online.table(given.count_online)
     if given.only in (None, "updates"):

@@ -16,7 +16,7 @@ from identification.scenes import Scene
 
 Readings: TypeAlias = "dict[str, np.ndarray[Any, Any]]"
 Answer: TypeAlias = "tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], np.ndarray[Any, Any]]"
-"""Result of an identification: estimated values (2,), and lower and upper bounds of their 95 % intervals (2,) each."""
+"""Result of an identification: estimated values (k,), and lower and upper bounds of their 95 % intervals (k,) each."""
 Peer: TypeAlias = "Callable[[Scene, tuple[float, float], Readings], Answer]"
 """Identification by another library: function of scene, initial values of both parameters, and noisy readings."""
 
@@ -141,7 +141,7 @@ class Row:
     """
 
     name: str
-    truth: tuple[float, float]
+    truth: tuple[float, ...]
     once: Callable[[int], Answer]
     count: int
     first: int = 0

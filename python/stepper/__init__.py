@@ -7,6 +7,7 @@ step was solved.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from stepper._hints import Called
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__
@@ -66,6 +67,9 @@ _MODULE_OF = {
     **dict.fromkeys(("add", "log_uniform", "normal", "scale", "uniform"), "shared.draws"),
 }
 """Submodule of each name that is imported at its first use."""
+
+for _name in ("contacts", "energy", "mass_matrix", "memory", "momentum", "worst_row"):
+    setattr(Stepper, _name, Called(getattr(Stepper, _name)))
 
 
 def __getattr__(name: str) -> Any:

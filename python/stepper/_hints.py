@@ -27,6 +27,7 @@ _OTHER_SECTIONS = {"StepperVectorEnv": "StepperEnv", **dict.fromkeys(("Stepper",
 """Second section of `_guesses.toml` for a class or module."""
 _COMPOUNDS = ("actuator_kp", "actuator_kv")
 """Parameters that selectors alone take (`stepper.shared.fields.COMPOUNDS`)."""
+_VARIABLE = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 _LISTED = 12
 """Largest number of names that an error message lists."""
 
@@ -215,6 +216,48 @@ def _annotated(kind: type) -> frozenset[str]:
     return frozenset(name for base in kind.__mro__ for name in inspect.get_annotations(base))
 
 
+class Called:
+    """Descriptor of a method of a stepper that takes no argument, such as `energy`. Operations on `sim.energy` raise errors with the call.
+
+    Args:
+        method: The method of the class.
+    """
+
+    def __init__(self, method: Callable[..., Any]):
+        self._method = method
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+        return self._method if instance is None else _Uncalled(self._method.__get__(instance))
+
+
+class _Uncalled:
+    """Method of a stepper that can be called, and raises an error with the call in place of any other operation.
+
+    Args:
+        method: Method of an instance.
+    """
+
+    def __init__(self, method: Callable[..., Any]):
+        self.__doc__, self.__name__, self.__wrapped__ = method.__doc__, method.__name__, method
+
+    def __call__(self, *args: Any, **keywords: Any) -> Any:
+        return self.__wrapped__(*args, **keywords)
+
+    def __repr__(self) -> str:
+        return f"<method {self.__name__} of a stepper.Stepper; sim.{self.__name__}() calls it>"
+
+    def __getattr__(self, name: str) -> Any:
+        remedy = "" if name.startswith("__") else f": write sim.{self.__name__}().{name}"
+        raise AttributeError(f"sim.{self.__name__} is a method without an attribute {name!r}{remedy}")
+
+    def _refuse(self, *_: Any) -> Any:
+        raise TypeError(f"sim.{self.__name__} is a method: write sim.{self.__name__}()")
+
+    __add__ = __array__ = __bool__ = __eq__ = __float__ = __format__ = __ge__ = __getitem__ = __gt__ = __iter__ = __le__ = __len__ = _refuse
+    __lt__ = __mul__ = __ne__ = __neg__ = __radd__ = __rmul__ = __rsub__ = __rtruediv__ = __sub__ = __truediv__ = _refuse
+    __hash__ = None  # type: ignore[assignment]
+
+
 class WrongArgumentError(TypeError):
     """Wrong argument of a call: an unknown keyword, or a value of a wrong type. The command line prints the message without a traceback."""
 
@@ -233,8 +276,24 @@ def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
     return f"{call}() takes no {name!r}{f':{hint}' if hint else did_you_mean_or_all(name, known)}"
 
 
+def _lacking(call: str, signature: inspect.Signature, args: int, keywords: Collection[str]) -> str:
+    """Error message for required arguments that a call lacks, with a hint; "" if it lacks none.
+
+    Args:
+        call: Name of the call, such as "stepper.Recorder".
+        signature: Signature of the call.
+        args: Number of positional arguments.
+        keywords: Names of the keyword arguments.
+    """
+    positional = [name for name, one in signature.parameters.items() if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
+    required = [name for name, one in signature.parameters.items() if one.default is one.empty and one.kind not in _VARIABLE]
+    missing = [name for name in required if name not in positional[:args] and name not in keywords]
+    arguments = f"argument{'s' * (len(missing) > 1)} {' and '.join(missing)}"
+    return f"{call}() lacks the {arguments}{replacement(f'{call}()', missing[0])}" if missing else ""
+
+
 def hint_keywords(call: str) -> Callable[[C], C]:
-    """Decorator of a class or a function, which raises TypeError with a hint for an unknown keyword.
+    """Decorator of a class or a function, which raises TypeError with a hint for an unknown keyword, and for a missing argument.
 
     Args:
         call: Name of the class or function in the message.
@@ -250,7 +309,12 @@ def hint_keywords(call: str) -> Callable[[C], C]:
             for name in keywords:
                 if name not in signature.parameters:
                     raise TypeError(unknown_keyword(call, name, known))
-            return original(*args, **keywords)
+            try:
+                return original(*args, **keywords)
+            except TypeError:
+                if lacking := _lacking(call, signature, len(args) - isinstance(target, type), keywords):
+                    raise TypeError(lacking) from None
+                raise
 
         if not isinstance(target, type):
             return checked  # type: ignore[return-value]

@@ -94,6 +94,9 @@ SCRIPTS = {
         (lambda: SIM.efc_force, "use sim.contacts()"),
         (lambda: SIM.xmat, "use sim.xquat"),
         (lambda: SIM.full_m, "use sim.mass_matrix()"),
+        (lambda: SIM.set_keyframe("home"), "use sim.reset(keyframe=...)"),
+        (lambda: SIM.energy[0], "sim.energy is a method: write sim.energy()"),
+        (lambda: SIM.contacts.dist, "write sim.contacts().dist"),
         (lambda: SIM.add_force, "use sim.xfrc_applied of bodies and sim.qfrc_applied of joints"),
         (lambda: stepper.mj_contactForce(MODEL, SIM, 0), "use sim.contacts()['force']"),
         (lambda: SIM.jac_site, "use sim.jacobian(site=name)"),
@@ -118,6 +121,7 @@ SCRIPTS = {
         (lambda: stepper.Stepper(MODEL, nworld=4), "use num_envs"),
         (lambda: stepper.Stepper(MODEL, 4, dt=0.002), "use options=stepper.Options(timestep=...)"),
         (lambda: stepper.Stepper(MODEL, 4, contact="mujoco"), "use options=stepper.Options(contact=...)"),
+        (stepper.Recorder, "lacks the arguments sim and path; use sim.record(path)"),
         (lambda: stepper.load(SCENE, num_envs=4), "use stepper.Stepper(model, num_envs=...)"),
         (lambda: stepper.Options(dt=0.1), "use timestep"),
         (lambda: stepper.SensorModel(noise=0.1), "stepper.Transfer(noise_std=...)"),
@@ -144,6 +148,37 @@ def test_a_wrong_line_names_the_right_one(script):
         with pytest.raises((AttributeError, TypeError, ValueError, KeyError)) as error:
             attempt()
         assert hint in str(error.value), f"line {line}: {error.value}"
+
+
+@pytest.mark.parametrize("name", ["contacts", "energy", "mass_matrix", "memory", "momentum", "worst_row"])
+def test_a_method_without_parentheses_is_an_error_with_the_call(name):
+    """Comparisons, sums, loops, texts and truth values of a method raise an error, because they were meant for its result."""
+    method = getattr(SIM, name)
+    for use in (
+        *(bool, float, iter, len, np.asarray, np.sum, "{:.3f}".format),
+        *(lambda x: x == 0.0, lambda x: x != 0.0, lambda x: x > 0.0, lambda x: x[0], lambda x: 2 * x, lambda x: x + 1, lambda x: 1 - x),
+    ):
+        with pytest.raises(TypeError, match=rf"^sim\.{name} is a method: write sim\.{name}\(\)$"):
+            use(method)
+    assert f"sim.{name}() calls it" in repr(method)
+    assert inspect.signature(method) == inspect.signature(method.__wrapped__)
+    assert method.__doc__ == getattr(stepper.Stepper, name).__doc__
+    with pytest.raises(AttributeError, match=r"has no attribute|without an attribute '__array_interfac__'$"):
+        getattr(method, "__array_interfac__")  # noqa: B009
+
+
+def test_methods_of_quantities_without_arguments_have_hints():
+    """All methods of a stepper that run without arguments, apart from those that act and those that read a state."""
+    runs = {
+        name
+        for name in dir(stepper.Stepper)
+        if name[0] != "_"
+        and callable(method := getattr(stepper.Stepper, name))
+        and all(one.default is not one.empty for one in list(inspect.signature(method).parameters.values())[1:])
+    }
+    acting = {"copy_state", "get_state", "linearize", "observe", "reset", "set_state", "step"}
+    found = {name for name in runs if "calls it" in repr(getattr(SIM, name))}
+    assert found == runs - acting - {"jacobian"}
 
 
 @pytest.mark.parametrize("owner", [SIM, MODEL, stepper, stepper.recording, stepper.Options(), MODEL.body("arm")])

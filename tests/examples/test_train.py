@@ -182,6 +182,14 @@ def test_the_critic_sees_its_group_and_the_policy_the_other(tmp_path):
     np.testing.assert_array_equal(parts.policy()(np.ones(8)), policy(np.ones(8)))
 
 
+def test_the_initial_deviation_is_relative_to_half_the_range_of_actions():
+    """With bounds of -4 to 4, an `--initial-std` of 0.6 equals an `--action-std` of 2.4."""
+    given = vars(train.arguments().parse_args(["--initial-std", "0.6"]))
+    for settings in (train.Settings(initial_std=given["initial_std"]), train.Settings(action_std=2.4)):
+        net = train.ActorCritic(3, 1, settings, half=np.array([4.0]))
+        np.testing.assert_allclose(4.0 * torch.exp(net.log_std).detach(), 2.4, rtol=1e-6)  # rounding of 32 bits
+
+
 def test_layers_activation_and_deviation_are_settings():
     given = vars(train.arguments().parse_args(["--hidden", "32,16,8", "--activation", "elu", "--action-std", "0.5"]))
     settings = train.Settings(hidden=given["hidden"], activation=given["activation"], action_std=given["action_std"])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stepper.sysid.inertia import Array
-from stepper.sysid.nullspace import Point
+from stepper.sysid.nullspace import EQUAL_FIT, Point
 from stepper.sysid.parameters import Block, natural
 from stepper.sysid.residuals import Residuals
 from stepper.sysid.uncertainty import Uncertainty
@@ -67,11 +67,14 @@ def warnings_of(
     out = []
     # Derivatives that change completely with the finite-difference step are rounding errors.
     idle = np.abs(slopes) @ ((first.effect >= 1e-3) & (first.roughness <= 1)) == 0
-    for j in map(int, np.flatnonzero(~found.determined)):
-        why = "no reading depends on it" if idle[j] else "the readings hardly depend on it, or depend on it as on other parameters"
-        out.append(f"{labels[j]} is not determined by these data, {why}: {hints[j]}")
     covariance = slopes @ (found.covariance / np.outer(found.scale, found.scale)) @ slopes.T
     std = np.sqrt(np.diag(covariance))
+    others = _other_values(residuals, found, std)
+    for j in map(int, np.flatnonzero(~found.determined)):
+        why = "no reading depends on it" if idle[j] else "the readings hardly depend on it, or depend on it as on other parameters"
+        if not np.isnan(others[j]):
+            why = f"another estimate, with {others[j]:.4g}, fits equally well"
+        out.append(f"{labels[j]} is not determined by these data, {why}: {hints[j]}")
     correlation = covariance / np.outer(std, std)
     relative = std / np.linalg.norm(slopes, axis=1)
     for a, i in enumerate(known):
@@ -97,38 +100,40 @@ def warnings_of(
             )
     if not converged:
         out.append("the search ran out of evaluations; raise max_evaluations")
-    out += _fit_warnings(residuals, found, sure, std=std, weights=weights)
+    out += _fit_warnings(residuals, found, sure, weights=weights)
     if simulator.untrusted > 0.001:
         out.append(f"{100 * simulator.untrusted:.2g} % of the steps were not solved, or left contacts out; see Stepper.status")
     return (*out, *dict.fromkeys(note for episode in simulator.episodes for note in episode.notes))
 
 
-def _fit_warnings(residuals: Residuals, found: Any, sure: Uncertainty, *, std: Array, weights: Array) -> list[str]:
-    """Warnings about an estimate whose residuals are large, or for which other searches ended at another point with a similar cost.
+def _other_values(residuals: Residuals, found: Any, std: Array) -> Array:
+    """Values at another minimum that explains the readings equally well, (n,); NaN where they are within 5 standard deviations.
+
+    Args:
+        residuals: Residuals of the fit.
+        found: Identification without warnings.
+        std: Standard deviations of the values, (n,).
+    """
+    out = np.full(len(std), np.nan)
+    best = min(search.cost for search in found.searches)
+    for search in found.searches:
+        values = natural(residuals.blocks, search.theta)
+        if search.cost <= best * (1 + EQUAL_FIT / residuals.count):
+            out = np.where(np.abs(values - found.values) > 5 * std, values, out)
+    return out
+
+
+def _fit_warnings(residuals: Residuals, found: Any, sure: Uncertainty, *, weights: Array) -> list[str]:
+    """Warnings about an estimate whose residuals are large.
 
     Args:
         residuals: Residuals of the fit.
         found: Identification without warnings.
         sure: Uncertainty of the estimate.
-        std: Standard deviations of the values, (n,).
         weights: Weight of each reading in the robust loss, (m,), 0 to 1.
     """
     out = []
-    known = np.flatnonzero(found.determined)
-    best = min(s.cost for s in found.searches)
-    for search in found.searches:
-        apart = np.abs(natural(residuals.blocks, search.theta) - found.values)[known] / np.maximum(std[known], 1e-300)
-        # Difference of the sums of squares, scaled so that the best search has 1 per reading. Noise alone can cause a difference of 4: a
-        # search below this fits as well as the best.
-        excess = 2 * (search.cost - best) * residuals.count / max(2 * best, 1e-300)
-        if len(apart) and apart.max() > 5 and excess < 4:
-            j = int(known[int(apart.argmax())])
-            out.append(
-                f"another estimate fits equally well, with {found.labels[j]} {apart.max():.0f} standard deviations away; "
-                "more data can distinguish the two"
-            )
-            break
-    widest = float(sure.inflation.max()) if len(known) else 1.0
+    widest = float(sure.inflation.max()) if found.determined.any() else 1.0
     if widest > 1.5:
         out.append(
             f"residuals are correlated in time or larger than the noise that was given: intervals are up to {widest:.1f} times as wide as "

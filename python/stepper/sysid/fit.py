@@ -25,7 +25,7 @@ from stepper.sysid.combinations import combinations_of
 from stepper.sysid.data import Data, episodes_of
 from stepper.sysid.findings import undetermined, warnings_of
 from stepper.sysid.inertia import Array
-from stepper.sysid.nullspace import FlatSet
+from stepper.sysid.nullspace import EQUAL_FIT, FLAT_STD, FlatSet
 from stepper.sysid.parameters import Block, FitParameter, bind, natural, value_slopes, write
 from stepper.sysid.residuals import Linearized, Residuals, Together
 from stepper.sysid.result import Identification, Search, t_quantile
@@ -43,6 +43,10 @@ SAME_MINIMUM = 1e-2
 """Distance between the ends of two searches below which they count as the same minimum, in units of the parameters' scales."""
 ABANDON_RATIO = 9.0
 """Ratio of a search's cost to the lowest cost, above which the search is abandoned. At 9, residuals are three times as large."""
+PROBED = 1
+"""Number of weak directions along which further searches look for another minimum, on both sides of the estimate."""
+PROBE = START_SPREAD / 2
+"""Change of a logarithm at these points. A search from there finds a minimum up to twice as far, if the cost is highest halfway."""
 COARSE, FINE = 1e-4, 1e-4
 """Relative change of the unknowns below which a search ends: `COARSE` for all searches except the last, `COARSE * FINE` for the last."""
 NOISE_TOLERANCE = 0.05
@@ -148,9 +152,14 @@ def identify(
         searches = solver.search(_distinct(searches))
         if settled:
             break
-    (best,) = solver.search(_distinct(searches)[:1], COARSE * FINE)
-    searches = [best, *sorted(searches, key=lambda s: s.cost)[1:]]
-    return _concluded(model, residuals, best, searches, solver, seconds=time.perf_counter() - began)
+    searches += solver.search(_beyond(residuals, min(searches, key=lambda s: s.cost)))
+    equal = 1 + EQUAL_FIT / residuals.count
+    refined = solver.search(_distinct(searches, equal), COARSE * FINE)
+    minima = [found for x in _distinct(refined, equal) for found in refined if found.x is x]
+    # Of minima that explain the readings equally well, the nearest to the start values is the estimate.
+    minima.sort(key=lambda found: float(np.linalg.norm((found.x - residuals.start)[: residuals.n])))
+    others = sorted(searches, key=lambda s: s.cost)[len(refined) :]
+    return _concluded(model, residuals, minima, others, solver, seconds=time.perf_counter() - began)
 
 
 @dataclass(frozen=True)
@@ -198,7 +207,8 @@ class _Solver:
         """Runs least-squares searches concurrently, one from each start point, and returns where they ended, in the same order.
 
         Args:
-            starts: Start points x, (n + starts,) each: n parameters in units of their scales, then uncertain initial coordinates.
+            starts: Start points x, (n + starts,) each: n parameters in units of their scales, then uncertain initial coordinates. There may
+                be none.
             tolerance: Relative change of x below which a search ends.
         """
         together = Together(self._residuals, len(starts))
@@ -210,7 +220,7 @@ class _Solver:
             """Reports the number of evaluations so far as a fraction of the largest number."""
             self._report(name, min(1.0, (self.evaluations - before) / (len(starts) * self._most)))
 
-        with ThreadPoolExecutor(len(starts)) as pool:
+        with ThreadPoolExecutor(max(len(starts), 1)) as pool:
             try:
                 found = list(pool.map(lambda k: self._search_from(together, k, starts[k], tolerance, report_progress), range(len(starts))))
             except BaseException:  # Only the main thread receives Ctrl-C, and must stop the searches.
@@ -252,14 +262,34 @@ class _Solver:
             together.leave()
 
 
-def _distinct(searches: Sequence[_Found]) -> list[Array]:
-    """End points from which a further search may still reach the lowest minimum, without duplicates, in ascending order of cost."""
+def _distinct(searches: Sequence[_Found], ratio: float = ABANDON_RATIO) -> list[Array]:
+    """End points whose cost is at most `ratio` times the lowest, without duplicates, in ascending order of cost."""
     out: list[Array] = []
     least = min(s.cost for s in searches)
     for found in sorted(searches, key=lambda s: s.cost):
-        if found.cost <= ABANDON_RATIO * least and all(np.abs(found.x - x).max() > SAME_MINIMUM for x in out):
+        if found.cost <= ratio * least and all(np.abs(found.x - x).max() > SAME_MINIMUM for x in out):
             out.append(found.x)
     return out
+
+
+def _beyond(residuals: Residuals, best: _Found) -> list[Array]:
+    """Points on both sides of the estimate along its weakest directions, from which searches may find another minimum.
+
+    The cost of a second minimum is often the same, because masses and distances enter products and squares.
+
+    Args:
+        residuals: Residuals of the fit.
+        best: End of the best search.
+    """
+    n = residuals.n
+    _, S, Vt = np.linalg.svd(best.at.jacobian[:, :n], full_matrices=False)
+    logarithmic = np.concatenate([np.full(block.size, block.kind.log) for block in residuals.blocks])
+    points = []
+    for axis in Vt[S > 1 / FLAT_STD][-PROBED:]:
+        # Other numbers change by at most three times as much as logarithms.
+        length = PROBE / max(float(np.abs(axis[logarithmic]).max(initial=0.0)), 1 / 3)
+        points += [best.x[:n] + sign * length * axis for sign in (-1.0, 1.0)]
+    return [np.concatenate([np.clip(point, residuals.low[:n], residuals.high[:n]), best.x[n:]]) for point in points]
 
 
 def _with_start_values(model: Model, blocks: list[Block]) -> Model:
@@ -350,22 +380,23 @@ def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array
 
 
 def _concluded(
-    model: Model, residuals: Residuals, best: _Found, searches: list[_Found], solver: _Solver, *, seconds: float
+    model: Model, residuals: Residuals, minima: list[_Found], others: list[_Found], solver: _Solver, *, seconds: float
 ) -> Identification:
     """Result of an identification: estimate, covariance, warnings and statistics.
 
     Args:
         model: Model that was given to `identify`.
         residuals: Residuals of the fit.
-        best: End of the best search.
-        searches: Ends of all searches.
+        minima: Ends of searches that explain the readings equally well. The first one becomes the estimate.
+        others: Ends of the other searches.
         solver: Solver that ran the searches.
         seconds: Elapsed time, s.
     """
     n, simulator, loss, f_scale = residuals.n, residuals.simulator, solver.loss, solver.f_scale
+    best, *rivals = minima
     weights = np.ones(len(best.at.residual))
     weights[: best.at.data] = weights_of(loss, (best.at.residual[: best.at.data] / f_scale) ** 2)
-    flat = FlatSet(residuals, best.x, best.at, weights)
+    flat = FlatSet(residuals, best.x, best.at, weights, [(rival.x, rival.at) for rival in rivals])
     first = flat.points[0]
     if first.x is not best.x:
         best = replace(best, x=first.x, at=first.at, converged=True)
@@ -399,15 +430,15 @@ def _concluded(
         freedom=freedom,
         noise=_by_channel(simulator, residuals.sigma),
         residual=_by_channel(simulator, residuals.sigma * _rms(residuals, best.at)),
-        searches=tuple(Search(s.x[:n] * scale, s.cost, s.converged) for s in (best, *searches[1:])),
+        searches=tuple(Search(s.x[:n] * scale, s.cost, s.converged) for s in (best, *rivals, *others)),
         evaluations=solver.evaluations,
         steps=simulator.steps,
         seconds=seconds,
         warnings=(),
     )
     shifts = _shift_warnings(residuals, best, solver)
-    others = warnings_of(residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged, weights=weights[: best.at.data])
-    return found.warned((*shifts, *others))
+    findings = warnings_of(residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged, weights=weights[: best.at.data])
+    return found.warned((*shifts, *findings))
 
 
 def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tuple[str, ...]:

@@ -7,7 +7,10 @@ lies along that moment alone, so that the mass seems to be determined. Therefore
 - The estimate is moved along the set to the point that is nearest to the start values. Parameters that the data do not determine thus keep
   their start values as far as the data allow.
 - Null spaces are computed there and at other points of the set, about one scale away (`Block.scale`, the unit of all lengths here).
-- A value is determined only if its derivative along all these null spaces is zero, within its standard deviation.
+- The ends of other searches that explain the readings equally well belong to the set too. Of a pendulum with a known shape, data determine
+  first moments and moment of inertia, and two masses fit these.
+- A value is determined only if it is equal at all these points. Its derivative along their null spaces must be zero too, within its
+  standard deviation.
 
 Weak directions, along which the standard deviation is large, are curved too. Each is followed to the points where the sum of squared
 residuals has risen by 4. If these points are farther than two standard deviations, the covariance is increased to reach them.
@@ -15,6 +18,7 @@ residuals has risen by 4. If these points are farther than two standard deviatio
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +34,11 @@ The 95 % interval of a positive parameter along it spans a factor of 400 up and 
 """
 FLAT_EXCESS = 1.0
 """Largest increase of the sum of squared residuals, in units of the noise, at which a point explains the readings equally well."""
+EQUAL_FIT = 4.0
+"""Difference of the sums of squared residuals, in units of the noise, below which two minima explain the readings equally well.
+
+Noise alone can cause this difference: it is that of two standard deviations.
+"""
 OTHERS = 2
 """Number of further points of the set of equally good estimates at which the null space is computed."""
 WALK = 16
@@ -83,13 +92,14 @@ class FlatSet:
         x: Estimate, (n + starts,).
         at: Residuals and Jacobian at the estimate.
         weights: Weight of each residual in the loss, (m,).
+        rivals: Other minima that explain the readings equally well, each with its residuals.
 
     Attributes:
         points: Equally good estimates. The first one is nearest to the start values.
         widening: Increase of the covariance of the parameters, in units of the scales, because weak directions are curved, (n, n).
     """
 
-    def __init__(self, residuals: Residuals, x: Array, at: Linearized, weights: Array):
+    def __init__(self, residuals: Residuals, x: Array, at: Linearized, weights: Array, rivals: Sequence[tuple[Array, Linearized]] = ()):
         self._residuals, self._root = residuals, np.sqrt(weights)
         self._least = self._cost(at)
         self._unit = max(1.0, self._least / max(len(at.residual) - len(x), 1))
@@ -102,6 +112,7 @@ class FlatSet:
         for _ in range(OTHERS if first.null.shape[1] else 0):
             target = first.x[: residuals.n] + rng.choice([-1.0, 1.0], residuals.n) * rng.uniform(0.5, 1.5, residuals.n)
             self.points.append(self._point(*self._walk(first.x, first.at, target)))
+        self.points += [self._point(*rival) for rival in rivals]
         self.widening = self._follow_weak(first)
 
     def undetermined(self, values: Array, slopes: Array, std: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:

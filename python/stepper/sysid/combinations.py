@@ -96,7 +96,7 @@ def combinations_of(
     labels = [label for block in blocks for label in block.labels]
     for row in span.rest(slopes):
         chosen = np.flatnonzero(row)
-        if len(chosen) <= MOST_NEAR:
+        if 1 < len(chosen) <= MOST_NEAR:
             value, std = float(row @ values), float(np.linalg.norm(row @ slopes @ root))
             text = _sum([labels[j] for j in chosen], row[chosen] / row[chosen[0]])
             ends = sorted((value + sign * quantile * std) / row[chosen[0]] for sign in (-1, 1))

@@ -53,6 +53,8 @@ END = 4.0
 """Increase of the sum of squared residuals, in units of the noise, at the ends of a 95 % interval: two standard deviations."""
 FOLLOWED = 12
 """Largest number of steps along a weak direction, of at most `STRIDE`. A direction without an end there is not determined."""
+CORRECTED = 0.1
+"""Decrease of the sum of squared residuals by a further correction, in units of the noise, below which a point is in the valley."""
 STRIDE = 0.5
 """Largest step along a weak direction, in units of the scales."""
 OUTSIDE = 3.0
@@ -141,14 +143,19 @@ class FlatSet:
         squares, axes = np.linalg.eigh(first.covariance)
         widening = np.zeros((n, n))
         for std, axis in zip(np.sqrt(np.maximum(squares, 0.0)), axes.T, strict=True):
+            ends = [np.zeros(n)]
             for sign in (-1.0, 1.0) if std > WEAK_STD else ():
                 end, point = self._end(first, sign * axis, std)
                 if point is not None:
                     self.points.append(point)
                     continue
-                farther = (end - first.x[:n]) / 2 - sign * std * axis
-                farther -= axis * min(0.0, sign * float(farther @ axis)) * sign
-                widening += np.outer(farther, farther)
+                ends.append(sign * (end - first.x[:n]) / 2)
+            *others, farthest = sorted(ends, key=lambda end: float(end @ axis))
+            if float(farthest @ axis) > std:
+                widening += np.outer(farthest, farthest) - std**2 * np.outer(axis, axis)
+            for end in others:
+                across = end - axis * float(end @ axis)
+                widening += np.outer(across, across)
         return widening
 
     def _end(self, first: Point, axis: Array, std: float) -> tuple[Array, Point | None]:
@@ -163,23 +170,28 @@ class FlatSet:
         """
         low, high = self._residuals.low, self._residuals.high
         x, ahead, excess = first.x, np.concatenate([axis, np.zeros(len(first.x) - len(axis))]), 0.0
+        stride = min(STRIDE, std)
         for _ in range(FOLLOWED):
-            other = x + min(STRIDE, std) * ahead
+            other = x + stride * ahead
             clipped = np.clip(other, low, high)
             for left in range(CORRECTIONS, -1, -1):
                 (at,) = self._residuals.linearize([clipped])
                 if not np.isfinite(at.residual).all() or not np.isfinite(at.jacobian).all():
                     return clipped[: len(axis)], None
                 step = self._split(at, across=ahead)[1]
-                if not left or np.abs(step).max() < 0.1 * SHORTEST:
+                gain = float(((self._root * (at.jacobian @ step)) ** 2).sum())
+                if not left or gain < CORRECTED * self._unit:
                     break
                 clipped = np.clip(clipped + step * min(1.0, STRIDE / max(float(np.abs(step).max()), 1e-300)), low, high)
+            if gain > END * self._unit:  # The valley is too curved for this stride.
+                stride /= 2
+                continue
             risen = max((self._cost(at) - self._least) / self._unit, 0.0)
             if risen > END:
                 share = (END**0.5 - excess**0.5) / (risen**0.5 - excess**0.5)
                 return (x + share * (clipped - x))[: len(axis)], None
             moved = clipped - x
-            if float(np.linalg.norm(moved)) < SHORTEST * min(STRIDE, std):
+            if float(np.linalg.norm(moved)) < SHORTEST * stride:
                 return clipped[: len(axis)], None
             x, ahead, excess = clipped, moved / np.linalg.norm(moved), risen
         return x[: len(axis)], self._point(x, at)

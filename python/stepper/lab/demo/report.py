@@ -69,7 +69,7 @@ def _notes(figures: Figures) -> list[str]:
     plan, engines = figures["plan"], figures["engines"]
     ours = next(f for f in engines.values() if "options" in f)
     options, came_from = ours["options"], figures["provenance"]
-    tolerance = "1e-6 (f32: 1e-4)" if options["tolerance"] is None else f"{options['tolerance']:g}"
+    tolerance = "1e-4" if options["tolerance"] is None else f"{options['tolerance']:g}"
     versions = came_from["versions"]
     return [
         f"{figures['model']}, dt {ours['timestep'] * 1e3:g} ms; {plan['steps']} steps of random control (uniform in ctrlrange, new every "

@@ -145,7 +145,6 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
             "scene": scene.name,
             "group": scene.group or scene.name,
             "row": scene.row(phase),
-            "target": {"f64": scene.target[0], "f32": scene.target[1]},
             "num_envs": plan.num_envs,
             "nv": compiled.nv,
             "timestep": compiled.opt.timestep,

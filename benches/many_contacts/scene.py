@@ -14,11 +14,6 @@ from many_contacts.assets import Assets
 
 Array: TypeAlias = NDArray[np.float64]
 
-LEAST = (2.5, 4.0)
-"""Smallest speedup over MuJoCo that every scene should have, in f64 and f32."""
-MEAN = (5.0, 9.0)
-"""Target of the speedup over MuJoCo, as geometric mean over all scenes, in f64 and f32."""
-
 
 @dataclass(frozen=True)
 class Phase:
@@ -76,7 +71,6 @@ class Scene:
         lead: Number of steps before the episode begins, with the first controls of the script. The episode starts
             in all engines from the states after these steps.
         group: Name of a group of similar scenes, which count as one scene in mean speedups. Empty if the scene counts alone.
-        target: Target speedups over MuJoCo, in f64 and f32.
     """
 
     name: str
@@ -86,7 +80,6 @@ class Scene:
     phases: tuple[Phase, ...]
     lead: int = 0
     group: str = ""
-    target: tuple[float, float] = LEAST
 
     @property
     def steps(self) -> int:

@@ -122,6 +122,5 @@ SCENES = (
         spec,
         script,
         PHASES,
-        target=(4.0, 7.0),
     ),
 )

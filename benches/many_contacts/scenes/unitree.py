@@ -24,8 +24,6 @@ from many_contacts.scene import Array, Phase, Scene, Script
 HOLD = 4
 """Number of time steps for which the robot's action stays the same."""
 STEPS = 300
-WALKING = (6.0, 10.0)
-"""Target speedups over MuJoCo for the scenes with walking robots, in f64 and f32."""
 FREQUENCY, DAMPING_RATIO = 10 * 2.0 * math.pi, 2.0
 """Natural frequency (rad/s) and damping ratio of a servo that moves only the armature of its joint; they determine the gains."""
 FALLEN = math.cos(math.radians(70.0))
@@ -235,7 +233,6 @@ def _scene(name: str, walker: Walker, about: str) -> Scene:
         functools.partial(spec, walker),
         functools.partial(script, walker),
         (Phase("trained", STEPS),),
-        target=WALKING,
     )
 
 

@@ -242,7 +242,7 @@ KNOWN: tuple[Known, ...] = (
     Known(r"S4 .*", FIRST_ORDER, ANY, RULE, below(2e7, MEASURED)),
     Known(
         r"S5 .*",
-        r"stepper( rk4| newton)?",
+        r"stepper( rk4| newton| fine)?",
         (0.0, 3e-3),
         "position correction keeps velocities: a displacement of a link by 1e-5 m changes the momentum by about 3e-4 kg m/s",
         below(1e-3**2, "three such links"),

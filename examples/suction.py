@@ -1,4 +1,4 @@
-"""Suction cup that picks boxes and carries them: the mass that it lifts and the acceleration at which a box slides off.
+"""Suction cup that picks boxes and carries them: the largest mass that it lifts, and that it carries sideways.
 
     python examples/suction.py    # thresholds, theory and simulation, as a table
 

@@ -82,6 +82,8 @@ ANY = (0.0, 1.0)
 EULER = r"stepper euler.*"
 NOT_EULER = r"stepper(?! euler).*"
 FIRST_ORDER = r"stepper (euler.*|implicit)"
+COARSE = r"stepper(?! fine| f32).*"
+"""Settings with the default tolerance of the solver, in f64."""
 
 BAUMGARTE = r"stepper (euler, )?baumgarte"
 RULE = "rules of the first order"
@@ -235,9 +237,10 @@ KNOWN: tuple[Known, ...] = (
     Known(r"S3 .*", r"stepper.*", (2e-2, 1.0), HEAP, below(2e-4, MEASURED)),
     Known(r"S4 .*", "stepper fine", (2e-2, 1.0), HEAP, below(0.06, MEASURED)),
     Known(r"S4 .*", r"stepper( rk4| newton)?", (2e-2, 1.0), HEAP, below(0.5, MEASURED)),
-    Known(r"15 table of four legs: order", "stepper", (2e-2, 1.0), TOLERANCE, below(6e-6, MEASURED)),
-    Known(r"30 wheel.*", "stepper implicit", ANY, TOLERANCE, below(1e-7, MEASURED)),
-    Known(r"31 pinch.*", r"stepper", (2e-2, 1.0), TOLERANCE, below(1.2e-2, MEASURED)),
+    Known(r"15 table of four legs: order", COARSE, (2e-2, 1.0), TOLERANCE, below(8e-6, MEASURED)),
+    Known(r"21 sliding over seams of tiles", "stepper newton", (4e-3, 1e-2), TOLERANCE, below(2e-4, MEASURED)),
+    Known(r"30 wheel.*", "stepper implicit", ANY, TOLERANCE, below(1.5e-6, MEASURED)),
+    Known(r"31 pinch.*", COARSE, (2e-2, 1.0), TOLERANCE, below(1.2e-2, MEASURED)),
     Known(r"S4 .*", r"stepper.*", (2e-2, 1.0), HEAP),
     Known(r"S4 .*", FIRST_ORDER, ANY, RULE, below(2e7, MEASURED)),
     Known(

@@ -73,9 +73,10 @@ class Options(Hints):
             velocity (natural map). None uses 0.6 % of the velocity that gravity adds in a step, from 1e-6 to 1e-4. The relative
             error of contact forces then does not grow with shorter steps. Hard contact with precision="f32" uses 1e-4, and
             contact="mujoco" with "f64" uses 1e-6.
-        rtol: Residual at which the solver stops, as a fraction of the speed of the environment's fastest degree of freedom (rad/s or
-            m/s) before the step. The solver stops at the smaller of `rtol` times this speed and `tolerance`. Environments at rest are
-            therefore solved to rounding, and do not creep. It has no effect with contact="mujoco".
+        rtol: Factor of the speed of the environment's fastest degree of freedom before the step (its number in rad/s or m/s). The
+            solver stops at the smaller of `rtol` times this speed and `tolerance`, so that environments at rest do not creep. With
+            precision="f32", rounding limits this to environments in which a free body has three contacts with another. A large
+            number, such as 1e9, switches it off. It has no effect with contact="mujoco". NOT_CONVERGED compares with `tolerance`.
         stabilization: Method that removes overlap and other position errors of constraints: "baumgarte" (a velocity bias), "split" (a
             second solve that moves positions only) or "none".
         baumgarte: Fraction of the overlap beyond the slop that is removed per step, 0 to 1.

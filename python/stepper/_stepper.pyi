@@ -23,6 +23,7 @@ from stepper.viewer import View
 __all__ = [
     "Actuator",
     "Body",
+    "Equality",
     "Geom",
     "Joint",
     "Keyframe",
@@ -884,7 +885,7 @@ class Stepper:
     timestep: Final[float]
     """Current time step, s."""
     tolerance: Final[float]
-    """Current tolerance of the solver: it stops at this residual, m/s."""
+    """Current tolerance of the solver: the largest residual at which it stops, m/s (see `Options.tolerance` and `Options.rtol`)."""
     precision: Final[Precision]
     """Floating-point precision: "f64" or "f32"."""
     threads: Final[int]
@@ -1028,7 +1029,8 @@ class Stepper:
     reset."""
     eq_active: NDArray[np.bool_]
     """Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`. Writable; each step uses it until it is changed.
-    Part of the state of `get_state`. `reset` restores the model's `eq_active0`.
+    Part of the state of `get_state`. `reset` restores the model's `eq_active0`. States do not contain `eq_data`: after `copy_state`,
+    `randomize` gives the targets the same numbers.
 
     The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
     `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`. To hold them in the current pose instead,

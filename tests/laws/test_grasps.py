@@ -113,7 +113,7 @@ class Grasp:
 
 
 ACCURACY = {"f64": ("f64", 1e-6), "f64 at 1e-4": ("f64", 1e-4), "f32": ("f32", 1e-4)}
-"""Precision and tolerance, m/s, of a solve: those of both precisions by default, and that of f32 in f64."""
+"""Precision and tolerance, m/s, of a solve. The default in both precisions is 1e-4 m/s."""
 
 
 @pytest.mark.parametrize("timestep", [0.002, 0.005])

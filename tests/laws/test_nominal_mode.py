@@ -43,7 +43,7 @@ def test_the_push_of_a_box_that_just_touches_the_floor(method):
     found = made.vjp(qpos=last(made, 1), method=method)
     assert found.near_kink.any()
     for width in (1e-2, 1e-3, 1e-4):
-        # The differences of three widths agree to 1e-5; a rollout to the default tolerance of 1e-6 differs from theirs by 1e-3 of that.
+        # The differences of three widths agree to 1e-5; a rollout to a tolerance of 1e-6 differs from theirs by 1e-3 of that.
         assert found.ctrl[0, 0] == pytest.approx(by_differences(model, ctrl, options, width), rel=1e-3)
 
 

@@ -208,8 +208,8 @@ pub(crate) const MAX_STATE: f64 = 1e10;
 
 // Stage 8: the position correction.
 
-/// Residual to which a position correction is solved, m/s, at the default tolerance. In a step it causes an error of a fraction of a
-/// micrometre, which the next step corrects.
+/// Residual to which a position correction is solved, m/s, if the tolerance is at least 1e-6 m/s. In a step it causes an error of a
+/// fraction of a micrometre, which the next step corrects.
 pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 
 /// Target speed of a constraint row in the position correction below which the row gets no damping, m/s or rad/s. Rounding alone makes
@@ -224,10 +224,11 @@ pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
 /// than it corrects (humanoids under random control: 4 % of the step).
 pub(crate) const CORRECTION_NEWTON_THRESHOLD: f64 = 1e-2;
 
-/// Largest number of Gauss-Seidel iterations of a position correction at the default tolerance. They start from the impulses of stage 5.
+/// Largest number of Gauss-Seidel iterations of a position correction if the tolerance is at least 1e-6 m/s. They start from the impulses
+/// of stage 5.
 pub(crate) const CORRECTION_ITERATIONS: f64 = 10.0;
 
-/// Largest number of Newton iterations of an island's position correction at the default tolerance.
+/// Largest number of Newton iterations of an island's position correction if the tolerance is at least 1e-6 m/s.
 ///
 /// Evidence: with 5 a gripper that begins within its palm stays there, with 6 it opens (test_impossible_demands.py). Of 120 jammed pairs of
 /// arms, 8 and 50 iterations leave the same overlaps after a second, within 0.1 %.

@@ -16,7 +16,7 @@ const BEYOND: [&str; 7] = [
     "flexible gears and links, backlash and play in joints, friction that depends on load",
     "flow of air and water (drag and lift, if any, are formulas of each body's own velocity), cables, cloth, soil and other soft matter",
     "motors and their electronics: heat, saturation, cogging, bus voltage, unless a parameter of the actuator includes them",
-    "adhesion, magnetism, electrostatics",
+    "magnetism, electrostatics, and adhesion other than the actuators of this name",
 ];
 
 impl Model {

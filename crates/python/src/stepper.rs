@@ -258,7 +258,7 @@ getters! { Stepper, |slf, _py| (Reading<'_>);
     num_envs -> Option<usize> { slf.batched.then(|| slf.n()) }
     /// Current time step, s.
     timestep -> f64 { slf.simulation.timestep() }
-    /// Current tolerance of the solver: it stops at this residual, m/s.
+    /// Current tolerance of the solver: the largest residual at which it stops, m/s (see `Options.tolerance` and `Options.rtol`).
     tolerance -> f64 { slf.simulation.tolerance() }
     /// Floating-point precision: "f64" or "f32".
     precision -> &'static str { precision_name(slf.simulation.precision()) }

@@ -22,7 +22,7 @@ SAME_STEP = 1e-6
 """Largest difference between the velocities after two steps that differ only in the method of stabilization, m/s or rad/s.
 
 For contacts at rest, derivatives are computed with a stabilization that is smooth at rest, in place of the stabilization of the stepper.
-These derivatives are used only if the velocities differ by no more than this. The value is the default tolerance of the solver.
+These derivatives are used only if the velocities differ by no more than this. Contacts at rest are solved far below this value.
 """
 
 

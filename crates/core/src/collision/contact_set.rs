@@ -14,10 +14,11 @@ const TANGENT_JUMP: f64 = 1e-2;
 /// Largest error of a normal force by rounded gaps, as a fraction of the body's weight, that [`Contacts::close_rounded_gaps`] tolerates.
 const FORCE_ERROR: f64 = 0.01;
 
-/// Rounding errors up to which a gap closes if another contact of its pair touches, as a multiple of those of a single contact.
+/// Largest gap that closes if another contact of its pair touches, as a multiple of the rounding error of a gap.
 ///
 /// Two contacts of a finger and a cylinder differ by rounding. If one of them were open, the other would bear the whole force of the
-/// finger, and the cylinder would turn.
+/// finger, and the cylinder would turn. Evidence: of 288 upright cylinders that are carried and shaken for 6 s, 9 slip by up to 1 mm with
+/// a factor of 1, and none by more than 0.05 mm with 4 (the scenes of tests/laws/test_grasps.py).
 const PAIR_ROUNDING_RATIO: f64 = 4.0;
 
 /// Identity of a contact from step to step: index of its pair in the compiled model (high 32 bits) and feature of the pair (low 32 bits).
@@ -215,8 +216,8 @@ impl<R: Real> Contacts<R> {
     /// force would be too small. The error, as a fraction of the force, is the ratio of the gap to `drop`. `drop` is the distance that
     /// gravity covers in the step, g h^2, m.
     ///
-    /// The rounding error is that of [`rounded_gap`]. If one contact of a pair touches, that of its other contacts counts
-    /// [`PAIR_ROUNDING_RATIO`] times.
+    /// The rounding error is that of [`rounded_gap`]. If one contact of a pair touches, its other contacts close gaps of up to
+    /// [`PAIR_ROUNDING_RATIO`] rounding errors.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

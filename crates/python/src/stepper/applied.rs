@@ -208,7 +208,8 @@ applied_inputs! {
     /// reset.
     mocap_quat, set_mocap_quat: MocapQuat,
     /// Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`. Writable; each step uses it until it is changed.
-    /// Part of the state of `get_state`. `reset` restores the model's `eq_active0`.
+    /// Part of the state of `get_state`. `reset` restores the model's `eq_active0`. States do not contain `eq_data`: after `copy_state`,
+    /// `randomize` gives the targets the same numbers.
     ///
     /// The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
     /// `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`. To hold them in the current pose instead,

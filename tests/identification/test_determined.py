@@ -82,7 +82,8 @@ def test_two_masses_that_fit_equally_well_determine_neither():
 def test_noise_alone_does_not_determine_a_scale(seed):
     """Scale and bias of a constant force have infinite intervals, although the noise of these seeds makes the scale 2 to 3.8 deviations.
 
-    The true scale is 0.3 standard deviations. Five of the six intervals that a rise of the cost by 4 makes finite miss the truth.
+    The true scale is 0.3 standard deviations. If a rise of the cost by 4 sufficed, nine intervals would be finite, and eight would miss
+    the truth.
     """
     found = SCENES[CONSTANT_FORCE].identified(seed)
     assert not found.determined.any()

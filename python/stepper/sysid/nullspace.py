@@ -16,9 +16,9 @@ Weak directions, along which the standard deviation is large, are curved too. Ea
 residuals has risen by 4. If these points are farther than two standard deviations, the covariance is increased to reach them.
 
 Along some weak directions the sum rises to a limit only, as along the logarithm of a scale towards zero. Of scale and bias, a finite
-interval is right only if the scale differs significantly from zero (Fieller 1954). No procedure has finite intervals always (Gleser and
-Hwang 1987, Dufour 1997). If a rise by 4 sufficed, noise would cause a finite interval in 2 % of the runs, and these intervals would miss
-the truth. Therefore the sum must rise by 16 before a direction counts as determined.
+interval is right only if the scale differs significantly from zero (Fieller 1954). Intervals that are always finite cannot have their
+level (Gleser and Hwang 1987, Dufour 1997). If a rise by 4 sufficed, noise would cause finite intervals in 2 % of the runs, which would
+miss the truth. Therefore the sum must rise by 16 before a direction counts as determined.
 """
 
 from __future__ import annotations

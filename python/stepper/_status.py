@@ -75,9 +75,12 @@ class Status(IntFlag):
     * stabilization="none"
     * contact="mujoco": equalities are soft, and the load is large"""
     INACCURATE = 512
-    """In a step that keeps an error, the shortest substeps exceeded their share of `Options.error`. `Stepper.error_estimate` is the
-    estimated error. Causes: an error smaller than the solver's tolerance permits, motion far too fast for the time step, or a controller
-    that oscillates in every substep."""
+    """The estimated error of a step, `Stepper.error_estimate`, exceeded `Options.error`. Causes:
+
+    * an error smaller than the solver's tolerance permits
+    * several impacts in a step
+    * motion far too fast for the time step
+    * a controller that oscillates in every substep"""
 
     def __str__(self) -> str:
         """Names of the set flags, such as "Status.INFEASIBLE | Status.DEEP". Bits without a name follow as one number."""

@@ -100,7 +100,7 @@ def test_a_state_that_is_saved_goes_on_with_the_same_bits():
 def test_forces_are_those_of_the_whole_step():
     """A box at rest presses on the floor with its weight, and a moving arm has the impulses of its limits, whatever the substeps."""
     model = stepper.load(BOX.format(h=0.01, more=""))
-    sim = stepper.Stepper(model, 1, options=Options(error=1e-5))
+    sim = stepper.Stepper(model, 1, options=Options(error=1e-5, tolerance=1e-6))
     sim.set_state(qpos=[[0, 0, 0.2, 1, 0, 0, 0]], qvel=[[0.5, 0, 0, 0, 0, 0]])
     before = sim.qvel[0].copy()
     for _ in range(20):
@@ -129,6 +129,18 @@ def test_an_error_that_cannot_be_kept_is_flagged():
     assert sim.status[0] & Status.INACCURATE and sim.error_estimate[0] > 1e-7
     # A step divided by 256 has no more substeps.
     assert 40 <= sim.substeps[0] <= 20 * 256
+
+
+def test_a_step_is_flagged_if_and_only_if_its_estimate_exceeds_the_error():
+    """Several impacts in a step have a quarter of the error each, so that their sum may exceed it."""
+    sim = stepper.Stepper(stepper_model("gymnasium/ant"), 64, options=Options(error=E))
+    rng, flagged = np.random.default_rng(0), 0
+    for _ in range(60):
+        sim.step(rng.uniform(-1, 1, (64, sim.model.nu)))
+        exceeds = sim.error_estimate > E
+        assert np.array_equal((sim.status & Status.INACCURATE) != 0, exceeds)
+        flagged += exceeds.sum()
+    assert 0 < flagged < 60 * 64
 
 
 @pytest.mark.parametrize(("options", "must"), [({"contact": "mujoco"}, "None with"), ({"integrator": "rk4"}, "None with")])

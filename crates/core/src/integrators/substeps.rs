@@ -53,12 +53,12 @@ struct Interval {
 }
 
 /// Makes stages 1 to 8 and 10 of a step of `options.timestep` seconds in substeps. Each may have a share of the error `error`, m or rad, in
-/// proportion to its length, but at least [`MIN_ERROR_SHARE`]. The sum of the estimates can therefore exceed the error.
+/// proportion to its length, but at least [`MIN_ERROR_SHARE`].
 ///
 /// `make_substep` executes the substep of `s.evaluation.substep`, without advancing the time of the state, and returns its record.
 ///
 /// Afterwards the workspace has the next state. The buffers of velocities and positions have the state before the step, as after one whole
-/// substep. Lanes in which the shortest substeps exceed their share have the flag [`Status::INACCURATE`].
+/// substep. Lanes in which the sum of the estimates exceeds the error have the flag [`Status::INACCURATE`].
 #[cold]
 #[inline(never)]
 pub(crate) fn step_within_error<R: Real>(
@@ -89,13 +89,12 @@ pub(crate) fn step_within_error<R: Real>(
         first.replace(&made, firsts);
         let distance = kernel!(R, || distance(compiled, &s.state.q, whole));
         let broken = made.lanes(Status::NON_FINITE);
-        let (mut accepted, mut inaccurate, mut done) = (0, 0, 0);
+        let (mut accepted, mut done) = (0, 0);
         for lane in each_of(active) {
             let interval = &mut intervals[lane];
             interval.broken |= broken >> lane & 1 == 1;
-            if let Some(exceeds) = interval.advance(distance.lane(lane).to_f64(), error) {
+            if interval.advance(distance.lane(lane).to_f64(), error) {
                 accepted |= 1 << lane;
-                inaccurate |= u32::from(exceeds) << lane;
                 done |= u32::from(interval.phase == Phase::Done) << lane;
             }
         }
@@ -106,7 +105,7 @@ pub(crate) fn step_within_error<R: Real>(
             sums.add(summed, &s.state, &s.velocity.scalar_impulse, taken);
             total.add(&first, taken);
             total.add(&made, taken);
-            total.add_error(distance, R::Mask::from_bits(inaccurate), taken);
+            total.add_error(distance, taken);
             start.store((&s.state, &s.velocity.scalar_impulse), span, taken);
             for (end, now) in end.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
                 select_into(end, now, R::Mask::from_bits(done));
@@ -117,6 +116,7 @@ pub(crate) fn step_within_error<R: Real>(
         start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, rejected);
         active &= !done;
     }
+    total.flag_inaccurate(error, all);
     end(&control, s, options, all, total.lanes(Status::NON_FINITE));
     s.error_control = Some(control);
     total
@@ -159,11 +159,11 @@ fn end<R: Real>(control: &ErrorControl<R>, s: &mut Workspace<R>, options: &StepS
 }
 
 impl Interval {
-    /// Takes up the result of the substep. If the two halves of the interval are accepted, the interval becomes the next one. The result is
-    /// then whether the halves exceed their share of the error, which only the shortest substeps may. Otherwise it is `None`.
+    /// Takes up the result of the substep. Returns whether the two halves of the interval are accepted: they are within their share of the
+    /// error, or the shortest ones. The interval then becomes the next one.
     ///
     /// `distance` is the distance between the results of the whole interval and of its halves, m or rad. `error` is the error of the step.
-    fn advance(&mut self, distance: f64, error: f64) -> Option<bool> {
+    fn advance(&mut self, distance: f64, error: f64) -> bool {
         match self.phase {
             Phase::Whole => self.phase = Phase::First,
             Phase::First => self.phase = Phase::Second,
@@ -175,13 +175,13 @@ impl Interval {
                     let phase = if begin == TICKS { Phase::Done } else { Phase::Whole };
                     // The longest interval that begins at a multiple of its length.
                     *self = Self { begin, length: 1 << begin.trailing_zeros(), phase, broken: false };
-                    return Some(!good);
+                    return true;
                 }
                 *self = Self { length: self.length / 2, phase: Phase::First, ..*self };
             }
             Phase::Done => unreachable!("lanes that are done make no substep"),
         }
-        None
+        false
     }
 
     /// Beginning and length of the next substep, in units of the shortest one.

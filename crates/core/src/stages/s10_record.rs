@@ -66,7 +66,7 @@ bitflags! {
         const OVER_LIMIT = 128;
         /// The position error of an equality was above 1 mm or 1 mrad after a step: a loop has opened, or a coupling has slipped.
         const EQUALITY_VIOLATED = 256;
-        /// A step that keeps an error ([`Options::error`](crate::Options::error)) exceeded it with the shortest substeps.
+        /// The estimated error of a step exceeded [`Options::error`](crate::Options::error).
         const INACCURATE = 512;
     }
 }
@@ -159,11 +159,16 @@ impl<R: Real> Record<R> {
         });
     }
 
-    /// Adds the error estimate of an accepted interval in the lanes `lanes`. In the lanes `exceeds`, it exceeds its bound.
-    pub(crate) fn add_error(&mut self, error: R, exceeds: R::Mask, lanes: R::Mask) {
+    /// Adds the error estimate of an accepted interval in the lanes `lanes`.
+    pub(crate) fn add_error(&mut self, error: R, lanes: R::Mask) {
         kernel!(R, || self.error = R::select(lanes, self.error + error, self.error));
+    }
+
+    /// Sets the flag [`Status::INACCURATE`] in the lanes of `lanes` whose error estimate exceeds `error`, m or rad.
+    pub(crate) fn flag_inaccurate(&mut self, error: f64, lanes: R::Mask) {
+        let exceeds = kernel!(R, || lanes.and_not(self.error.le(R::of(error))));
         for (_, all) in self.flags.iter_mut().filter(|(flag, _)| *flag == Status::INACCURATE) {
-            *all |= exceeds.bits() & lanes.bits();
+            *all |= exceeds.bits();
         }
     }
 

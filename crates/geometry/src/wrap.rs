@@ -53,18 +53,17 @@ impl<R: Real> Obstacle<R> {
     /// Path of a string from `ends[0]` to `ends[1]` (m) around the obstacle, on the side of the point `side` if there is one.
     #[inline(always)]
     pub fn wrap(&self, ends: [V3<R>; 2], side: Option<V3<R>>) -> Wrap<R> {
-        let local = |point: V3<R>| rotate_back(&self.mat, sub(point, self.pos));
-        let (first, second) = (local(ends[0]), local(ends[1]));
+        let (first, second) = (self.local(ends[0]), self.local(ends[1]));
         let apart = norm(first).ge(R::of(SMALLEST)).and(norm(second).ge(R::of(SMALLEST)));
         let axes = if self.is_cylinder { axes_of_cylinder() } else { axes_of_sphere(first, second) };
-        let flat = |point: V3<R>| [dot(point, axes[0]), dot(point, axes[1])];
-        let planar = [flat(first), flat(second)];
+        let planar = [flat(&axes, first), flat(&axes, second)];
         let (mut touches, mut points, mut arc) = (R::Mask::splat(false), [[R::zero(); 2]; 2], R::zero());
-        let inside = match side.map(local) {
+        let inside = match side {
             Some(side) => {
+                let side = self.local(side);
                 let inside = norm(side).lt(self.radius);
                 if inside.not().any() {
-                    (touches, points, arc) = wrap_outside(planar, Some(unit(flat(side))), self.radius);
+                    (touches, points, arc) = wrap_outside(planar, Some(unit(flat(&axes, side))), self.radius);
                 }
                 inside
             }
@@ -101,6 +100,18 @@ impl<R: Real> Obstacle<R> {
         );
         Wrap { touches: touches.and(apart), points, arc }
     }
+
+    /// Point in the axes of the obstacle.
+    #[inline(always)]
+    fn local(&self, point: V3<R>) -> V3<R> {
+        rotate_back(&self.mat, sub(point, self.pos))
+    }
+}
+
+/// Coordinates of a point along the axes of a plane.
+#[inline(always)]
+fn flat<R: Real>(axes: &[V3<R>; 2], point: V3<R>) -> V2<R> {
+    [dot(point, axes[0]), dot(point, axes[1])]
 }
 
 /// Axes of the plane of a path around a cylinder: x and y.
@@ -121,7 +132,7 @@ fn axes_of_sphere<R: Real>(first: V3<R>, second: V3<R>) -> [V3<R>; 2] {
     let mut normal = scale(normal, R::one() / size.max(R::of(SMALLEST)));
     if parallel.any() {
         // The helper vector is zero along the largest component of the axis, and one along the others.
-        let [x, y, z] = axis.map(R::abs);
+        let [x, y, z] = [axis[0].abs(), axis[1].abs(), axis[2].abs()];
         let y_is_largest = y.gt(x).and(y.gt(z));
         let z_is_largest = z.gt(x).and(z.gt(y));
         let x_is_largest = y_is_largest.or(z_is_largest).not();
@@ -209,6 +220,18 @@ fn asin<R: Real>(x: R) -> R {
     x.atan2(((R::one() - x) * (R::one() + x)).max(R::zero()).sqrt())
 }
 
+/// Square root of 1 - x, at least [`SMALLEST`].
+#[inline(always)]
+fn root<R: Real>(x: R) -> R {
+    (R::one() - x).max(R::zero()).sqrt().max(R::of(SMALLEST))
+}
+
+/// Left side of the equation of [`wrap_inside`] at z, rad.
+#[inline(always)]
+fn excess_angle<R: Real>([a, b]: [R; 2], angle: R, z: R) -> R {
+    asin(a * z) + asin(b * z) - R::of(2.0) * asin(z) + angle
+}
+
 /// Tolerance of Newton's method and distance of its first iterate from 1, for the precision of the lanes.
 #[inline(always)]
 fn tolerances<R: Real>() -> [R; 2] {
@@ -241,22 +264,20 @@ fn wrap_inside<R: Real>([first, second]: [V2<R>; 2], radius: R, lanes: R::Mask) 
     let mut solved = touches.and(lanes).and(cosine.le(R::one() - smallest));
     let angle = cosine.max(-R::one()).min(R::one()).acos();
     let [tolerance, first_step] = tolerances::<R>();
-    let error = |z: R| asin(a * z) + asin(b * z) - R::of(2.0) * asin(z) + angle;
     let mut z = R::one() - first_step;
-    let mut f = error(z);
+    let mut f = excess_angle([a, b], angle, z);
     solved = solved.and(f.le(R::zero()));
     for _ in 0..MAX_STEPS {
         let active = solved.and(f.abs().gt(tolerance));
         if active.none() {
             break;
         }
-        let root = |c: R| (R::one() - z * z * c * c).max(R::zero()).sqrt().max(smallest);
-        let slope = a / root(a) + b / root(b) - R::of(2.0) / root(R::one());
+        let slope = a / root(z * z * a * a) + b / root(z * z * b * b) - R::of(2.0) / root(z * z);
         let next = z - f / slope;
         let fails = slope.gt(-smallest).or(next.gt(z));
         solved = solved.and_not(active.and(fails));
         z = R::select(active, next, z);
-        f = R::select(active, error(z), f);
+        f = R::select(active, excess_angle([a, b], angle, z), f);
         solved = solved.and_not(active.and(f.gt(tolerance)));
     }
     solved = solved.and(f.abs().le(tolerance));

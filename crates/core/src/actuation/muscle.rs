@@ -44,26 +44,36 @@ fn relative_length<R: Real>(curve: &MuscleCurve<R::Scalar>, motion: &Motion<R>) 
 /// Active force FL at the relative length `x`: a smooth bump of parabolas with its maximum 1 at the optimal length.
 #[inline(always)]
 fn active_length<R: Real>(curve: &MuscleCurve<R::Scalar>, x: R) -> Slope<R> {
-    let (one, half, smallest) = (R::one(), R::of(0.5), R::of(SMALLEST));
+    let (one, half) = (R::one(), R::of(0.5));
     let [low, high] = [R::splat(curve.range[0]), R::splat(curve.range[1])];
     let (rising, falling) = (half * (low + one), half * (one + high));
-    // Each parabola is 1 - y^2 / 2 about the optimum, or y^2 / 2 at an end, with y proportional to the distance.
-    let outer = |end: R, width: R, sign: R| {
-        let y = sign * (x - end) / width.max(smallest);
-        Slope { value: half * y * y, slope: sign * y / width.max(smallest) }
-    };
-    let inner = |width: R| {
-        let y = (x - one) / width.max(smallest);
-        Slope { value: one - half * y * y, slope: -(y / width.max(smallest)) }
-    };
-    let parts = [outer(low, rising - low, one), inner(one - rising), inner(falling - one), outer(high, high - falling, -one)];
-    let choose = |of: fn(&Slope<R>) -> R| {
-        let above = R::select(x.le(falling), of(&parts[2]), of(&parts[3]));
-        let below = R::select(x.le(rising), of(&parts[0]), of(&parts[1]));
-        let inside = low.le(x).and(x.le(high));
-        R::select(inside, R::select(x.le(one), below, above), R::zero())
-    };
-    Slope { value: choose(|part| part.value), slope: choose(|part| part.slope) }
+    let above = choose(x.le(falling), inner_parabola(x, falling - one), outer_parabola(x, high, high - falling, -one));
+    let below = choose(x.le(rising), outer_parabola(x, low, rising - low, one), inner_parabola(x, one - rising));
+    let inside = low.le(x).and(x.le(high));
+    choose(inside, choose(x.le(one), below, above), Slope { value: R::zero(), slope: R::zero() })
+}
+
+/// Parabola y^2 / 2 from the end `end` of the range inwards, with y = 1 at the distance `width`. `sign` is 1 at the lower end and -1 at the
+/// upper one.
+#[inline(always)]
+fn outer_parabola<R: Real>(x: R, end: R, width: R, sign: R) -> Slope<R> {
+    let width = width.max(R::of(SMALLEST));
+    let y = sign * (x - end) / width;
+    Slope { value: R::of(0.5) * y * y, slope: sign * y / width }
+}
+
+/// Parabola 1 - y^2 / 2 about the optimal length, with y = 1 at the distance `width`.
+#[inline(always)]
+fn inner_parabola<R: Real>(x: R, width: R) -> Slope<R> {
+    let width = width.max(R::of(SMALLEST));
+    let y = (x - R::one()) / width;
+    Slope { value: R::one() - R::of(0.5) * y * y, slope: -(y / width) }
+}
+
+/// First value in the lanes of `first_lanes`, second value in the others.
+#[inline(always)]
+fn choose<R: Real>(first_lanes: R::Mask, first: Slope<R>, second: Slope<R>) -> Slope<R> {
+    Slope { value: R::select(first_lanes, first.value, second.value), slope: R::select(first_lanes, first.slope, second.slope) }
 }
 
 /// Active force FV at the velocity `velocity`, m/s: 0 at the highest speed of shortening, 1 at rest.

@@ -77,7 +77,10 @@ impl<R: Real> Kinematics<R> {
             radius: R::splat(obstacle.radius),
             is_cylinder: obstacle.is_cylinder,
         };
-        let side = obstacle.side.as_ref().map(|side| self.point(side.frame, splat(side.pos)));
+        let side = obstacle.side.as_ref().map(
+            #[inline(always)]
+            |side| self.point(side.frame, splat(side.pos)),
+        );
         let wrap = shape.wrap(ends, side);
         (shape, wrap)
     }

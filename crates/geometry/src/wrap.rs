@@ -75,16 +75,11 @@ impl<R: Real> Obstacle<R> {
         if inside.any() {
             let (touches_inside, point) = wrap_inside(planar, self.radius, inside);
             touches = touches.and_not(inside).or(touches_inside.and(inside));
-            points = points.map(
-                #[inline(always)]
-                |other| select(inside, point, other),
-            );
+            points = [select(inside, point, points[0]), select(inside, point, points[1])];
             arc = R::select(inside, R::zero(), arc);
         }
-        let mut contacts = points.map(
-            #[inline(always)]
-            |[x, y]| add_scaled(scale(axes[0], x), axes[1], y),
-        );
+        // Not `map`: kernels call it for arrays of vectors.
+        let mut contacts = [in_space(&axes, points[0]), in_space(&axes, points[1])];
         if self.is_cylinder {
             // Along the axis, the string advances in proportion to its length in the plane.
             let before = norm2([first[0] - contacts[0][0], first[1] - contacts[0][1]]);
@@ -94,10 +89,7 @@ impl<R: Real> Obstacle<R> {
             contacts[1][2] = first[2] + rise * (before + arc) / total;
             arc = (arc * arc + (contacts[1][2] - contacts[0][2]).square()).sqrt();
         }
-        let points = contacts.map(
-            #[inline(always)]
-            |point| add(rotate(&self.mat, point), self.pos),
-        );
+        let points = [add(rotate(&self.mat, contacts[0]), self.pos), add(rotate(&self.mat, contacts[1]), self.pos)];
         Wrap { touches: touches.and(apart), points, arc }
     }
 
@@ -106,6 +98,12 @@ impl<R: Real> Obstacle<R> {
     fn local(&self, point: V3<R>) -> V3<R> {
         rotate_back(&self.mat, sub(point, self.pos))
     }
+}
+
+/// Point at the coordinates `x` and `y` along the axes of a plane.
+#[inline(always)]
+fn in_space<R: Real>(axes: &[V3<R>; 2], [x, y]: V2<R>) -> V3<R> {
+    add_scaled(scale(axes[0], x), axes[1], y)
 }
 
 /// Coordinates of a point along the axes of a plane.

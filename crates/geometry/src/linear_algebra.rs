@@ -189,6 +189,12 @@ pub fn quat_mul<R: Real>(p: [R; 4], q: [R; 4]) -> [R; 4] {
     ]
 }
 
+/// Rotation from the orientation `from` to the orientation `to`, in the axes of `from`. All are quaternions (w, x, y, z).
+#[inline(always)]
+pub fn quat_between<R: Real>([w, x, y, z]: [R; 4], to: [R; 4]) -> [R; 4] {
+    quat_mul([w, -x, -y, -z], to)
+}
+
 /// Unit quaternion q / |q|.
 #[inline(always)]
 pub fn quat_normalize<R: Real>(q: [R; 4]) -> [R; 4] {

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stepper.sysid.inertia import Array
-from stepper.sysid.nullspace import EQUAL_FIT, Point
+from stepper.sysid.nullspace import Point, equal_fit
 from stepper.sysid.parameters import Block, natural
 from stepper.sysid.residuals import Residuals
 from stepper.sysid.uncertainty import Uncertainty
@@ -118,7 +118,7 @@ def _other_values(residuals: Residuals, found: Any, std: Array) -> Array:
     best = min(search.cost for search in found.searches)
     for search in found.searches:
         values = natural(residuals.blocks, search.theta)
-        if search.cost <= best * (1 + EQUAL_FIT / residuals.count):
+        if search.cost <= best * equal_fit(residuals):
             out = np.where(np.abs(values - found.values) > 5 * std, values, out)
     return out
 

@@ -25,7 +25,7 @@ from stepper.sysid.combinations import combinations_of
 from stepper.sysid.data import Data, episodes_of
 from stepper.sysid.findings import undetermined, warnings_of
 from stepper.sysid.inertia import Array
-from stepper.sysid.nullspace import EQUAL_FIT, FLAT_STD, FlatSet
+from stepper.sysid.nullspace import FLAT_STD, FlatSet, equal_fit
 from stepper.sysid.parameters import Block, FitParameter, bind, natural, value_slopes, write
 from stepper.sysid.residuals import Linearized, Residuals, Together
 from stepper.sysid.result import Identification, Search, t_quantile
@@ -153,7 +153,7 @@ def identify(
         if settled:
             break
     searches += solver.search(_beyond(residuals, min(searches, key=lambda s: s.cost)))
-    equal = 1 + EQUAL_FIT / residuals.count
+    equal = equal_fit(residuals)
     refined = solver.search(_distinct(searches, equal), COARSE * FINE)
     minima = [found for x in _distinct(refined, equal) for found in refined if found.x is x]
     # Of minima that explain the readings equally well, the nearest to the start values is the estimate.

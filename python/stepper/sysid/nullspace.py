@@ -74,6 +74,11 @@ ROUNDING = 1e-6
 """Change of a value along a null space that rounding may cause, relative to the change by one unit of a parameter's scale."""
 
 
+def equal_fit(residuals: Residuals) -> float:
+    """Ratio of the costs of two minima up to which both explain the readings equally well."""
+    return 1 + EQUAL_FIT / residuals.count
+
+
 @dataclass(frozen=True)
 class Point:
     """Point of the set of equally good estimates, with its null space.

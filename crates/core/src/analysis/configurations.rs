@@ -54,8 +54,7 @@ pub fn differentiate(model: &Model, from: &[f64], to: &[f64]) -> Result<Vec<f64>
         out[j] = to[i] - from[i];
     }
     for (_, [at, v]) in quaternions(model) {
-        let [w, x, y, z] = quat_normalize(quat_at(from, at));
-        let turn = quat_log(quat_mul([w, -x, -y, -z], quat_normalize(quat_at(to, at))));
+        let turn = quat_log(quat_between(quat_normalize(quat_at(from, at)), quat_normalize(quat_at(to, at))));
         out[v..v + 3].copy_from_slice(&turn);
     }
     Ok(out)

@@ -386,8 +386,7 @@ impl<R: Real> Derivation<R> {
                         row[start..start + 3].copy_from_slice(&anchor);
                     }
                     if welded {
-                        let [w, x, y, z] = quats[0];
-                        row[6..10].copy_from_slice(&quat_mul([w, -x, -y, -z], quats[1]));
+                        row[6..10].copy_from_slice(&quat_between(quats[0], quats[1]));
                         row[10] = numbers.weight;
                     }
                 }

@@ -16,7 +16,7 @@
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};
 
-use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring};
+use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring, coupling_error};
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::rows::{RowLaw, unbounded};
@@ -148,13 +148,12 @@ impl<R: Real> RowBuilder<R> {
         let paths = &input.kinematics.paths;
         let mut size = self.add_terms(input, first, R::one());
         self.add_term_scales(input, first, R::one());
-        let (mut error, mut kappa) = (first.value(input.q, paths) - R::splat(first.reference) - c[0], R::zero());
+        let (error, mut kappa) = (coupling_error(first, second, c, (input.q, paths)), R::zero());
         if let Some(second) = second {
             let x = second.value(input.q, paths) - R::splat(second.reference);
             let of = |k: f64| R::of(k);
             let slope = c[1] + x * (of(2.0) * c[2] + x * (of(3.0) * c[3] + x * (of(4.0) * c[4])));
             let bend = of(2.0) * c[2] + x * (of(6.0) * c[3] + x * (of(12.0) * c[4]));
-            error -= x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])));
             kappa = -(bend * second.rate(input.v, paths).square());
             size += self.add_terms(input, second, -slope);
             self.add_term_scales(input, second, slope);

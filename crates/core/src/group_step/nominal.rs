@@ -193,8 +193,7 @@ impl<R: Real> Nominal<R> {
                     moved[joint.v + k] = s.position.q[joint.q + k] - after[0][joint.q + k];
                 }
                 if let Some(k) = turn {
-                    let [w, x, y, z] = quat_at(&after[0], joint.q + k);
-                    let turned = quat_log(quat_mul([w, -x, -y, -z], quat_at(&s.position.q, joint.q + k)));
+                    let turned = quat_log(quat_between(quat_at(&after[0], joint.q + k), quat_at(&s.position.q, joint.q + k)));
                     moved[joint.v + k..joint.v + k + 3].copy_from_slice(&turned);
                 }
             }

@@ -184,12 +184,20 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     let StepInput { compiled, state, .. } = input;
     advance_activations(input, evaluation);
     let scheme = evaluation.scheme;
-    let Evaluation { kinematics, q, contacts, .. } = &*evaluation;
-    free.actuator_forces.transmit(compiled, (kinematics, q), (&state.v, scheme.time_ahead));
-    set_adhesive_arms(compiled, kinematics, contacts, &mut free.actuator_forces.arms);
+    transmit(input, evaluation, free, true);
     actuate_at_velocity_before(StepContext { input, evaluation }, free);
     free.accelerate(compiled, &evaluation.kinematics, &state.v, &state.v);
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);
+}
+
+/// Computes moment arms and lengths of actuators at the evaluation points. `pulls` is whether actuators on contacts pull.
+#[inline(always)]
+pub(super) fn transmit<R: Real>(input: StepInput<'_, R>, evaluation: &Evaluation<R>, free: &mut FreeMotion<R>, pulls: bool) {
+    let Evaluation { scheme, kinematics, q, contacts, .. } = evaluation;
+    free.actuator_forces.transmit(input.compiled, (kinematics, q), (&input.state.v, scheme.time_ahead));
+    if pulls {
+        set_adhesive_arms(input.compiled, kinematics, contacts, &mut free.actuator_forces.arms);
+    }
 }
 
 /// Advances the activations from the beginning of the step to its evaluation point (the time at which forces are computed).

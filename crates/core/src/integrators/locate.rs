@@ -3,12 +3,11 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::collision::adhesion::set_adhesive_arms;
 use crate::constraints::restitution::any_elastic;
 use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
 use crate::integrators::evaluation::Evaluation;
-use crate::integrators::free_motion::{FreeMotion, advance_activations, compute_free_motion};
+use crate::integrators::free_motion::{FreeMotion, advance_activations, compute_free_motion, transmit};
 use crate::integrators::impact::move_to_first_impacts;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
@@ -80,16 +79,6 @@ fn find_contacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R
     let Evaluation { scheme, kinematics, collision, contacts, .. } = evaluation;
     let StepInput { compiled, state, alive, .. } = input;
     detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, collision, contacts, probe)
-}
-
-/// Computes moment arms and lengths of actuators at the evaluation points. `pulls` is whether actuators on contacts pull.
-#[inline(always)]
-fn transmit<R: Real>(input: StepInput<'_, R>, evaluation: &Evaluation<R>, free: &mut FreeMotion<R>, pulls: bool) {
-    let Evaluation { scheme, kinematics, q, contacts, .. } = evaluation;
-    free.actuator_forces.transmit(input.compiled, (kinematics, q), (&input.state.v, scheme.time_ahead));
-    if pulls {
-        set_adhesive_arms(input.compiled, kinematics, contacts, &mut free.actuator_forces.arms);
-    }
 }
 
 /// Computes configuration, activations, poses, and moment arms of actuators at the evaluation points. With the implicit rule, also computes

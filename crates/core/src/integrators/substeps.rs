@@ -232,8 +232,7 @@ fn distance<R: Real>(compiled: &LaneModel<R>, a: &[R], b: &[R]) -> R {
             farthest = farthest.max((a[k] - b[k]).abs());
         }
         if turns {
-            let [w, x, y, z] = quat_at(a, joint.q + straight);
-            farthest = farthest.max(norm(quat_log(quat_mul([w, -x, -y, -z], quat_at(b, joint.q + straight)))));
+            farthest = farthest.max(norm(quat_log(quat_between(quat_at(a, joint.q + straight), quat_at(b, joint.q + straight)))));
         }
     }
     farthest

@@ -140,8 +140,7 @@ impl<R: Real> SensorView<'_, R> {
             if what == F::Quat {
                 let mut seen = quat_mul(self.orientations[object.frame], splat(object.quat));
                 if let Some(r) = reference {
-                    let [w, x, y, z] = quat_mul(self.orientations[r.frame], splat(r.quat));
-                    seen = quat_mul([w, -x, -y, -z], seen);
+                    seen = quat_between(quat_mul(self.orientations[r.frame], splat(r.quat)), seen);
                 }
                 out.copy_from_slice(&seen);
                 return;

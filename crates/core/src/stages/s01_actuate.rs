@@ -24,8 +24,8 @@ pub fn actuate<R: Real>(
     actuator_forces: &mut ActuatorForces<R>,
 ) {
     kernel!(R, || {
-        for (i, (actuator, &u)) in compiled.actuators.iter().zip(at.ctrl).enumerate() {
-            let input = force_input(compiled, i, at, u);
+        for (i, actuator) in compiled.actuators.iter().enumerate() {
+            let input = force_input(compiled, i, at);
             let Some(k) = actuator.servo else {
                 let ActuatorParams { gain, bias } = compiled.params.actuator(i);
                 let requested = gain[0] * input + bias[0];
@@ -134,7 +134,7 @@ pub(crate) fn servo_stiffness_and_damping<R: Real>(
 #[inline(always)]
 fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: usize, forces: &ActuatorForces<R>) -> [R; 2] {
     let own = &compiled.actuators[actuator];
-    let input = force_input(compiled, actuator, at, at.ctrl[actuator]);
+    let input = force_input(compiled, actuator, at);
     let AffineForce { level, slope, rate } = affine_force(
         own,
         compiled.params.actuator(actuator),
@@ -155,13 +155,13 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
     )
 }
 
-/// Input of the force of actuator `i`: its control `u`, or its activation.
+/// Input of the force of actuator `i`: its control, or its activation.
 ///
 /// `at.act` is already the activation at the evaluation point (`advance_activations`). The control acts only through it. An early activation
 /// is that at the end of the step.
 #[inline(always)]
-fn force_input<R: Real>(compiled: &LaneModel<R>, i: usize, at: &ForceState<'_, R>, u: R) -> R {
-    let actuator = &compiled.actuators[i];
+fn force_input<R: Real>(compiled: &LaneModel<R>, i: usize, at: &ForceState<'_, R>) -> R {
+    let (actuator, u) = (&compiled.actuators[i], at.ctrl[i]);
     let Some(a) = actuator.act else { return control(u, actuator.ctrl_range) };
     let act = at.act[a];
     if actuator.early { next_activation(actuator, setpoint(compiled, i, actuator, u, act), [act; 2], at.time_left) } else { act }

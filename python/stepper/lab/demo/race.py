@@ -241,7 +241,7 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
         same = one.after_control is not None and many.after_control is not None and np.array_equal(one.after_control, many.after_control)
         figures["same_bits_on_one_and_all_cores"] = bool(same)
         figures["timestep"] = batch.sim.timestep
-        figures["options"] = dataclasses.asdict(batch.sim.options)
+        figures["options"] = dataclasses.asdict(batch.sim.options) | {"tolerance": batch.sim.tolerance}
     return figures
 
 

@@ -69,13 +69,13 @@ def _notes(figures: Figures) -> list[str]:
     plan, engines = figures["plan"], figures["engines"]
     ours = next(f for f in engines.values() if "options" in f)
     options, came_from = ours["options"], figures["provenance"]
-    tolerance = "1e-4" if options["tolerance"] is None else f"{options['tolerance']:g}"
     versions = came_from["versions"]
     return [
         f"{figures['model']}, dt {ours['timestep'] * 1e3:g} ms; {plan['steps']} steps of random control (uniform in ctrlrange, new every "
         f"{plan['hold']} steps, seed {plan['seed']}), then {plan['rest']} steps without control.",
         f"stepper: integrator {options['integrator'] or 'midpoint'}, solver {options['solver']}, at most {options['iterations']} "
-        f"iterations, tolerance {tolerance} m/s, stabilization {options['stabilization']}. MuJoCo {versions.get('mujoco-core')}: "
+        f"iterations, tolerance {options['tolerance']:g} m/s, stabilization {options['stabilization']}. "
+        f"MuJoCo {versions.get('mujoco-core')}: "
         "mujoco.batch.Batch, Newton, sensors off, same dt; its defaults are Euler and the pyramidal cone.",
         f"Engines take turns of {plan['chunk']} steps in one process, on core {figures['core']} (processor time), then on "
         f"all {figures['num_cores']} cores (wall time); one call per step; numbers and ratios are medians over the turns.",

@@ -29,7 +29,7 @@ PREVIOUS, LINEAR, CUBIC = range(3)
 def reasons_to_omit(source: Source, a: int) -> list[str]:
     """Reasons why stepper cannot simulate an actuator, one text each; an empty list if it can. `a` is the index in MuJoCo's model."""
     m, mj = source.m, source.mujoco
-    transmission = int(m.actuator_trntype[a])
+    transmission, force = int(m.actuator_trntype[a]), force_of(source, a)
 
     def name_in(enum: str, value: int) -> str:
         return str(getattr(mj, enum)(value).name).split("_", 1)[1].lower()
@@ -37,9 +37,9 @@ def reasons_to_omit(source: Source, a: int) -> list[str]:
     reasons = []
     if transmission > TRN_BODY:
         reasons.append(f"transmission {name_in('mjtTrn', transmission)}")
-    elif transmission == TRN_BODY and _depends_on_motion(force_of(source, a)):
+    elif transmission == TRN_BODY and _depends_on_motion(force):
         reasons.append("transmission body with a force that depends on its length or velocity")
-    if force_of(source, a) is None:
+    if force is None:
         if m.actuator_dyntype[a] not in SIMULATED:
             reasons.append(f"dynamics {name_in('mjtDyn', m.actuator_dyntype[a])}")
         if m.actuator_gaintype[a] not in GAIN_TYPES:
@@ -152,6 +152,7 @@ def actuator(source: Source, i: int) -> Description:
     force["force_model"]["disabled"] = disabled
     clamps = bool(m.actuator_ctrllimited[ctrl]) and not source.off("clampctrl")
     late, between = delay(source, i)
+    dynamics = activation(source, i)
     return {
         "name": source.name("ACTUATOR", i),
         "transmission": transmission,
@@ -161,8 +162,8 @@ def actuator(source: Source, i: int) -> Description:
         "ctrl_range": m.actuator_ctrlrange[ctrl].tolist() if clamps else None,
         "force_range": m.actuator_forcerange[i].tolist() if m.actuator_forcelimited[i] else None,
         "act_range": m.actuator_actrange[i].tolist() if m.actuator_actlimited[i] else None,
-        "activation": activation(source, i),
-        "early": bool(m.actuator_actearly[i]) and activation(source, i) != "None",
+        "activation": dynamics,
+        "early": bool(m.actuator_actearly[i]) and dynamics != "None",
         **force,
     }
 

@@ -222,7 +222,7 @@ KNOWN: tuple[Known, ...] = (
     ),
     Known(
         r"34 .*",
-        FIRST_ORDER,
+        EULER,
         ANY,
         RULE,
         Slope(1.0, (1e-3, 5e-4, 2.5e-4), 0.1, "the motion in a step is 0.08 of the distance of the centres in the largest of these steps"),

@@ -983,7 +983,8 @@ class Stepper:
     """Largest estimated error of the positions in a step of the last call of `step`, (num_envs,) float64, m or rad. The estimate of a step
     is a sum over its parts. NaN without `Options(error=...)`."""
     substeps: Final[Any]
-    """Number of substeps in the last call of `step`, (num_envs,) uint32. 0 without `Options(error=...)`."""
+    """Number of parts in the last call of `step` into which steps were divided, (num_envs,) uint32: by elastic impacts, or to keep
+    `Options(error=...)`. Steps that are not divided do not count."""
     max_penetration: Final[Any]
     """Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
     detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP."""

@@ -12,7 +12,7 @@ use crate::integrators::observation::observe;
 use crate::integrators::positions::{accept_corrections, correct_positions, find_tunnelling, integrate_positions};
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::{StepOutcome, record};
-use crate::integrators::substeps::step_within_error;
+use crate::integrators::substeps::step_in_parts;
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
@@ -49,16 +49,18 @@ pub fn step<R: Real>(
                 pipelines.advance(compiled, devices.group, user_controls, state, *alive, options.timestep, memory, outputs);
             }
         });
-        if let Some(error) = options.error {
-            // Stages 1 to 8 and 10, once in every substep, except for the actuator pipelines. Stage 9 follows.
-            let record = step_within_error(compiled, options, error, s, |s| make_substep(compiled, options, s, probe));
+        s.evaluation.substep = Substep::whole(options);
+        s.evaluation.divided = R::Mask::splat(false);
+        let solved = match options.contact {
+            ContactLaw::Hard => options.error.is_none().then(|| solve_step(compiled, options, s, probe)),
+            // Stages 1 to 7 with MuJoCo's contact law. The law has no stage 8, because it includes overlaps and errors of closed loops.
+            ContactLaw::Mujoco => Some(mujoco::solve_step(compiled, options, s, probe)),
+        };
+        let Some(outcome) = solved.filter(|_| s.evaluation.substep.ends_at_impact.none()) else {
+            // Stages 1 to 8 and 10 in parts, because an impact ends the first flight, or to keep an error. Stage 9 follows.
+            let record = step_in_parts(compiled, options, s, solved, |s, solved| make_part(compiled, options, s, solved, probe));
             span!(probe, Sense, || sense_state(compiled, options, s, devices));
             return record;
-        }
-        let outcome = match options.contact {
-            ContactLaw::Hard => solve_step(compiled, options, s, probe),
-            // Stages 1 to 7 with MuJoCo's contact law. The law has no stage 8, because it includes overlaps and errors of closed loops.
-            ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
         };
         let accepted = span!(probe, Accept, || accept(compiled, s, options.timestep));
         // 9 sense
@@ -88,25 +90,35 @@ fn sense_state<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut
     observe(input, velocity, &mut evaluation.kinematics, sensors, devices);
 }
 
-/// Makes the substep of `s.evaluation.substep`, and returns its record. The time of the state does not advance.
+/// Makes the part of a step in `s.evaluation.substep`. Returns its record, and the lanes (bits) that keep their whole state. The time of the
+/// state does not advance. If stages 1 to 8 are made already, `solved` is their outcome.
 #[inline(never)]
-fn make_substep<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> Record<R> {
+fn make_part<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    s: &mut Workspace<R>,
+    solved: Option<StepOutcome<R>>,
+    probe: impl Probe,
+) -> (Record<R>, u32) {
     kernel!(R, || {
-        let outcome = solve_step(compiled, options, s, probe);
+        let outcome = solved.unwrap_or_else(
+            #[inline(always)]
+            || solve_step(compiled, options, s, probe),
+        );
         let accepted = span!(probe, Accept, || accept(compiled, s, 0.0));
         let Workspace { state, inputs, evaluation, free_motion, problem, velocity, alive, .. } = s;
-        let Substep { offset, length } = evaluation.substep;
-        let end = (R::of(state.elapsed) + offset + length, &mut evaluation.kinematics);
+        let (substep, length) = (&evaluation.substep, R::select(evaluation.substep.is_impact, R::zero(), evaluation.scheme.h));
+        let end = (R::of(state.elapsed) + substep.offset + length, &mut evaluation.kinematics);
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
         let record = span!(probe, Record, || record(input, end, free_motion, problem, velocity, &outcome, accepted));
         problem.remove_deferred(&mut state.contacts, accepted.finite);
-        record
+        (Record { substeps: R::one(), ..record }, accepted.kept)
     })
 }
 
-/// Executes stages 1 to 8 of a step, or of a substep, with hard contact: from actuator forces to corrected positions.
+/// Executes stages 1 to 8 of a step, or of a part of it, with hard contact: from actuator forces to corrected positions.
 ///
-/// The function is compiled separately, because `step` and `make_substep` call it.
+/// The function is compiled separately, because `step` and `make_part` call it.
 #[inline(never)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     kernel!(R, || solve_stages(compiled, options, s, probe))
@@ -160,8 +172,9 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
     if let Some(rk4) = &mut s.rk4 {
         // Trees without constraints whose motion is not too fast for the time step get the result of the Runge-Kutta method.
         span!(probe, Rk4, || {
-            rk4.find_smooth_trees(input, problem, free);
-            rk4.replace_step(StepContext { input, evaluation }, velocity, position);
+            let context = StepContext { input, evaluation };
+            rk4.find_smooth_trees(context, problem, free);
+            rk4.replace_step(context, velocity, position);
         });
     }
     let context = StepContext { input, evaluation };

@@ -36,9 +36,9 @@ pub struct Outcome {
     pub overshoot: f64,
     /// Largest position error of an equality during the call, m or rad.
     pub equality_violation: f64,
-    /// Largest estimated error of the positions in a step of the call, m or rad; 0 in steps that keep no error.
+    /// Largest estimated error of the positions in a step of the call, m or rad; 0 without divided steps.
     pub error: f64,
-    /// Number of substeps of the call; 0 in steps that keep no error.
+    /// Number of substeps of the call; 0 without divided steps.
     pub substeps: f64,
 }
 

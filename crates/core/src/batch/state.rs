@@ -71,9 +71,9 @@ pub struct Group<S> {
     pub overshoot: Vec<S>,
     /// Largest position error of an equality, over the steps of the last call, m or rad, per lane.
     pub equality_violation: Vec<S>,
-    /// Largest estimated error of the positions in a step of the last call, m or rad, per lane; 0 in steps that keep no error.
+    /// Largest estimated error of the positions in a step of the last call, m or rad, per lane; 0 without divided steps.
     pub error: Vec<S>,
-    /// Number of substeps of the last call, per lane; 0 in steps that keep no error.
+    /// Number of substeps of the last call, per lane; 0 without divided steps.
     pub substeps: Vec<S>,
     /// Memory of the sensors: delays, noise and results of the last step.
     pub sensing: Memory<S>,

@@ -401,7 +401,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 residual = residual.max(record.residual);
                 (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
                 violation = violation.max(record.equality_violation);
-                if call.settings.error.is_some() {
+                if call.settings.error.is_some() || s.evaluation.divided.any() {
                     record.error.max(R::load(&group.error)).store(&mut group.error);
                     (record.substeps + R::load(&group.substeps)).store(&mut group.substeps);
                 }

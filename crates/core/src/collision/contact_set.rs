@@ -196,19 +196,37 @@ impl<R: Real> Contacts<R> {
                 continue;
             }
             if to < from {
-                self.ids[to][l] = self.ids[from][l];
-                let (before, after) = self.data.split_at_mut(from);
-                before[to].copy_lane(&after[0], l);
-                copy_lane(&mut before[to].tangent, &after[0].tangent, l);
-                copy_lane(&mut before[to].impulse, &after[0].impulse, l);
-                if !self.torque.is_empty() {
-                    let (before, after) = self.torque.split_at_mut(from);
-                    copy_lane(&mut before[to], &after[0], l);
-                }
+                self.move_contact(l, from, to);
             }
             to += 1;
         }
         self.count[l] = to;
+    }
+
+    /// Moves a contact of lane `l`, with its impulse, from slot `from` to slot `to`.
+    fn move_contact(&mut self, l: usize, from: usize, to: usize) {
+        self.ids[to][l] = self.ids[from][l];
+        let Slot { point, tangent, mu, restitution, impulse, over_face } = self.data[from];
+        self.data[to].set_lane(l, &point, mu, restitution, over_face);
+        copy_lane(&mut self.data[to].tangent, &tangent, l);
+        copy_lane(&mut self.data[to].impulse, &impulse, l);
+        if let Some(&torque) = self.torque.get(from) {
+            copy_lane(&mut self.torque[to], &torque, l);
+        }
+    }
+
+    /// Keeps those contacts of the lanes `lanes` whose gap is at most `most`, m, and sets their gaps and overlaps to zero.
+    #[cold]
+    pub(crate) fn keep_touching(&mut self, lanes: R::Mask, most: R) {
+        for l in each_of(lanes.bits()) {
+            for k in (0..self.count[l]).rev() {
+                if self.data[k].point.distance.lane(l) <= most.lane(l) {
+                    self.data[k].point.distance.set_lane(l, R::Scalar::ZERO);
+                } else {
+                    self.retain(l, |slot, _| slot != k);
+                }
+            }
+        }
     }
 
     /// Sets gaps that are smaller than their rounding error to zero, in single precision.
@@ -327,10 +345,7 @@ impl<R: Real> Contacts<R> {
         for l in each_of(lanes) {
             self.count[l] = from.count[l];
             for k in 0..from.count[l] {
-                self.ids[k][l] = from.ids[k][l];
-                self.data[k].copy_lane(&from.data[k], l);
-                copy_lane(&mut self.data[k].tangent, &from.data[k].tangent, l);
-                self.take_impulse(from, [k, k], l);
+                self.take_contact(from, [k, k], l);
             }
         }
         self.full = self.full & !lanes | from.full & lanes;
@@ -342,6 +357,35 @@ impl<R: Real> Contacts<R> {
             self.data[k].impulse = scale(self.data[k].impulse, factor);
         }
         self.torque.iter_mut().for_each(|torque| *torque = scale(*torque, factor));
+    }
+
+    /// Lanes (bits) in which the contact in slot `k` has an impulse.
+    pub(crate) fn bearing(&self, k: usize) -> u32 {
+        self.data[k].impulse[0].gt(R::zero()).bits() & self.lanes_of(k)
+    }
+
+    /// Adds the contacts of `from` that are not in this set, in the lanes `lanes` (bits). `takes` returns whether it adds the contact of a
+    /// slot and a lane.
+    pub(crate) fn add_missing(&mut self, from: &Self, lanes: u32, takes: impl Fn(usize, usize) -> bool) {
+        for l in each_of(lanes) {
+            for at in 0..from.count[l] {
+                let id = from.ids[at][l];
+                if !takes(at, l) || self.find(l, at, id).is_some() {
+                    continue;
+                }
+                if self.count[l] == self.data.len() {
+                    self.full |= 1 << l;
+                    continue;
+                }
+                let mut k = self.count[l];
+                self.count[l] = k + 1;
+                while k > 0 && self.ids[k - 1][l] > id {
+                    self.move_contact(l, k - 1, k);
+                    k -= 1;
+                }
+                self.take_contact(from, [k, at], l);
+            }
+        }
     }
 
     /// Adds the impulses of the same contacts in `earlier`, as vectors in world axes, in the lanes `lanes` (bits).
@@ -437,6 +481,14 @@ impl<R: Real> Contacts<R> {
             let lost = id.pair() == self.ids[k][l].pair() && self.find(l, old, id).is_none();
             lost && dot(of_lane(&last.data[old].impulse, l), normal) > 0.0
         })
+    }
+
+    /// Copies the contact of lane `l`, with its impulse, from slot `at` of `from` to slot `k`.
+    fn take_contact(&mut self, from: &Self, [k, at]: [usize; 2], l: usize) {
+        self.ids[k][l] = from.ids[at][l];
+        self.data[k].copy_lane(&from.data[at], l);
+        copy_lane(&mut self.data[k].tangent, &from.data[at].tangent, l);
+        self.take_impulse(from, [k, at], l);
     }
 
     /// Copies the impulse of lane `l` from slot `old` of `last` to slot `k`.

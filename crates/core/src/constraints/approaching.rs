@@ -46,8 +46,8 @@ impl<R: Real> Assembler<'_, R> {
         free: V3<R>,
     ) -> R::Mask {
         let at_face = lanes.and(R::Mask::from_bits(self.builder.flat | contacts.data[k].over_face));
-        // Lanes in which the normal velocity of the contact can change.
-        let curved = lanes.and_not(at_face.and_not(self.problem.turning));
+        // Lanes in which the normal velocity of the contact can change. Contacts of an impact touch.
+        let curved = lanes.and_not(at_face.and_not(self.problem.turning)).and_not(input.is_impact);
         if curved.none() {
             return curved;
         }

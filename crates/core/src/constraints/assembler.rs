@@ -46,11 +46,17 @@ pub(crate) struct RowInput<'a, R: Real> {
     /// Friction losses of actuator dynamics for every row of dry friction, N or N m: against forward motion, and against backward motion.
     /// Empty without losses.
     pub losses: &'a [[R; 2]],
-    /// Time step, s.
+    /// Time step or length of the substep, s.
     pub h: R,
+    /// Longest length that the flight can have, s: the whole step, or its part after the last impact.
+    pub longest: R,
+    /// Lanes whose substep is an impact.
+    pub is_impact: R::Mask,
+    /// Lanes whose substep no impact ends.
+    pub has_no_end: R::Mask,
     /// Time in the step at which the rows of each mechanism are evaluated.
     pub times: &'a EvaluationTimes<R>,
-    /// Whether the step evaluates forces and contacts in its middle, and impacts at their times (midpoint rule).
+    /// Whether the step evaluates forces and contacts in its middle (midpoint rule).
     pub in_the_middle: bool,
     /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. These overlaps determine
     /// which rows correct an overlap, so that the same rows do so at all displaced states.

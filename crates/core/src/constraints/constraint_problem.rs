@@ -30,24 +30,16 @@ pub struct ConstraintProblem<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one row. Rows of deferred contacts do not count, nor do those that a doubtful collision activated.
     pub constrained: R::Mask,
-    /// Lanes that need the position solve of stage 8 because of position errors, or because of an impact with Euler's rule or the implicit
-    /// rule. With the midpoint rule, lanes with an impact need the position solve too, but this mask leaves them out:
-    /// [`Self::midpoint_impact_lanes`] returns them.
+    /// Lanes that need the position solve of stage 8: because of position errors, or because a contact bounces in a flight without an end.
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes in which a contact bounces, if the integrator is Euler's rule or the implicit rule. There the largest speed in the step bounds
-    /// the speed of the position correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`]
-    /// returns such lanes.
-    pub rebounding_at_step_end: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,
     /// Impact of every contact, contacts with three rows first. Empty if no contact is elastic.
     pub(crate) impacts: Vec<Impact<R>>,
     /// Whether some contact is elastic (restitution above zero).
     pub(crate) elastic: bool,
-    /// Whether the step determines the times of impacts: the integrator is the midpoint rule, and some contact is elastic.
-    pub(crate) resolves_impacts: bool,
     /// Approaching contacts, whose rows the solver leaves out (defers) until their geoms collide in the predicted or solved motion.
     pub(crate) deferred: Vec<DeferredContact<R>>,
     /// Curvature terms that the offsets of friction rows contain.
@@ -60,20 +52,14 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) soft: Option<Box<SoftSystem<R>>>,
 }
 
-/// Impact of a contact that bounces within the step.
+/// Impact of a contact that bounces.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Impact<R: Real> {
     /// Lanes in which the contact bounces. They include lanes in which its surfaces touch and separate: an impact elsewhere may push them
     /// together again.
     pub(crate) lanes: R::Mask,
-    /// Time of the impact after the beginning of the step, as a fraction of the step. 1 with Euler's rule and the implicit rule.
-    pub(crate) time_fraction: R,
-    /// Factor 1 + e of the normal velocity, e being the coefficient of restitution. 1 after [`ConstraintProblem::drop_restitution`] made
-    /// the impact inelastic.
-    pub(crate) normal_factor: R,
-    /// Bias of the normal row by Euler's or the implicit rule, m/s: e times the free normal velocity. This free velocity is that after the
-    /// elimination of equalities and before the corrector. Unused with the midpoint rule, which multiplies the whole offset by
-    /// `normal_factor`.
+    /// Bias of the normal row, m/s: the coefficient of restitution times the normal velocity without the impact. 0 where
+    /// [`ConstraintProblem::drop_restitution`] made the impact inelastic.
     pub(crate) rebound: R,
 }
 
@@ -89,8 +75,7 @@ pub(crate) struct DeferredContact<R: Real> {
     /// Lanes in which a doubtful collision of the predicted motion activated the rows. A collision is doubtful if the error of the
     /// prediction can cause its overlap.
     pub(crate) doubtful: R::Mask,
-    /// Lanes in which the contact bounces by the midpoint rule. There `bias` follows from Newton's law of restitution. With the other
-    /// integrators there are no such lanes.
+    /// Lanes in which the contact bounces. There `bias` follows from Newton's law of restitution.
     pub(crate) bounces: R::Mask,
     /// Bias of the normal row, m/s: the row's offset g minus the normal velocity without impulses.
     pub(crate) bias: R,
@@ -136,11 +121,9 @@ impl<R: Real> ConstraintProblem<R> {
             constrained: none,
             needs_position_solve: none,
             biased: none,
-            rebounding_at_step_end: none,
             may_have_immovable_rows: false,
             impacts: Vec::with_capacity(max_contacts + rolling_contacts),
             elastic: false,
-            resolves_impacts: false,
             deferred: Vec::with_capacity(max_contacts + rolling_contacts),
             curvature_terms: Vec::with_capacity(max_contacts + rolling_contacts),
             turning: none,
@@ -160,62 +143,19 @@ impl<R: Real> ConstraintProblem<R> {
         i.checked_sub(self.sliding_slots.len()).map_or_else(|| self.sliding_slots[i].0, |k| self.rolling_slots[k].0)
     }
 
-    /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`, evenly over the step.
-    ///
-    /// With the midpoint rule, the rows of an impact contain the free velocity at the time t of the impact. The velocity at this time
-    /// changes by t / h times the sum of `change` and `early_extra_change`. Callers pass `early_extra_change` if the forces before the
-    /// impact changed by other amounts than the forces after it. The function overwrites both arrays.
-    pub fn shift(
-        &mut self,
-        compiled: &LaneModel<R>,
-        mass: &MassMatrix<R>,
-        change: &mut [R],
-        early_extra_change: Option<&mut [R]>,
-        lanes: R::Mask,
-    ) {
-        let Self { rows, impacts, resolves_impacts, .. } = self;
-        if rows.is_empty() {
-            return;
-        }
-        kernel!(R, || {
-            mass.scale(compiled, change);
-            rows.shift(change, lanes);
-            if !*resolves_impacts {
-                return;
-            }
-            shift_impacts(
-                impacts,
-                lanes,
-                R::one(),
-                #[inline(always)]
-                |i, impact_lanes, factors| rows.shift_contact(i, change, impact_lanes, factors),
-            );
-            if let Some(change) = early_extra_change {
-                mass.scale(compiled, change);
-                shift_impacts(
-                    impacts,
-                    lanes,
-                    R::zero(),
-                    #[inline(always)]
-                    |i, impact_lanes, factors| rows.shift_contact(i, change, impact_lanes, factors),
-                );
-            }
-        })
+    /// Lanes in which a contact bounces.
+    #[inline(always)]
+    pub(crate) fn impact_lanes(&self) -> R::Mask {
+        self.impacts.iter().fold(R::Mask::splat(false), |lanes, impact| lanes.or(impact.lanes))
     }
-}
 
-/// Calls `shift` for each contact that bounces in the lanes `lanes`, with the index of the contact, these lanes, and two factors. A
-/// velocity change times the first factor is added to g of the normal row, and times the second to g of the friction rows.
-///
-/// The factor of the friction rows is t / h for an impact at the time t, because the velocity changes evenly over the step. The factor of
-/// the normal row is t / h times `normal_factor`. Both factors are reduced by `added`: 1 if the caller has already added the whole velocity
-/// change to g, otherwise 0.
-#[inline(always)]
-pub(crate) fn shift_impacts<R: Real>(impacts: &[Impact<R>], lanes: R::Mask, added: R, mut shift: impl FnMut(usize, R::Mask, [R; 2])) {
-    for (i, impact) in impacts.iter().enumerate() {
-        let impact_lanes = lanes.and(impact.lanes);
-        if impact_lanes.any() {
-            shift(i, impact_lanes, [impact.normal_factor * impact.time_fraction - added, impact.time_fraction - added]);
+    /// Updates the offsets g of the rows after the free velocity has changed by `change`. Overwrites `change`.
+    pub fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R]) {
+        if !self.rows.is_empty() {
+            kernel!(R, || {
+                mass.scale(compiled, change);
+                self.rows.shift(change, R::Mask::splat(true));
+            })
         }
     }
 }

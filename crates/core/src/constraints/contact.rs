@@ -290,10 +290,10 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn sliding_rows(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, mass, .. } = *input;
-        let (slot, exists) = (&contacts.data[k], R::Mask::from_bits(lanes));
+        let mut exists = R::Mask::from_bits(lanes);
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
         let has_curvature = input.in_the_middle && self.builder.both_move != 0;
-        let change = if self.problem.resolves_impacts || has_curvature { self.builder.change_by_free_motion(input) } else { zero() };
+        let change = if has_curvature { self.builder.change_by_free_motion(input) } else { zero() };
         // Half of a solve with the mass matrix L^T D L: `column` becomes L^-T J^T. The callers multiply by D^-1/2.
         self.builder.half_solve::<3>(compiled, mass);
         // Normal rows of contacts with soft surfaces, which have a spring and a damper.
@@ -306,16 +306,12 @@ impl<R: Real> Assembler<'_, R> {
             // The spring determines the position, so that no position correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
-        // Restitution: with Euler's rule and the implicit rule, `bounce_at_step_end` and `bounce_at_step_end_eliminated` apply it, with
-        // the midpoint rule `bounce_at_impact_time`.
-        let (bias, mut exists) = self.bounce_at_step_end(input, slot, exists, [free[0], before[0]], bias);
         let mut offsets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut offsets);
-        let bias = if lengths.is_some() { self.bounce_at_step_end_eliminated(slot, free[0], bias, &mut offsets[0][0]) } else { bias };
         let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
         let mut bounces = R::Mask::splat(false);
-        if self.problem.resolves_impacts {
-            exists = self.bounce_at_impact_time(input, (contacts, k), exists, [free, change], bias, &mut offsets);
+        if self.problem.elastic {
+            exists = self.bounce(input, (contacts, k), exists, [before[0], bias], &mut offsets[0][0]);
             bounces = self.problem.impacts.last().map_or(bounces, |impact| impact.lanes);
         }
         let lanes = self.approaching_lanes(input, contacts, k, exists.and(rigid), before[0], free_eliminated);

@@ -1,8 +1,10 @@
 //! Evaluation time of each mechanism: the time in the step at which its forces, contacts and rows are evaluated.
 //!
-//! With the midpoint rule this is the middle of the step, with two exceptions. Mechanisms with very fast bodies, which could pass through a
-//! thin geom before the middle, are evaluated at the beginning. Mechanisms with an elastic impact are evaluated at the time of the impact.
-//! Mechanisms that contacts connect have the same time. The time of other mechanisms is never affected.
+//! With the midpoint rule this is the middle of the step, with one exception. Mechanisms with very fast bodies, which could pass through a
+//! thin geom before the middle, are evaluated at the beginning. Mechanisms that contacts connect have the same time. The time of other
+//! mechanisms is never affected.
+//!
+//! In a step that is divided into substeps, "step" means the substep here.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -17,18 +19,18 @@ pub(crate) struct EvaluationTimes<R: Real> {
     h: R,
     /// Time from the beginning of the step to the evaluation point of the integration rule, s.
     rule: R,
+    /// Time from the end of the step to the evaluation point of the next one, s.
+    next: R,
+    /// Time from the evaluation point of the integration rule to that of the next step, s, and the fraction of a gap that may close in the
+    /// step.
+    closing: [R; 2],
     /// Time from the beginning of the step to the evaluation of each mechanism, s. Current only if `moved` is true.
     before: Vec<R>,
     /// Lanes in which each mechanism has very fast bodies, or contacts connect it with such a mechanism. It is evaluated at the beginning
-    /// of the step, unless it has an impact.
+    /// of the step.
     fast: Vec<R::Mask>,
-    /// Lanes in which each mechanism is evaluated at the time of an elastic impact. The mechanism takes part in the impact, or contacts
-    /// connect it with one that does.
-    impact: Vec<R::Mask>,
-    /// Whether any mechanism is `fast` or has an `impact`, in any lane.
+    /// Whether any mechanism is `fast`, in any lane.
     moved: bool,
-    /// Times of the first impacts that the last search found, s; infinite for mechanisms without an impact.
-    first_impact: Vec<R>,
 }
 
 /// Evaluation time of the contacts in one slot of the contact set, one contact per lane.
@@ -57,26 +59,26 @@ impl<R: Real> SlotTimes<R> {
 impl<R: Real> EvaluationTimes<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
-        let (count, none) = (compiled.mechanisms.count, R::Mask::splat(false));
+        let count = compiled.mechanisms.count;
         Self {
             h: R::zero(),
             rule: R::zero(),
+            next: R::zero(),
+            closing: [R::zero(), R::one()],
             before: vec![R::zero(); count],
-            fast: vec![none; count],
-            impact: vec![none; count],
+            fast: vec![R::Mask::splat(false); count],
             moved: false,
-            first_impact: vec![R::zero(); count],
         }
     }
 
-    /// Sets the time of all mechanisms to `rule`, the evaluation point of the integration rule, s. The time step is `h`, s.
+    /// Sets the time of all mechanisms to `rule`, the evaluation point of the integration rule, s. The time step is `h`, s. `next` is the
+    /// time from the end of the step to the evaluation point of the next one, s.
     #[inline(always)]
-    pub(crate) fn reset(&mut self, h: R, rule: R) {
-        (self.h, self.rule) = (h, rule);
+    pub(crate) fn reset(&mut self, h: R, rule: R, next: R) {
+        let closing = h - rule + next;
+        (self.h, self.rule, self.next, self.closing) = (h, rule, next, [closing, h / closing]);
         if self.moved {
-            let none = R::Mask::splat(false);
-            self.fast.fill(none);
-            self.impact.fill(none);
+            self.fast.fill(R::Mask::splat(false));
             self.moved = false;
         }
     }
@@ -85,6 +87,12 @@ impl<R: Real> EvaluationTimes<R> {
     #[inline(always)]
     pub(crate) fn h(&self) -> R {
         self.h
+    }
+
+    /// Time from the evaluation point of the integration rule to that of the next step, s.
+    #[inline(always)]
+    pub(crate) fn closing(&self) -> R {
+        self.closing[0]
     }
 
     /// Whether any mechanism is evaluated at another time than that of the integration rule, in any lane.
@@ -135,35 +143,16 @@ impl<R: Real> EvaluationTimes<R> {
     /// Lanes in which the mechanism is evaluated at another time than that of the integration rule.
     #[inline(always)]
     pub(crate) fn moved_lanes(&self, mechanism: usize) -> R::Mask {
-        if self.moved { self.fast[mechanism].or(self.impact[mechanism]) } else { R::Mask::splat(false) }
-    }
-
-    /// Lanes in which the mechanism takes part in an elastic impact.
-    #[inline(always)]
-    pub(crate) fn impact_lanes_of(&self, mechanism: usize) -> R::Mask {
-        if self.moved { self.impact[mechanism] } else { R::Mask::splat(false) }
-    }
-
-    /// Lanes in which any mechanism takes part in an elastic impact, and the latest time of their impacts, s.
-    #[inline(always)]
-    pub(crate) fn latest_impact(&self) -> (R::Mask, R) {
-        let (mut lanes, mut latest) = (R::Mask::splat(false), R::zero());
-        if self.moved {
-            for (&impact, &before) in self.impact.iter().zip(&self.before) {
-                lanes = lanes.or(impact);
-                latest = R::select(impact, latest.max(before), latest);
-            }
-        }
-        (lanes, latest)
+        if self.moved { self.fast[mechanism] } else { R::Mask::splat(false) }
     }
 
     /// Longest time within which a gap may close, s.
     #[inline(always)]
     pub(crate) fn longest_closing(&self) -> R {
-        let mut longest = self.h;
+        let mut longest = self.closing[0];
         if self.moved {
             for &before in &self.before {
-                longest = longest.max(self.h - before + self.h * R::of(0.5));
+                longest = longest.max(self.h - before + self.next);
             }
         }
         longest
@@ -175,13 +164,11 @@ impl<R: Real> EvaluationTimes<R> {
         if !self.moved {
             return self.times_of_rule();
         }
-        let none = R::Mask::splat(false);
-        let (mut before, mut fast, mut impact) = (self.rule, none, none);
         // Both geoms have the same times, unless one of them is fixed to the world.
-        if let Some(m) = geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)).next() {
-            (before, fast, impact) = (self.before[m], self.fast[m], self.impact[m]);
+        match geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)).next() {
+            Some(m) => self.slot_times(self.before[m], self.fast[m]),
+            None => self.times_of_rule(),
         }
-        self.slot_times(before, [fast, impact])
     }
 
     /// Times of the contacts in slot `k`, in the lanes `lanes` (bits).
@@ -193,39 +180,34 @@ impl<R: Real> EvaluationTimes<R> {
     /// Times of contacts that are evaluated at the time of the integration rule.
     #[inline(always)]
     fn times_of_rule(&self) -> SlotTimes<R> {
-        let (before, closing) = (self.rule, self.h);
-        SlotTimes { before, after: closing - before, closing, closing_fraction: R::one(), at_start: R::Mask::splat(false) }
+        let (before, [closing, closing_fraction]) = (self.rule, self.closing);
+        SlotTimes { before, after: self.h - before, closing, closing_fraction, at_start: R::Mask::splat(false) }
     }
 
     #[cold]
     #[inline(never)]
     fn moved_slot(&self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlotTimes<R> {
         kernel!(R, || {
-            let (mut before, [mut fast, mut impact]) = (self.rule, [R::Mask::splat(false); 2]);
+            let (mut before, mut fast) = (self.rule, R::Mask::splat(false));
             for (pair, lanes) in contacts.pairs(k, lanes) {
                 let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                 if let Some(m) = geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)).next() {
                     let lanes = R::Mask::from_bits(lanes);
                     before = R::select(lanes, self.before[m], before);
-                    (fast, impact) = (fast.or(self.fast[m].and(lanes)), impact.or(self.impact[m].and(lanes)));
+                    fast = fast.or(self.fast[m].and(lanes));
                 }
             }
-            self.slot_times(before, [fast, impact])
+            self.slot_times(before, fast)
         })
     }
 
-    /// Times of contacts that are evaluated `before` s after the beginning of the step.
-    ///
-    /// The next evaluation is normally h later. After an evaluation at the beginning of the step it is 1.5 h later, in the middle of the
-    /// next step. After an impact it is the rest of this step plus h / 2 later.
+    /// Times of contacts that are evaluated `before` s after the beginning of the step. In the lanes `at_start` they are evaluated at the
+    /// beginning of the step, because their bodies are very fast.
     #[inline(always)]
-    fn slot_times(&self, before: R, [fast, impact]: [R::Mask; 2]) -> SlotTimes<R> {
-        let (h, after, at_start) = (self.h, self.h - before, fast.and_not(impact));
-        let mut closing_fraction = R::select(at_start, R::of(2.0 / 3.0), R::one());
-        if impact.any() {
-            closing_fraction = R::select(impact, h / (after + h * R::of(0.5)), closing_fraction);
-        }
-        SlotTimes { before, after, closing: h / closing_fraction, closing_fraction, at_start }
+    fn slot_times(&self, before: R, at_start: R::Mask) -> SlotTimes<R> {
+        let after = self.h - before;
+        let closing = after + self.next;
+        SlotTimes { before, after, closing, closing_fraction: self.h / closing, at_start }
     }
 
     /// Moves mechanisms with very fast bodies to the beginning of the step, and all mechanisms that `contacts` connect with them.
@@ -241,98 +223,39 @@ impl<R: Real> EvaluationTimes<R> {
         if !moved && self.fast.iter().all(|lanes| lanes.none()) {
             return false;
         }
-        moved |= merge_connected(compiled, contacts, |[a, b], lanes| {
-            let both = self.fast[a].or(self.fast[b]).and(lanes);
-            let changed = both.and_not(self.fast[a].and(self.fast[b]));
-            (self.fast[a], self.fast[b]) = (self.fast[a].or(both), self.fast[b].or(both));
-            changed
-        });
+        moved |= merge_connected(
+            compiled,
+            contacts,
+            |k| contacts.lanes_of(k),
+            |[a, b], lanes| {
+                let both = self.fast[a].or(self.fast[b]).and(lanes);
+                let changed = both.and_not(self.fast[a].and(self.fast[b]));
+                (self.fast[a], self.fast[b]) = (self.fast[a].or(both), self.fast[b].or(both));
+                changed
+            },
+        );
         if moved {
             self.update();
         }
         moved
     }
 
-    /// Clears the impacts of the last search.
-    #[inline(always)]
-    pub(crate) fn begin_impact_search(&mut self) {
-        self.first_impact.fill(R::of(f64::INFINITY));
-    }
-
-    /// Notes impacts of a pair of geoms at `time` s after the beginning of the step, in the lanes `lanes`.
-    #[inline(always)]
-    pub(crate) fn note_impact(&mut self, compiled: &ModelStructure<R::Scalar>, geoms: [usize; 2], lanes: R::Mask, time: R) {
-        for m in geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)) {
-            self.first_impact[m] = R::select(lanes, self.first_impact[m].min(time), self.first_impact[m]);
-        }
-    }
-
-    /// Moves mechanisms, with all that `contacts` connect with them, to the times of their first noted impacts. Differences up to
-    /// `tolerance`, s, do not count. Returns whether any time changed.
-    #[inline(never)]
-    pub(crate) fn move_to_impacts(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, tolerance: R) -> bool {
-        let noted = |time: R| time.lt(R::of(f64::INFINITY));
-        if self.first_impact.iter().all(|&time| noted(time).none()) {
-            return false;
-        }
-        merge_connected(compiled, contacts, |connected, lanes| {
-            let later = take_earliest(&mut self.first_impact, connected, lanes);
-            later[0].or(later[1])
-        });
-        if !self.moved {
-            self.update();
-        }
-        let mut any = false;
-        for m in 0..self.before.len() {
-            let (time, lanes) = (self.first_impact[m], noted(self.first_impact[m]));
-            let moved = lanes.and((time - self.before[m]).abs().gt(tolerance));
-            self.impact[m] = self.impact[m].or(lanes);
-            self.before[m] = R::select(moved, time, self.before[m]);
-            any |= moved.any();
-        }
-        any
-    }
-
-    /// Gives mechanisms that `contacts` connect the same time, the earliest. Returns whether any time changed.
-    ///
-    /// Contacts may connect a moved mechanism with others only at its new time.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn connect(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>) -> bool {
-        merge_connected(compiled, contacts, |connected, lanes| {
-            let later = take_earliest(&mut self.before, connected, lanes);
-            for (m, later) in connected.into_iter().zip(later) {
-                self.impact[m] = self.impact[m].or(later);
-            }
-            later[0].or(later[1])
-        })
-    }
-
-    /// Recomputes the times of mechanisms without an impact.
+    /// Recomputes the times of mechanisms.
     fn update(&mut self) {
         self.moved = true;
-        for m in 0..self.before.len() {
-            let time = R::select(self.fast[m], R::zero(), self.rule);
-            self.before[m] = R::select(self.impact[m], self.before[m], time);
+        for (before, &fast) in self.before.iter_mut().zip(&self.fast) {
+            *before = R::select(fast, R::zero(), self.rule);
         }
     }
-}
-
-/// Gives two mechanisms the earlier of their `times` in the lanes `lanes`. Returns the lanes in which each time changed.
-fn take_earliest<R: Real>(times: &mut [R], connected: [usize; 2], lanes: R::Mask) -> [R::Mask; 2] {
-    let earliest = times[connected[0]].min(times[connected[1]]);
-    connected.map(|m| {
-        let later = lanes.and(times[m].gt(earliest));
-        times[m] = R::select(later, earliest, times[m]);
-        later
-    })
 }
 
 /// Calls `merge` for each contact between two mechanisms, with the mechanisms and the lanes of the contact, until nothing changes any more.
-/// `merge` returns the lanes in which a value changed. Returns whether any value changed.
+/// `merge` returns the lanes in which a value changed. Returns whether any value changed. `counts` returns the lanes (bits) in which the
+/// contact of a slot counts.
 pub(crate) fn merge_connected<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     contacts: &Contacts<R>,
+    counts: impl Fn(usize) -> u32,
     mut merge: impl FnMut([usize; 2], R::Mask) -> R::Mask,
 ) -> bool {
     let mut any = false;
@@ -342,7 +265,7 @@ pub(crate) fn merge_connected<R: Real>(
     loop {
         let mut changed = R::Mask::splat(false);
         for k in 0..contacts.slots() {
-            for (pair, lanes) in contacts.pairs(k, contacts.lanes_of(k)) {
+            for (pair, lanes) in contacts.pairs(k, counts(k)) {
                 let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                 match geoms.map(|geom| compiled.mechanism_of_geom(geom)) {
                     [Some(a), Some(b)] if a != b => changed = changed.or(merge([a, b], R::Mask::from_bits(lanes))),

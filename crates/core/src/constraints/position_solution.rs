@@ -25,12 +25,10 @@ pub struct PositionSolution<R: Real> {
     pub(crate) reference: Reference<R>,
     /// Free velocity (velocity without impulses) of the position solve, nv.
     pub(crate) v_free: Vec<R>,
-    /// Displacement by impacts divided by the time step, nv. It is added to `v_free`.
-    pub(crate) impact_displacement: Vec<R>,
     /// Velocity of the position correction, nv.
     pub(crate) correction: Vec<R>,
-    /// Velocity of the motion that the tunnelling check tests, nv. Computed only if a contact bounces in some lane.
-    pub(crate) tested_velocity: Vec<R>,
+    /// Scratch buffer, nv.
+    pub(crate) scratch: Vec<R>,
     /// Configuration after the correction, nq.
     pub(crate) q_corrected: Vec<R>,
     /// Poses at the configuration after the correction.
@@ -51,9 +49,8 @@ impl<R: Real> PositionSolution<R> {
             unconstrained_mobility: Vec::with_capacity(capacity.scalars + capacity.contacts + capacity.rolling_contacts),
             reference: Reference::new(&capacity),
             v_free: v(),
-            impact_displacement: v(),
             correction: v(),
-            tested_velocity: v(),
+            scratch: v(),
             q_corrected: q(),
             kinematics: Kinematics::new(compiled),
             contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
@@ -62,10 +59,8 @@ impl<R: Real> PositionSolution<R> {
 
     /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
-        let Self { q, act, v_free, impact_displacement, correction, tested_velocity, q_corrected, .. } = self;
-        [q, act, v_free, impact_displacement, correction, tested_velocity, q_corrected]
-            .into_iter()
-            .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        let Self { q, act, v_free, correction, scratch, q_corrected, .. } = self;
+        [q, act, v_free, correction, scratch, q_corrected].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
     /// Copies the rows of the constraint problem as rows of the position solve.

@@ -60,11 +60,9 @@ impl<R: Real> Assembler<'_, R> {
                 |i| dot(axes[i], surface_rotation) * friction.scale[i],
             );
             let free_rotation = self.builder.rotation_columns(input, &axes, friction.scale, surface);
-            let change = if self.problem.resolves_impacts { self.builder.change_by_free_motion(input) } else { zero() };
             self.builder.half_solve::<3>(compiled, mass);
             let mut rotation = [[free_rotation[0]; 2], [free_rotation[1]; 2], [free_rotation[2]; 2]];
             let rotation_lengths = self.builder.eliminate(&self.problem.rows, mass, &mut rotation);
-            self.shift_rotation_to_impact(change, &mut rotation);
             let factor = friction.sliding_factor;
             let (push, torque) = (slot.impulse, friction.row_impulses(contacts.torque[k]));
             let rows = ContactRows {

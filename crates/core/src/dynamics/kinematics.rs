@@ -302,6 +302,15 @@ pub fn difference<R: Real>(x: &[R], y: &[R], out: &mut [R]) {
     })
 }
 
+/// Copies the lanes `lanes` of a list.
+pub(crate) fn select_into<R: Real>(to: &mut [R], from: &[R], lanes: R::Mask) {
+    kernel!(R, || {
+        for (to, &from) in to.iter_mut().zip(from) {
+            *to = R::select(lanes, from, *to);
+        }
+    });
+}
+
 /// Computes out = x + share * (end - x), entry by entry.
 pub fn blend<R: Real>(x: &[R], end: &[R], share: R, out: &mut [R]) {
     kernel!(R, || {

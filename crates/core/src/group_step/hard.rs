@@ -12,6 +12,7 @@ use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{difference, displace};
 use crate::group_step::rule::{ConstraintNames, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Solve};
 use crate::integrators::evaluation::Evaluation;
+use crate::integrators::evaluation::Substep;
 use crate::integrators::free_motion::{FreeMotion, recompute_free_motion};
 use crate::integrators::locate::locate;
 use crate::integrators::positions::integrate_positions;
@@ -36,6 +37,8 @@ pub(super) struct HardNominal<R: Real> {
     limits: Vec<R>,
     /// Predicted velocity after the step, nv, at which the solved step evaluated velocity-dependent forces.
     v_expected: Vec<R>,
+    /// Lanes (bits) whose step impacts divided.
+    divided: u32,
     /// Lanes (bits) in which the step corrects positions.
     corrected: u32,
     /// Whether positions are corrected in a separate solve (split stabilisation).
@@ -66,6 +69,7 @@ impl<R: Real> HardNominal<R> {
             contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
             limits: vec![R::of(f64::NAN); compiled.limits.len()],
             v_expected: zeros(),
+            divided: 0,
             corrected: 0,
             split: options.stabilization == Stabilization::Split,
             correction: R::zero(),
@@ -79,6 +83,7 @@ impl<R: Real> HardNominal<R> {
     pub(super) fn keep(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>) {
         // The step has moved its contacts to the state.
         self.contacts.clone_from(&s.state.contacts);
+        self.divided = s.evaluation.divided.bits();
         self.v_expected.copy_from_slice(&s.free_motion.v_expected);
         for (i, (gap, impulse)) in self.limits.iter_mut().zip(&s.velocity.scalar_impulse).enumerate() {
             *gap = R::select(impulse.gt(R::zero()), limit_gap(compiled, i, &s.evaluation.q), R::of(f64::NAN));
@@ -87,19 +92,13 @@ impl<R: Real> HardNominal<R> {
 
     /// Compares the last evaluation, which started from the nominal state, with the stored solution of the step.
     pub(super) fn compare(&self, compiled: &LaneModel<R>, s: &Workspace<R>) -> NominalEvaluation<R> {
-        // A bouncing contact has other impulses in the position solve, or none.
-        let mut bouncing = s.problem.rebounding_at_step_end.or(s.problem.midpoint_impact_lanes()).bits();
-        let prediction = self.scheme.predicts().then(|| {
-            // The time of an impact is found by iteration, up to a fraction of the step.
-            bouncing |= s.evaluation.times.latest_impact().0.bits();
-            Prediction {
-                drives_forces: depends_on_prediction(compiled),
-                solved: is_estimated(&s.state.v, self.scheme.h).bits(),
-                difference: self.prediction_difference(&s.free_motion.v_expected),
-                motion: self.scheme.h * fastest(&s.state.v),
-            }
+        let prediction = self.scheme.predicts().then(|| Prediction {
+            drives_forces: depends_on_prediction(compiled),
+            solved: is_estimated(&s.state.v, self.scheme.h).bits(),
+            difference: self.prediction_difference(&s.free_motion.v_expected),
+            motion: self.scheme.h * fastest(&s.state.v),
         });
-        NominalEvaluation { bouncing, correction: self.correction, prediction }
+        NominalEvaluation { bouncing: self.divided | s.problem.impact_lanes().bits(), correction: self.correction, prediction }
     }
 
     /// Largest difference between `v_expected`, the velocity predicted in an evaluation, and the velocity predicted in the solved step, m/s
@@ -154,6 +153,8 @@ impl<R: Real> HardNominal<R> {
         match recomputed {
             Recomputed::Configuration => {
                 evaluation.collision.begin_step();
+                // The response counts only in lanes that no impact divides.
+                evaluation.substep = Substep { passes_over: R::Mask::splat(true), ..Substep::whole(options) };
                 locate(input, evaluation, free, NoProbe);
                 self.scheme = evaluation.scheme;
                 evaluation.match_contacts(compiled, &mut state.contacts);
@@ -164,7 +165,7 @@ impl<R: Real> HardNominal<R> {
         let context = StepContext { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
         if recomputed == Recomputed::Forces {
             difference(&free.v, &self.v_free, &mut self.change);
-            problem.shift(compiled, &free.smooth.mass, &mut self.change, None, R::Mask::splat(true));
+            problem.shift(compiled, &free.smooth.mass, &mut self.change);
         } else {
             // Stage 4, with those contacts active that the solved step has.
             VelocityLoop { context, free, problem, velocity, builder, collisions }.assemble_problem(NoProbe);
@@ -209,8 +210,8 @@ impl<R: Real> HardNominal<R> {
         position.v_free.copy_from_slice(&free.v);
         let corrected = R::Mask::from_bits(self.corrected);
         let (mass, h) = (&free.smooth.mass, self.scheme.h);
-        let rows =
-            PositionInput { compiled, options, problem, mass, contacts, lanes: corrected, rebounding: problem.rebounding_at_step_end, h };
+        let rebounding = problem.impact_lanes();
+        let rows = PositionInput { compiled, options, problem, mass, contacts, lanes: corrected, rebounding, h };
         damp_rows(&rows, &velocity.impulses, position);
         let VelocitySolution { impulses, newton, .. } = velocity;
         let system = position.rows.system(&problem.rows);

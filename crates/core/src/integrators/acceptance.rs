@@ -106,6 +106,8 @@ pub(crate) struct Accepted<R: Real> {
     pub(crate) finite: R::Mask,
     /// Lanes in which a number of the state exceeds [`MAX_STATE`].
     pub(crate) beyond: R::Mask,
+    /// Lanes (bits) that keep their whole state and their time, because no island has a finite next state.
+    pub(crate) kept: u32,
 }
 
 /// Accepts the step: the state of the workspace `s` becomes the next state, and its time advances by `h`, s.
@@ -134,7 +136,7 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: 
         let finite = finite.and(poses);
         (finite, alive.and(finite).and(largest.gt(R::of(MAX_STATE))), poses)
     });
-    let mut rejected = 0;
+    let mut kept = 0;
     if !finite.and(alive).all() {
         restore_unused(state, velocity, position, alive);
         for lane in each_of(alive.and_not(finite).bits()) {
@@ -142,10 +144,10 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: 
             velocity.worst.store(lane, cause.map(CodedConstraint::NotFinite));
             let keeps_all = poses_are_finite.bits() >> lane & 1 == 0;
             mark_non_finite(compiled, problem, velocity, position, lane, keeps_all);
-            rejected |= u32::from(keep_marked(compiled, state, evaluation, problem, velocity, position, lane)) << lane;
+            kept |= u32::from(keep_marked(compiled, state, evaluation, problem, velocity, position, lane)) << lane;
         }
     }
-    for (_, time) in state.time.iter_mut().enumerate().filter(|(l, _)| rejected >> l & 1 == 0) {
+    for (_, time) in state.time.iter_mut().enumerate().filter(|(l, _)| kept >> l & 1 == 0) {
         *time += h;
     }
     // Mocap bodies move on in rejected lanes too, so that one number is enough for all lanes.
@@ -154,7 +156,7 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: 
     std::mem::swap(&mut state.v, &mut velocity.v);
     std::mem::swap(&mut state.act, &mut position.act);
     std::mem::swap(&mut state.contacts, &mut evaluation.contacts);
-    Accepted { finite, beyond }
+    Accepted { finite, beyond, kept }
 }
 
 /// Number of lane `lane` that is not finite in a rejected step. Inputs come before the state, which they make NaN.

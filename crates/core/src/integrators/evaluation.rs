@@ -1,6 +1,6 @@
 //! Evaluation of a step at its evaluation point, with poses and contacts.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::CollisionWorkspace;
@@ -10,16 +10,19 @@ use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::dynamics::kinematics::Kinematics;
 use crate::integrators::scheme::Scheme;
 use crate::math::spatial::*;
-use crate::options::StepSettings;
+use crate::options::{Integrator, StepSettings};
+use crate::tuning::IMPACT_DURATION;
 
 /// Evaluation of a step at its evaluation point (the time in the step at which forces, contacts and rows are evaluated): the time, and the
 /// poses and contacts at this time.
 #[derive(Clone, Debug)]
 pub(crate) struct Evaluation<R: Real> {
-    /// Integration scheme of the step.
+    /// Integration scheme of the substep.
     pub(crate) scheme: Scheme<R>,
-    /// Part of the step that is being made in each lane.
+    /// Substep that each lane makes.
     pub(crate) substep: Substep<R>,
+    /// Lanes whose last step impacts divided.
+    pub(crate) divided: R::Mask,
     /// Evaluation time of each mechanism.
     pub(crate) times: EvaluationTimes<R>,
     /// Configuration at the evaluation point, nq.
@@ -41,19 +44,51 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
 }
 
-/// Part of a step: the whole step, unless the step keeps an error (`substeps.rs`).
+/// Substep of each lane: the whole step, or a part of it. A part is a flight of some length, or an impact: a jump of the velocity at one
+/// configuration.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Substep<R> {
-    /// Time from the beginning of the step to that of its part, s.
+pub(crate) struct Substep<R: Real> {
+    /// Time from the beginning of the step to that of the substep, s.
     pub(crate) offset: R,
-    /// Length, s.
-    pub(crate) length: R,
+    /// Longest length, s. A flight ends earlier where `ends_at_impact`; its length is then that of [`Evaluation::scheme`].
+    pub(crate) longest: R,
+    /// Expected length of the next substep, s, unless an impact follows.
+    pub(crate) next: R,
+    /// Lanes whose substep is an impact. Their positions and time stay.
+    pub(crate) is_impact: R::Mask,
+    /// Lanes whose last substep was an impact.
+    pub(crate) follows_impact: R::Mask,
+    /// Lanes whose substep no impact ends: after many impacts, and with Euler's rule, which applies Newton's law as textbooks do.
+    pub(crate) has_no_end: R::Mask,
+    /// Lanes whose flight passes over impacts, because its result counts only for mechanisms without one.
+    pub(crate) passes_over: R::Mask,
+    /// Lanes whose flight ends at an impact. [`locate`](crate::integrators::locate::locate) finds them.
+    pub(crate) ends_at_impact: R::Mask,
+    /// Lanes that the search for impacts evaluates `search_time` s after the beginning of the flight, and not where the rule has it.
+    pub(crate) is_searched: R::Mask,
+    pub(crate) search_time: R,
+    /// Lanes in which the search for impacts has ended.
+    pub(crate) is_settled: R::Mask,
 }
 
 impl<R: Real> Substep<R> {
-    /// The whole step of `timestep` seconds.
-    pub(crate) fn whole(timestep: f64) -> Self {
-        Self { offset: R::zero(), length: R::of(timestep) }
+    /// The whole step.
+    #[inline(always)]
+    pub(crate) fn whole(options: &StepSettings) -> Self {
+        let (h, none) = (R::of(options.timestep), R::Mask::splat(false));
+        Self {
+            offset: R::zero(),
+            longest: h,
+            next: h,
+            is_impact: none,
+            follows_impact: none,
+            has_no_end: R::Mask::splat(options.integrator == Integrator::Euler),
+            passes_over: none,
+            ends_at_impact: none,
+            is_searched: none,
+            search_time: R::zero(),
+            is_settled: none,
+        }
     }
 }
 
@@ -62,7 +97,8 @@ impl<R: Real> Evaluation<R> {
     pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, contacts: Contacts<R>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         Self {
-            substep: Substep::whole(options.timestep),
+            substep: Substep::whole(options),
+            divided: R::Mask::splat(false),
             scheme: Scheme::new(options, R::of(options.timestep)),
             times: EvaluationTimes::new(compiled),
             q: zeros(compiled.nq),
@@ -74,6 +110,20 @@ impl<R: Real> Evaluation<R> {
             link_velocities: std::array::from_fn(|_| vec![zero(); compiled.links.len()]),
             solved_overlaps: None,
         }
+    }
+
+    /// Places the evaluation point of the substep: in flights of `length` s where the integration rule has it, in impacts at their
+    /// configuration.
+    #[inline(always)]
+    pub(crate) fn place(&mut self, options: &StepSettings, length: R) {
+        let Self { substep, scheme, times, .. } = self;
+        let Substep { longest, next, is_impact, ends_at_impact, is_searched, search_time, .. } = *substep;
+        let duration = R::select(is_impact, longest * R::of(IMPACT_DURATION), length);
+        *scheme = Scheme::new(options, duration);
+        // Time from the end of the substep to the evaluation of the next flight.
+        let next = R::select(ends_at_impact, longest - length, next) * R::of(if scheme.in_the_middle { 0.5 } else { 0.0 });
+        scheme.time_before = R::select(is_searched, search_time, R::select(is_impact, R::zero(), scheme.time_before));
+        times.reset(scheme.h, scheme.time_before, next);
     }
 
     /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.

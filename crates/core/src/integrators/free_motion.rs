@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::actuation::forces::{ActuatorForces, Implicit};
 use crate::collision::adhesion::set_adhesive_arms;
 use crate::compile::LaneModel;
-use crate::dynamics::kinematics::{Kinematics, advance};
+use crate::dynamics::kinematics::{Kinematics, advance, select_into};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::mechanism_motion::{Jump, MechanismMotion};
 use crate::integrators::scheme::Scheme;
@@ -26,7 +26,7 @@ pub(crate) struct FreeMotion<R: Real> {
     /// Velocity after the step without constraints, nv.
     pub(crate) v: Vec<R>,
     /// Predicted velocity after the step, constraints included, nv. The force velocity is a mean of this velocity and the one before the
-    /// step, weighted with [`Scheme::velocity_weight`]. In lanes with impacts, the solved velocity replaces the predicted one.
+    /// step, weighted with [`Scheme::velocity_weight`].
     pub(crate) v_expected: Vec<R>,
     /// Generalized impulse of the constraints in this step, nv.
     pub(crate) constraint_impulse: Vec<R>,
@@ -59,14 +59,8 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) v_free_corrected: Vec<R>,
     /// Change of the free velocity from `v` to `v_free_corrected`.
     pub(crate) free_change: Vec<R>,
-    /// Free velocity after the first half of the step, or at an impact.
+    /// Free velocity after the first half of the step.
     pub(crate) v_half: Vec<R>,
-    /// Free velocity in steps with an impact, if the forces before the impact acted for the whole step. Their inertial part is evaluated
-    /// at the velocity before the step.
-    pub(crate) v_free_early: Vec<R>,
-    /// Change of the free velocity in rows of impacts, in addition to `free_change`. In the first correction it is `v_free_early` minus
-    /// the corrected free velocity, in later ones minus `free_change`.
-    pub(crate) early_extra_change: Vec<R>,
     /// Largest velocities of each mechanism.
     pub(crate) motions: Vec<MechanismMotion<R>>,
     /// Largest velocities of each mechanism in the search for impacts.
@@ -88,8 +82,6 @@ impl<R: Real> Scratch<R> {
             v_free_corrected: v(),
             free_change: v(),
             v_half: v(),
-            v_free_early: v(),
-            early_extra_change: v(),
             motions: vec![MechanismMotion::default(); mechanisms],
             jumps: vec![Jump::default(); mechanisms],
             impacts: vec![R::Mask::splat(false); mechanisms],
@@ -107,8 +99,6 @@ impl<R: Real> Scratch<R> {
         self.v_free_corrected.fill(nan);
         self.free_change.fill(nan);
         self.v_half.fill(nan);
-        self.v_free_early.fill(nan);
-        self.early_extra_change.fill(nan);
     }
 }
 
@@ -175,7 +165,19 @@ pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &m
         let expected = Some((scheme.implicit_servos(), &smooth.acc[..]));
         span!(probe, Actuate, || actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, expected));
     }
-    span!(probe, Acceleration, || advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v));
+    span!(probe, Acceleration, || {
+        advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);
+        stop_at_impacts(context, &mut free.v);
+    });
+}
+
+/// Sets the free velocity in lanes whose substep is an impact to the velocity before it: forces have no time to act.
+#[inline(always)]
+pub(super) fn stop_at_impacts<R: Real>(context: StepContext<'_, R>, v_free: &mut [R]) {
+    let impacts = context.evaluation.substep.is_impact;
+    if impacts.any() {
+        select_into(v_free, &context.input.state.v, impacts);
+    }
 }
 
 /// Recomputes actuator forces and the free velocity (stages 1 and 2) after a change of velocities, activations or controls. Derivatives use

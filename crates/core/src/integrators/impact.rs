@@ -1,18 +1,14 @@
-//! Impacts: jumps of the velocity within the step.
-//!
-//! The step evaluates a bouncing contact at the time of its impact. The contact's normal, its lever arms and the velocity in Newton's law
-//! are evaluated at this time too (see [`crate::constraints::impact_time`]).
+//! Impacts: the end of a flight at its first elastic impact, impacts for which Newton's law of restitution has no solution, and the inertial
+//! forces of flights in which an inelastic impact makes the velocity jump.
 
-use stepper_real::{Mask, Real, kernel};
-use stepper_solve::Iterate;
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
+use crate::constraints::VelocitySolution;
 use crate::constraints::evaluation_times::merge_connected;
 use crate::constraints::impact_time::{Flight, ImpactPrediction};
-use crate::constraints::restitution::ImpactStep;
-use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::evaluation::Evaluation;
@@ -22,44 +18,68 @@ use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::math::spatial::*;
 use crate::tuning::{
-    MAX_IMPACT_RESIDUAL, MAX_RESOLVED_MOTION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
+    MAX_FLIGHT_CHANGES, MAX_IMPACT_RESIDUAL, MAX_RESOLVED_MOTION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR,
+    PLACEMENT_TOLERANCE, SHORTEST_FLIGHT,
 };
 
-/// Moves the evaluation point of each mechanism with an impact to the time of its first impact. Returns whether any point moved, so that
-/// the step must be evaluated again.
+/// Lets the flight of each lane end at its first elastic impact. Returns whether any flight changed, so that the step must be evaluated
+/// again.
 ///
-/// An evaluation point within `PLACEMENT_TOLERANCE` of the impact does not move. `v_free` is the velocity after the step without
-/// constraints. `first` is true in the first call of a step. A contact that overlaps beyond the slop (the overlap that position correction
-/// leaves) while its surfaces separate must have touched earlier. In the first call, its mechanisms move to the beginning of the step.
-pub(crate) fn move_to_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, v_free: &[R], first: bool) -> bool {
+/// `v_free` is the velocity after the flight without constraints. `changes` is the number of earlier changes in this step. A predicted impact
+/// is evaluated at its time, from which Newton's method continues. In the end, the flight is evaluated where the integration rule has it.
+///
+/// A contact that overlaps beyond the slop (the overlap that position correction leaves) while its surfaces separate must have touched
+/// earlier. In the first call, its lane is evaluated at the beginning of the flight.
+#[inline(never)]
+pub(crate) fn end_at_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, v_free: &[R], changes: usize) -> bool {
     let StepInput { compiled, options, state, alive, .. } = input;
-    let Evaluation { scheme, times, kinematics, contacts, link_velocities, .. } = evaluation;
     kernel!(R, || {
+        let Evaluation { scheme, times, kinematics, contacts, link_velocities, substep, .. } = &mut *evaluation;
+        let flights = alive.and_not(substep.is_impact.or(substep.has_no_end).or(substep.passes_over).or(substep.is_settled));
         let [before, free] = link_velocities;
         kinematics.velocities(compiled, &state.v, before);
         kinematics.velocities(compiled, v_free, free);
         let gravity = norm(compiled.params.gravity());
-        times.begin_impact_search();
+        let [mut hits, mut passed] = [R::Mask::splat(false); 2];
+        let mut time = substep.longest;
         for k in 0..contacts.slots() {
-            let elastic = contacts.elastic(k).and(alive);
+            let elastic = contacts.elastic(k).and(flights);
             if elastic.none() {
                 continue;
             }
             let slot = &contacts.data[k];
-            let (gap, h) = (slot.point.distance, scheme.h);
             let time_before = times.of_slot(compiled, contacts, k, elastic.bits()).before;
             let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
-            let ImpactPrediction { collides, time, .. } =
-                Flight { gap, before, free, time_before, h }.predict(options, gravity, slot.restitution, elastic);
-            let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(time_before.gt(R::zero()));
-            let passed = if first { passed } else { R::Mask::splat(false) };
-            let (lanes, time) = (collides.or(passed), R::select(passed, R::zero(), time));
-            for (pair, pair_lanes) in contacts.pairs(k, lanes.bits()) {
-                let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-                times.note_impact(compiled, geoms, R::Mask::from_bits(pair_lanes), time);
-            }
+            let (gap, h, longest) = (slot.point.distance, scheme.h, substep.longest);
+            let flight = Flight { gap, before, free, time_before, h, longest, in_the_middle: scheme.in_the_middle };
+            let ImpactPrediction { collides, time: at, .. } = flight.predict(options, gravity, slot.restitution, elastic);
+            time = R::select(collides, time.min(at), time);
+            hits = hits.or(collides);
+            let overlaps = gap.lt(-R::of(options.slop)).and(time_before.gt(R::zero()));
+            passed = passed.or(elastic.and(overlaps).and(before.gt(R::zero())));
         }
-        times.move_to_impacts(compiled, contacts, scheme.h * R::of(PLACEMENT_TOLERANCE))
+        let passed = if changes == 0 { passed } else { R::Mask::splat(false) };
+        let rounding = <R::Scalar as Scalar>::EPSILON.to_f64();
+        let shortest = R::of(SHORTEST_FLIGHT.max(16.0 * rounding) * options.timestep);
+        // An impact at the very end of the flight belongs to the next step.
+        let ends = hits.and_not(passed).and(time.lt(substep.longest - shortest));
+        let time = R::select(ends, time.max(shortest), substep.longest);
+        // The search ends where nothing collides, where the impact is evaluated at its time, and after some changes.
+        let was_searched = substep.is_searched;
+        let is_near = (time - substep.search_time).abs().le(R::of(PLACEMENT_TOLERANCE * options.timestep));
+        let goes_on = ends.and_not(was_searched.and(is_near)).or(passed);
+        let is_last = !scheme.in_the_middle || changes == MAX_FLIGHT_CHANGES;
+        let searched = if is_last { R::Mask::splat(false) } else { flights.and(goes_on) };
+        let changed = flights.and(was_searched.or(ends).or(searched));
+        substep.ends_at_impact = flights.and(ends).or(substep.ends_at_impact.and_not(flights));
+        (substep.is_searched, substep.search_time) = (searched, R::select(passed, R::zero(), time));
+        substep.is_settled = substep.is_settled.or(flights.and_not(searched));
+        if changed.none() {
+            return false;
+        }
+        let length = R::select(changed, time, scheme.h);
+        evaluation.place(options, length);
+        true
     })
 }
 
@@ -93,48 +113,6 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// Prepares the rows and the free velocity of the position solve, if any lane needs it. Returns the lanes with impacts, which need it.
-///
-/// An impact at time t changes the velocity by dv, and the positions at the end of the step by (h - t) dv. Stage 7 advances positions from
-/// `time_before`, so that they change by (h - time_before) dv. To correct this, the function removes the impulses of impacts from
-/// `impulses`, those of the velocity solution. It adds two terms to the free velocity of the position solve:
-///
-/// * (1 + (time_before - t) / h) dv for each impact: dv, and the missing displacement (time_before - t) dv divided by h.
-/// * (time_before / h - 1/2) times the velocity change by smooth forces, because the mechanism was not evaluated in its middle.
-#[inline(always)]
-pub(crate) fn prepare_position_solve<R: Real>(
-    context: StepContext<'_, R>,
-    free: &FreeMotion<R>,
-    problem: &ConstraintProblem<R>,
-    impulses: &mut Iterate<R>,
-    position: &mut PositionSolution<R>,
-) -> R::Mask {
-    let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, times, contacts, .. } } =
-        context;
-    let lanes = times.latest_impact().0.or(problem.midpoint_impact_lanes()).and(alive);
-    if problem.needs_position_solve.or(lanes).none() {
-        return lanes;
-    }
-    position.copy_rows(problem);
-    position.v_free.copy_from_slice(&free.v);
-    if lanes.none() {
-        return lanes;
-    }
-    let step = ImpactStep { problem, mass: &free.smooth.mass, contacts, free: &free.v, slop: options.slop, h: scheme.h, times, lanes };
-    position.remove_impacts(compiled, impulses, &step);
-    kernel!(R, || {
-        for i in 0..compiled.nv {
-            let late = times.before(compiled.mechanism_of(i)) / scheme.h - R::of(0.5);
-            let moved = position.impact_displacement[i] + (free.v[i] - state.v[i]) * late;
-            position.impact_displacement[i] = R::select(lanes, moved, R::zero());
-            position.v_free[i] = R::select(lanes, free.v[i] + moved, free.v[i]);
-        }
-    });
-    position.shift(compiled, &free.smooth.mass, problem, lanes);
-    step.leave_out_impacts(compiled, &mut position.rows);
-    lanes
-}
-
 impl<R: Real> VelocityLoop<'_, R> {
     /// Makes those impacts inelastic for which Newton's law of restitution has no plausible solution. For example, friction would add more
     /// energy than the free motion has. Returns the lanes with such an impact, which must be solved again.
@@ -161,8 +139,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         lanes
     }
 
-    /// Recomputes the free velocity of mechanisms in which contacts made the velocity jump, by elastic or inelastic impacts. Returns the
-    /// lanes with such a mechanism, which must be solved again.
+    /// Recomputes the free velocity of mechanisms in which inelastic contacts made the velocity jump within a flight. Returns the lanes with
+    /// such a mechanism, which must be solved again.
     ///
     /// The midpoint rule moves bodies for half of the step at the velocity before the step, and for half at the velocity after it. Inertial
     /// forces should therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean
@@ -229,10 +207,15 @@ impl<R: Real> VelocityLoop<'_, R> {
                     }
                 }
             }
-            merge_connected(compiled, contacts, |[a, b], lanes| {
-                let both = jumps[a].max(&jumps[b]);
-                jumps[a].raise(&both, lanes).or(jumps[b].raise(&both, lanes))
-            });
+            merge_connected(
+                compiled,
+                contacts,
+                |k| contacts.lanes_of(k),
+                |[a, b], lanes| {
+                    let both = jumps[a].max(&jumps[b]);
+                    jumps[a].raise(&both, lanes).or(jumps[b].raise(&both, lanes))
+                },
+            );
             let mut any = R::Mask::splat(false);
             for ((impact, jump), &unresolved) in impacts.iter_mut().zip(&*jumps).zip(&*unresolved) {
                 let is_impact = is_sudden(jump).and((scheme.h * jump.pushed).lt(R::of(MAX_RESOLVED_MOTION)));
@@ -245,44 +228,24 @@ impl<R: Real> VelocityLoop<'_, R> {
         })
     }
 
-    /// Computes the free velocity with inertial forces at the velocity before the step and at the velocity after it, into
-    /// `v_free_corrected`.
-    ///
-    /// In mechanisms with an elastic impact, the forces at the first velocity act until the impact, and those at the second velocity after
-    /// it. In the others, each acts for half of the step. Only inertial forces are recomputed. The forces of stage 1 do not change.
+    /// Computes the free velocity with inertial forces at the velocity before the step and at the velocity after it, each for half of the
+    /// step, into `v_free_corrected`. The forces of stage 1 do not change.
     fn compute_inertial_forces(&mut self) {
         let StepContext { input: StepInput { compiled, state, .. }, evaluation } = self.context;
         let Evaluation { scheme, times, kinematics, .. } = evaluation;
-        let Self { free, problem, velocity, .. } = self;
-        // Times from the beginning of the step to the impact, and from there to the end.
-        let times_of = |dof: usize| {
-            let mechanism = compiled.mechanism_of(dof);
-            let (lanes, [before, after], half) = (times.impact_lanes_of(mechanism), times.around(mechanism), scheme.h * R::of(0.5));
-            [R::select(lanes, before, half), R::select(lanes, after, half)]
-        };
+        let Self { free, velocity, .. } = self;
+        let half = scheme.h * R::of(0.5);
         free.accelerate(compiled, kinematics, &state.v, &state.v);
-        let FreeMotion { smooth, scratch, .. } = &mut **free;
-        kernel!(R, || {
-            for dof in 0..compiled.nv {
-                scratch.v_half[dof] = state.v[dof] + smooth.acc[dof] * times_of(dof)[0];
-            }
-        });
-        if problem.resolves_impacts {
-            advance(&state.v, &smooth.acc, scheme.h, &mut scratch.v_free_early);
-        }
+        advance(&state.v, &free.smooth.acc, half, &mut free.scratch.v_half);
         free.accelerate(compiled, kinematics, &state.v, &velocity.v);
         let FreeMotion { smooth, scratch, .. } = &mut **free;
-        kernel!(R, || {
-            for dof in 0..compiled.nv {
-                scratch.v_free_corrected[dof] = scratch.v_half[dof] + smooth.acc[dof] * times_of(dof)[1];
-            }
-        });
+        advance(&scratch.v_half, &smooth.acc, half, &mut scratch.v_free_corrected);
         if !compiled.single_bodies.is_empty() {
             gyroscopic::correct_spin(
                 compiled,
                 kinematics,
                 &smooth.mass,
-                |dof| [times.around(compiled.mechanism_of(dof)), times_of(dof)],
+                |dof| [times.around(compiled.mechanism_of(dof)), [half; 2]],
                 [&state.v, &velocity.v],
                 &mut scratch.v_free_corrected,
             );
@@ -290,13 +253,11 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 
     /// Replaces the free velocity of mechanisms with an impact by the recomputed one, and shifts the offsets of the rows by the change.
-    ///
-    /// The rows of impacts depend on the velocity before the impact. It is recomputed with inertial forces at the velocity before the step.
     fn update_free_velocity(&mut self) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;
         let FreeMotion { v, v_expected, smooth, scratch, .. } = &mut **free;
-        let Scratch { v_free_corrected, free_change, v_free_early, early_extra_change, impacts, .. } = scratch;
+        let Scratch { v_free_corrected, free_change, impacts, .. } = scratch;
         kernel!(R, || {
             for i in 0..compiled.nv {
                 let lanes = impacts[compiled.mechanism_of(i)];
@@ -304,12 +265,8 @@ impl<R: Real> VelocityLoop<'_, R> {
                 free_change[i] = new - v[i];
                 v[i] = new;
                 v_expected[i] = R::select(lanes, velocity.v[i], v_expected[i]);
-                if problem.resolves_impacts {
-                    early_extra_change[i] = R::select(lanes, v_free_early[i] - new, R::zero());
-                }
             }
         });
-        let early_extra_change = problem.resolves_impacts.then_some(&mut early_extra_change[..]);
-        problem.shift(compiled, &smooth.mass, free_change, early_extra_change, R::Mask::splat(true));
+        problem.shift(compiled, &smooth.mass, free_change);
     }
 }

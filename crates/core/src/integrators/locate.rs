@@ -1,5 +1,5 @@
-//! Search for the evaluation point of each mechanism, and computation of stages 1 to 3 there. The evaluation point is the time in the step
-//! at which forces, contacts and rows are evaluated.
+//! Search for the end of a flight and for the evaluation point of each mechanism, and computation of stages 1 to 3 there. The evaluation
+//! point is the time in the step at which forces, contacts and rows are evaluated.
 
 use stepper_real::{Mask, Real};
 
@@ -8,46 +8,35 @@ use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, advance_activations, compute_free_motion, transmit};
-use crate::integrators::impact::move_to_first_impacts;
-use crate::integrators::scheme::Scheme;
+use crate::integrators::impact::end_at_first_impacts;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Probe, span};
 use crate::stages::s03_detect::detect;
-use crate::tuning::MAX_EVALUATION_MOVES;
 
-/// Finds the evaluation point of each mechanism (a time within the step), and computes stages 1 to 3 there: forces, free velocity and
+/// Finds the evaluation point of each mechanism (a time within the substep), and computes stages 1 to 3 there: forces, free velocity and
 /// contacts.
 ///
-/// With Euler's rule and the implicit rule, the point is the beginning of the step, with the midpoint rule its middle. The midpoint rule
-/// has two exceptions. A very fast body could pass through a thin geom before the middle, so its mechanism is evaluated at the beginning.
-/// A mechanism with an elastic impact is evaluated at the time of its first impact. Mechanisms in contact with such a mechanism are
-/// evaluated with it, the others are not affected.
+/// With Euler's rule and the implicit rule, the point is the beginning of the substep, with the midpoint rule its middle. The midpoint rule
+/// has an exception. A very fast body could pass through a thin geom before the middle, so its mechanism is evaluated at the beginning, with
+/// those in contact with it. A flight ends at the first elastic impact of its lane. An impact is evaluated at its configuration.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
-    evaluation.scheme = Scheme::new(input.options, evaluation.substep.length);
-    evaluation.times.reset(evaluation.scheme.h, evaluation.scheme.time_before);
-    let mut impact_moves = 0;
-    let mut searches_impacts = true;
+    evaluation.place(input.options, evaluation.substep.longest);
+    let mut changes = 0;
     loop {
         let unreliable = evaluate(input, evaluation, free, probe);
-        if !evaluation.scheme.in_the_middle {
-            return;
-        }
         // A very fast body may be beyond a thin geom in the middle of the step. At the beginning, the geom is still ahead.
-        let Evaluation { times, collision, contacts, .. } = &mut *evaluation;
-        if (unreliable.any() || times.any_moved()) && times.move_to_start(input.compiled, contacts, &collision.unreliable) {
+        let Evaluation { scheme, times, collision, contacts, substep, .. } = &mut *evaluation;
+        let may_move = scheme.in_the_middle && (unreliable.any() || times.any_moved());
+        if may_move && times.move_to_start(input.compiled, contacts, &collision.unreliable) {
             continue;
         }
-        // Newton's method for the time of the first elastic impact: each move of the evaluation point requires new forces and contacts.
-        searches_impacts &= impact_moves < MAX_EVALUATION_MOVES && any_elastic(&evaluation.contacts);
-        if searches_impacts {
-            searches_impacts = span!(probe, ImpactTimes, || move_to_first_impacts(input, evaluation, &free.v, impact_moves == 0));
-        }
-        if searches_impacts {
-            impact_moves += 1;
-        } else if !evaluation.times.any_moved() || !evaluation.times.connect(input.compiled, &evaluation.contacts) {
+        // Newton's method for the time of the first elastic impact: each change of the flight requires new forces and contacts.
+        let searches = any_elastic(contacts) || substep.ends_at_impact.or(substep.is_searched).any();
+        if !searches || !span!(probe, ImpactTimes, || end_at_first_impacts(input, evaluation, &free.v, changes)) {
             return;
         }
+        changes += 1;
     }
 }
 
@@ -76,9 +65,16 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
 /// Computes stage 3: contacts at the evaluation points. Returns the lanes whose contacts are unreliable.
 #[inline(always)]
 fn find_contacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &FreeMotion<R>, probe: impl Probe) -> R::Mask {
-    let Evaluation { scheme, kinematics, collision, contacts, .. } = evaluation;
+    let Evaluation { scheme, substep, kinematics, collision, contacts, .. } = evaluation;
     let StepInput { compiled, state, alive, .. } = input;
-    detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, collision, contacts, probe)
+    // Contacts are near if they may touch within the longest flight.
+    let times = [substep.longest, scheme.time_before];
+    let unreliable = detect(compiled, kinematics, [&state.v, &free.v], times, alive, collision, contacts, probe);
+    let impacts = substep.is_impact.and(alive);
+    if impacts.any() {
+        contacts.keep_touching(impacts, R::of(input.options.slop));
+    }
+    unreliable
 }
 
 /// Computes configuration, activations, poses, and moment arms of actuators at the evaluation points. With the implicit rule, also computes

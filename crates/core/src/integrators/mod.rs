@@ -25,5 +25,6 @@ pub(crate) mod step_outcome;
 pub mod step_resolution;
 pub mod substep_buffers;
 pub mod substeps;
+mod untouched;
 pub(crate) mod velocity_loop;
 pub mod workspace;

@@ -6,7 +6,6 @@ use crate::collision::tunnelling::{TestedMotion, may_have_passed};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::FreeMotion;
-use crate::integrators::impact::prepare_position_solve;
 use crate::integrators::overlap_progress::revert_ineffective_corrections;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
@@ -31,19 +30,19 @@ pub(crate) fn integrate_positions<R: Real>(
     });
 }
 
-/// Lanes whose positions stage 8 corrects, lanes in which a contact bounces, and lanes with infeasible constraints.
+/// Lanes whose positions stage 8 corrects, and lanes with infeasible constraints.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrectedLanes<R: Real> {
     /// Lanes with a position correction.
     all: R::Mask,
-    /// Lanes in which a contact bounces. Their corrected position is the one after the rebound.
+    /// Lanes of `all` in which a contact bounces in a flight without an end.
     rebounding: R::Mask,
     /// Lanes whose constraints are proven infeasible.
     pub(crate) infeasible: Infeasible<R>,
 }
 
 /// Computes stage 8: the configuration after the step with corrected position errors, in `position.q_corrected`. Returns the corrected
-/// lanes.
+/// lanes. Impacts correct no positions.
 #[inline(always)]
 pub(crate) fn correct_positions<R: Real>(
     context: StepContext<'_, R>,
@@ -53,12 +52,14 @@ pub(crate) fn correct_positions<R: Real>(
     position: &mut PositionSolution<R>,
 ) -> CorrectedLanes<R> {
     let StepContext { input: StepInput { compiled, options, .. }, evaluation } = context;
-    let impacts = prepare_position_solve(context, free, problem, &mut velocity.impulses, position);
-    let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.rebounding_at_step_end.or(impacts));
+    let lanes = problem.needs_position_solve.and_not(evaluation.substep.is_impact);
     if lanes.none() {
-        return CorrectedLanes { all: lanes, rebounding, infeasible: Infeasible::none() };
+        return CorrectedLanes { all: lanes, rebounding: lanes, infeasible: Infeasible::none() };
     }
+    position.copy_rows(problem);
+    position.v_free.copy_from_slice(&free.v);
     let (contacts, h) = (&evaluation.contacts, evaluation.scheme.h);
+    let rebounding = lanes.and(problem.impact_lanes());
     let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h };
     let infeasible = stabilise(&rows, velocity, position);
     CorrectedLanes { all: lanes, rebounding, infeasible }
@@ -66,43 +67,41 @@ pub(crate) fn correct_positions<R: Real>(
 
 /// Lanes in which one geom may have passed through another (tunnelling check).
 ///
-/// The check assumes motion at a constant velocity from the evaluation point. Usually this is the velocity after the step. In lanes with a
-/// rebound, it is a fraction of that velocity plus the velocity of the position correction. The fraction is the part of the step after the
-/// evaluation point. If an impact moved the evaluation point, the check includes the motion before it, at the velocity before the step.
+/// The check assumes motion at the velocity after the step, from the evaluation point of this step to that of the next one. A flight that
+/// ends at an impact is checked to its end. After an impact, the check includes the motion from there to the evaluation point, at the
+/// velocity before the flight. Impacts move nothing.
 #[inline(always)]
 pub(crate) fn find_tunnelling<R: Real>(
     input: StepInput<'_, R>,
     evaluation: &mut Evaluation<R>,
     velocity: &VelocitySolution<R>,
     position: &mut PositionSolution<R>,
-    corrected: CorrectedLanes<R>,
+    CorrectedLanes { rebounding, .. }: CorrectedLanes<R>,
     outcome: &StepOutcome<R>,
 ) -> R::Mask {
-    let Evaluation { scheme, times, kinematics, collision, .. } = evaluation;
-    let PositionSolution { tested_velocity, correction, .. } = position;
+    let Evaluation { scheme, substep, times, kinematics, collision, .. } = evaluation;
+    let PositionSolution { scratch: tested_velocity, correction, .. } = position;
+    let flights = input.alive.and_not(substep.is_impact);
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
     let is_free = !outcome.impulses_act && !scheme.predicts();
-    let rebounding = corrected.all.and(corrected.rebounding);
-    // Velocity of the tested motion, in each lane.
-    let v = if rebounding.none() {
+    let time = R::select(substep.ends_at_impact, scheme.h - scheme.time_before, times.closing());
+    let tested = if rebounding.none() {
         &velocity.v
     } else {
-        for (dof, (tested, (&v, &correction))) in tested_velocity.iter_mut().zip(velocity.v.iter().zip(&*correction)).enumerate() {
-            let part = times.after(input.compiled.mechanism_of(dof)) / scheme.h;
+        // The corrected motion is not that of the rebound.
+        let part = (scheme.h - scheme.time_before) / scheme.h;
+        for (tested, (&v, &correction)) in tested_velocity.iter_mut().zip(velocity.v.iter().zip(&*correction)) {
             *tested = R::select(rebounding, v * part + correction, v);
         }
         &*tested_velocity
     };
-    let motion = TestedMotion { velocity: v, is_free, time: scheme.h, contacts_at_end: false };
-    let passed = may_have_passed(input.compiled, kinematics, motion, input.alive, collision);
-    // Each step checks the path from its evaluation point to that of the next step. If an impact moved the evaluation point of this step,
-    // the path from the beginning of the step to this point is checked here.
-    let (impact_lanes, latest) = times.latest_impact();
-    let moved = impact_lanes.and(input.alive).and(latest.gt(R::zero()));
+    let motion = TestedMotion { velocity: tested, is_free, time, contacts_at_end: false };
+    let passed = may_have_passed(input.compiled, kinematics, motion, flights, collision);
+    let moved = substep.follows_impact.and(flights);
     if moved.none() {
         return passed;
     }
-    let flight = TestedMotion { velocity: &input.state.v, is_free: false, time: latest, contacts_at_end: true };
+    let flight = TestedMotion { velocity: &input.state.v, is_free: false, time: scheme.time_before, contacts_at_end: true };
     passed.or(may_have_passed(input.compiled, kinematics, flight, moved, collision))
 }
 

@@ -6,7 +6,7 @@ use crate::compile::LaneModel;
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend, difference};
 use crate::integrators::evaluation::Evaluation;
-use crate::integrators::free_motion::{FreeMotion, Scratch};
+use crate::integrators::free_motion::{FreeMotion, Scratch, stop_at_impacts};
 use crate::integrators::mechanism_motion::MechanismMotion;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_resolution::assess_corrector;
@@ -83,6 +83,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             let velocities = [&state.v[..], force_velocity];
             gyroscopic::correct(compiled, kinematics, &smooth.mass, times_of, velocities, v_free_corrected, (alive, unresolved));
         }
+        stop_at_impacts(*context, v_free_corrected);
         difference(v_free_corrected, v, free_change);
         // This function is the corrector of the free velocity. If it changes the velocity too much, the time step is too long for the
         // motion.
@@ -92,7 +93,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             leave_out_inertial_forces(*context, free);
         }
         std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
-        problem.shift(compiled, &free.smooth.mass, &mut free.scratch.free_change, None, R::Mask::splat(true));
+        problem.shift(compiled, &free.smooth.mass, &mut free.scratch.free_change);
     }
 }
 

@@ -121,10 +121,11 @@ impl<R: Real> Rk4<R> {
 
     /// Finds the kinematic trees with smooth motion: without constraints, and without an actuator that pulls on contacts. `free` also has
     /// the lanes in which a mechanism is too fast for the time step.
-    pub(crate) fn find_smooth_trees(&mut self, input: StepInput<'_, R>, problem: &ConstraintProblem<R>, free: &FreeMotion<R>) {
-        let StepInput { compiled, alive, .. } = input;
+    pub(crate) fn find_smooth_trees(&mut self, context: StepContext<'_, R>, problem: &ConstraintProblem<R>, free: &FreeMotion<R>) {
+        let StepContext { input: StepInput { compiled, alive, .. }, evaluation } = context;
+        let flights = alive.and_not(evaluation.substep.is_impact);
         for (smooth, &mechanism) in self.smooth_trees.iter_mut().zip(&compiled.mechanisms.of_tree) {
-            *smooth = alive.and_not(free.unresolved[mechanism]);
+            *smooth = flights.and_not(free.unresolved[mechanism]);
         }
         for moment in compiled.actuators.iter().filter_map(|actuator| actuator.variable_moment.as_ref()) {
             if matches!(moment.kind, MomentKind::Contacts { .. }) {

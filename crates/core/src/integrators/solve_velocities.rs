@@ -23,7 +23,7 @@ use crate::tuning::{EARLIEST_ONLY_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITER
 struct SolutionChecks<R: Real> {
     /// Number of solves since the assembly, or since impacts changed the problem. Collisions do not reset it.
     passes: R,
-    /// Lanes that were not yet checked for a velocity change by impacts.
+    /// Lanes that were not yet checked for a velocity change by inelastic impacts.
     unchecked: R::Mask,
     /// Lanes in which an impact became inelastic.
     inelastic: R::Mask,
@@ -92,7 +92,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// 1. Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact that collides becomes
     ///    active.
     /// 2. The velocity after the step is the predicted velocity, with which inertial forces were evaluated. With the midpoint rule, if an
-    ///    impact changed the velocity, inertial forces are recomputed once.
+    ///    inelastic impact changed the velocity, inertial forces are recomputed once.
     /// 3. Newton's law of impact has a plausible solution. It is implausible if friction at an impact adds more energy than the free motion
     ///    has, as in a corner with much friction (see `restitution.rs`). The impact then becomes inelastic.
     ///
@@ -106,8 +106,9 @@ impl<R: Real> VelocityLoop<'_, R> {
             return collide;
         }
         let mut lanes = collide;
-        if self.context.evaluation.scheme.in_the_middle {
-            let unchecked = std::mem::replace(&mut checks.unchecked, R::Mask::splat(false));
+        let Evaluation { scheme, substep, .. } = self.context.evaluation;
+        if scheme.in_the_middle {
+            let unchecked = std::mem::replace(&mut checks.unchecked, R::Mask::splat(false)).and_not(substep.is_impact);
             lanes = span!(probe, SolveImpacts, || self.correct_impact_forces(unchecked));
         }
         if lanes.none() {
@@ -177,7 +178,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         let StepContext { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = self.context;
         let Self { free, problem, velocity, .. } = self;
         let impulses_act = velocity.impulses.changes_velocity();
-        let (lanes, rebounding) = (problem.needs_position_solve, problem.rebounding_at_step_end);
+        let (lanes, rebounding) = (problem.needs_position_solve, problem.impact_lanes());
         let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
         let infeasible = span!(probe, Stabilise, || limit_baumgarte(&rows, &free.v, velocity, position, &mut outcome));
         let [ambiguous, limited] = span!(probe, GuardEnergy, || self.limit_speed(resolution, outcome.residual));

@@ -45,7 +45,7 @@ pub(crate) fn record<R: Real>(
     problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     outcome: &StepOutcome<R>,
-    Accepted { finite, beyond }: Accepted<R>,
+    Accepted { finite, beyond, .. }: Accepted<R>,
 ) -> Record<R> {
     let StepInput { compiled, options, state, inputs, alive } = input;
     if !compiled.paths.is_empty() {

@@ -1,13 +1,21 @@
-//! Buffers of steps that keep an error: states of all lanes at several times in a step ([`crate::integrators::substeps`]).
+//! Buffers of steps that are divided into parts: states of all lanes at several times in a step ([`crate::integrators::substeps`]).
 
 use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
+use crate::collision::separation_cache::SeparationCache;
+use crate::dynamics::kinematics::select_into;
 use crate::integrators::state::State;
+use crate::integrators::workspace::Workspace;
+use crate::math::lanes::each_of;
 
-/// Buffers of steps that keep an error.
+/// Buffers of steps that are divided into parts.
 #[derive(Clone, Debug)]
-pub(crate) struct ErrorControl<R: Real> {
+pub(crate) struct Buffers<R: Real> {
+    /// State before the impact of each lane.
+    pub(super) flown: Snapshot<R>,
+    /// Sums of the impulses of the parts of a phase, with the contacts that bore one.
+    pub(super) parts: Snapshot<R>,
     /// State at the beginning of the interval of each lane.
     pub(super) start: Snapshot<R>,
     /// Configuration after a step over the interval.
@@ -16,12 +24,16 @@ pub(crate) struct ErrorControl<R: Real> {
     pub(super) middle: Snapshot<R>,
     /// Velocity, configuration and activations at the end of the step.
     pub(super) end: [Vec<R>; 3],
-    /// Sums of the impulses of all accepted substeps, with the contacts of the last one.
+    /// Sums of the impulses of all accepted phases, with the contacts that bore one.
     pub(super) total: Snapshot<R>,
     /// Contacts whose impulses are being summed.
     pub(super) summed: Contacts<R>,
     /// Velocity, configuration and activations at the beginning of the step.
     pub(super) before: [Vec<R>; 3],
+    /// Lanes in which impacts touch each mechanism.
+    pub(super) touched: Vec<R::Mask>,
+    /// Separating planes of the lanes that reach the end of the step in the first pass.
+    planes: SeparationCache,
 }
 
 /// State of all lanes, with what the next substep starts from.
@@ -53,11 +65,31 @@ impl<R: Real> Snapshot<R> {
         kernel!(R, || *span = R::select(lanes, self.span, *span));
     }
 
-    /// Adds the impulses of an accepted substep with the result `state`, in the lanes `lanes`. Its contacts replace those of the earlier
-    /// ones. `summed` is a buffer.
+    /// Removes all impulses and contacts of the lanes `lanes`.
+    pub(super) fn clear(&mut self, lanes: R::Mask) {
+        each_of(lanes.bits() & u32::MAX >> (u32::BITS as usize - R::LANES)).for_each(|lane| self.state.contacts.count[lane] = 0);
+        self.state.contacts.full &= !lanes.bits();
+        kernel!(R, || {
+            for impulse in self.state.impulse.iter_mut().chain(&mut self.scalar_impulse) {
+                *impulse = R::select(lanes, R::zero(), *impulse);
+            }
+        });
+    }
+
+    /// Restores contacts and impulses of the lanes `lanes`.
+    pub(super) fn restore_impulses(&self, (state, scalar_impulse): (&mut State<R>, &mut [R]), lanes: R::Mask) {
+        select_into(scalar_impulse, &self.scalar_impulse, lanes);
+        select_into(&mut state.impulse, &self.state.impulse, lanes);
+        state.contacts.copy_lanes(&self.state.contacts, lanes.bits());
+    }
+
+    /// Adds the impulses of a part with the result `state`, in the lanes `lanes`. Contacts that bore an impulse in an earlier part, and are
+    /// gone in this one, stay. `summed` is a buffer.
     pub(super) fn add(&mut self, summed: &mut Contacts<R>, state: &State<R>, scalar_impulse: &[R], lanes: R::Mask) {
         summed.copy_from(&state.contacts);
         summed.add_impulses(&self.state.contacts, lanes.bits());
+        let earlier = &self.state.contacts;
+        summed.add_missing(earlier, lanes.bits(), |k, l| earlier.bearing(k) >> l & 1 == 1);
         self.state.contacts.copy_lanes(summed, lanes.bits());
         kernel!(R, || {
             for (sums, impulses) in [(&mut self.state.impulse, &state.impulse[..]), (&mut self.scalar_impulse, scalar_impulse)] {
@@ -78,20 +110,53 @@ fn copy<R: Real>(to: &mut State<R>, from: &State<R>, lanes: R::Mask) {
     to.contacts.copy_lanes(&from.contacts, lanes.bits());
 }
 
-/// Copies the lanes `lanes` of a list.
-pub(super) fn select_into<R: Real>(to: &mut [R], from: &[R], lanes: R::Mask) {
-    kernel!(R, || {
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = R::select(lanes, from, *to);
-        }
-    });
-}
+impl<R: Real> Buffers<R> {
+    /// Buffers for a workspace.
+    pub(super) fn new(s: &Workspace<R>, mechanisms: usize) -> Box<Self> {
+        let new = || Snapshot::new(&s.state, &s.velocity.scalar_impulse);
+        let motion = || [&s.state.v, &s.state.q, &s.state.act].map(Clone::clone);
+        Box::new(Self {
+            flown: new(),
+            parts: new(),
+            start: new(),
+            whole: s.state.q.clone(),
+            middle: new(),
+            end: motion(),
+            total: new(),
+            summed: s.state.contacts.clone(),
+            before: motion(),
+            touched: vec![R::Mask::splat(false); mechanisms],
+            planes: s.evaluation.collision.narrow_phase.new_planes.clone(),
+        })
+    }
 
-impl<R: Real> ErrorControl<R> {
-    /// Buffers for states like `state`, and impulses of scalar rows like `scalar_impulse`.
-    pub(super) fn new(state: &State<R>, scalar_impulse: &[R]) -> Box<Self> {
-        let new = || Snapshot::new(state, scalar_impulse);
-        let (end, before) = ([&state.v, &state.q, &state.act].map(Clone::clone), [&state.v, &state.q, &state.act].map(Clone::clone));
-        Box::new(Self { start: new(), whole: state.q.clone(), middle: new(), end, total: new(), summed: state.contacts.clone(), before })
+    /// Begins a step from the state of the workspace. The impulses of the state belong to `h` s.
+    pub(super) fn begin(&mut self, s: &Workspace<R>, h: R) {
+        for list in [&mut self.before, &mut self.end] {
+            for (list, now) in list.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
+                list.copy_from_slice(now);
+            }
+        }
+        let all = R::Mask::splat(true);
+        self.start.store((&s.state, &s.velocity.scalar_impulse), h, all);
+        self.total.clear(all);
+        self.touched.fill(R::Mask::splat(false));
+        self.parts.clear(all);
+    }
+
+    /// Keeps the separating planes that the lanes `lanes` (bits) found, and clears those of the other lanes.
+    pub(super) fn keep_planes(&mut self, s: &Workspace<R>, lanes: u32) {
+        if !self.planes.is_unused() {
+            self.planes.clone_from(&s.evaluation.collision.narrow_phase.new_planes);
+            (0..R::LANES).filter(|lane| lanes >> lane & 1 == 0).for_each(|lane| self.planes.forget(lane));
+        }
+    }
+
+    /// Gives the kept separating planes to the next step. What a lane finds there must not depend on the passes of other lanes.
+    pub(super) fn restore_planes(&self, s: &mut Workspace<R>) {
+        s.evaluation.collision.forget_planes();
+        if !self.planes.is_unused() {
+            s.evaluation.collision.narrow_phase.new_planes.clone_from(&self.planes);
+        }
     }
 }

@@ -1,34 +1,41 @@
-//! Steps that keep an error: a step is divided into substeps. The estimated error of the positions in each is within a share of the user's
-//! bound.
+//! Substeps: the parts of a step, which each lane has for itself. There are two reasons to divide a step.
 //!
-//! The estimate is that of step doubling (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.4). An interval
-//! is stepped once as a whole and once in two halves. The distance between both results is the estimate, and the two halves are the result.
-//! If the distance is too large, the first half becomes the next interval. The result of a step over it is known already.
+//! **Impacts.** A flight ends at the first elastic impact of its lane ([`crate::integrators::locate`]). The impact is a part of its own: the
+//! velocity jumps at one configuration. The rest of the step is the next flight. Mechanisms that no impact touches keep their whole step
+//! ([`crate::integrators::untouched`]).
 //!
-//! Lanes differ in their intervals, and what a lane computes does not depend on other lanes. A pass executes stages 1 to 8 and 10 in all
-//! lanes, each with the substep that it needs next. Lanes that have reached the end of the step wait. Lengths are the step divided by
-//! powers of two. After an accepted interval, the next one is the longest that begins at a multiple of its length.
+//! **Steps that keep an error.** The estimated error of the positions in each interval is within a share of the user's bound. The estimate
+//! is that of step doubling (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.4). An interval is stepped
+//! once as a whole and once in two halves, each with the impacts in it. The distance between both results is the estimate, and the two
+//! halves are the result. If the distance is too large, the first half becomes the next interval. The result of a step over it is known
+//! already. Lengths are the step divided by powers of two. After an accepted interval, the next one is the longest that begins at a multiple
+//! of its length.
 //!
-//! Controls, actuator pipelines and sensors act once in a step of the user. Impulses are summed over the substeps.
+//! Lanes differ in their parts, and what a lane computes does not depend on other lanes. A pass executes stages 1 to 8 and 10 in all lanes,
+//! each with the part that it needs next. Lanes that have reached the end of the step wait.
+//!
+//! Controls, actuator pipelines and sensors act once in a step of the user. Impulses are summed over the parts.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::compile::LaneModel;
-use crate::dynamics::kinematics::quat_at;
+use crate::dynamics::kinematics::{quat_at, select_into};
 use crate::integrators::evaluation::Substep;
-use crate::integrators::substep_buffers::{ErrorControl, select_into};
+use crate::integrators::step_outcome::StepOutcome;
+use crate::integrators::substep_buffers::Buffers;
+use crate::integrators::untouched::{note_impacts, spread, step_untouched};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::StepSettings;
 use crate::stages::s10_record::{Record, Status};
-use crate::tuning::{MAX_HALVINGS, MIN_ERROR_SHARE};
+use crate::tuning::{IMPACT_DURATION, MAX_HALVINGS, MAX_IMPACTS, MIN_ERROR_SHARE, SHORTEST_FLIGHT};
 
-/// Number of the shortest substeps in a step.
+/// Number of the shortest intervals in a step.
 const TICKS: u32 = 1 << MAX_HALVINGS;
 
-/// Substep that a lane makes next.
+/// What a lane computes over its interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// The whole interval.
@@ -37,14 +44,14 @@ enum Phase {
     First,
     /// Second half of the interval.
     Second,
-    /// None: the lane has reached the end of the step.
+    /// Nothing: the lane has reached the end of the step.
     Done,
 }
 
-/// Interval of a lane.
+/// Interval of a lane: the step, or a part of it with an error estimate.
 #[derive(Clone, Copy, Debug)]
 struct Interval {
-    /// Beginning and length, in units of the shortest substep.
+    /// Beginning and length, in units of the shortest interval.
     begin: u32,
     length: u32,
     phase: Phase,
@@ -52,114 +59,158 @@ struct Interval {
     broken: bool,
 }
 
-/// Makes stages 1 to 8 and 10 of a step of `options.timestep` seconds in substeps. Each may have a share of the error `error`, m or rad, in
-/// proportion to its length, but at least [`MIN_ERROR_SHARE`].
+/// Progress of a lane in a phase of its interval: flights and impacts.
+#[derive(Clone, Copy, Debug, Default)]
+struct Progress {
+    /// Time since the beginning of the phase, s.
+    flown: f64,
+    /// Number of impacts in the phase.
+    impacts: u32,
+    /// Whether the next part is an impact.
+    is_impact: bool,
+    /// Whether the last part was an impact.
+    follows_impact: bool,
+}
+
+/// Makes stages 1 to 8 and 10 of a step of `options.timestep` seconds in parts.
 ///
-/// `make_substep` executes the substep of `s.evaluation.substep`, without advancing the time of the state, and returns its record.
+/// With `options.error`, m or rad, each interval may have a share of this error in proportion to its length, but at least
+/// [`MIN_ERROR_SHARE`]. Lanes in which the sum of the estimates exceeds the error have the flag [`Status::INACCURATE`].
+///
+/// `make` executes the part of `s.evaluation.substep`, without advancing the time of the state, and returns its record with the lanes (bits)
+/// that keep their whole state. If stages 1 to 8 of the first part are made already, `solved` is their outcome.
 ///
 /// Afterwards the workspace has the next state. The buffers of velocities and positions have the state before the step, as after one whole
-/// substep. Lanes in which the sum of the estimates exceeds the error have the flag [`Status::INACCURATE`].
+/// step.
 #[cold]
 #[inline(never)]
-pub(crate) fn step_within_error<R: Real>(
+pub(crate) fn step_in_parts<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
-    error: f64,
     s: &mut Workspace<R>,
-    make_substep: impl Fn(&mut Workspace<R>) -> Record<R>,
+    mut solved: Option<StepOutcome<R>>,
+    make: impl Fn(&mut Workspace<R>, Option<StepOutcome<R>>) -> (Record<R>, u32),
 ) -> Record<R> {
-    let mut control = s.error_control.take().expect("buffers of a step that keeps an error");
+    let mut buffers = s.substep_buffers.take().unwrap_or_else(|| Buffers::new(s, compiled.mechanisms.count));
     let (all, h) = (s.alive, options.timestep);
     let mut span = R::of(h);
-    begin(&mut control, s, span);
+    buffers.begin(s, span);
     let mut intervals = [Interval { begin: 0, length: TICKS, phase: Phase::Whole, broken: false }; MAX_LANES];
-    let mut active = all.bits();
-    // Records of the accepted substeps, and of the first half of each interval.
-    let (mut total, mut first) = (Record::none(), Record::none());
+    let mut progress = [Progress::default(); MAX_LANES];
+    // Lanes (bits) that have not reached the end, and lanes that keep the state before the step.
+    let (mut active, mut kept) = (all.bits(), 0);
+    // Records of the accepted phases, of the first half of each interval, and of the parts of each phase.
+    let [mut total, mut first, mut parts] = [Record::none(); 3];
+    let mut is_first_pass = true;
     while active != 0 {
-        begin_pass(s, &intervals, active, h, &mut span);
-        let made = make_substep(s);
-        let in_phase =
-            |phase| R::Mask::from_bits(each_of(active).filter(|&l| intervals[l].phase == phase).fold(0, |bits, l| bits | 1 << l));
-        let [wholes, firsts, seconds] = [Phase::Whole, Phase::First, Phase::Second].map(in_phase);
-        let ErrorControl { start, whole, middle, end, total: sums, summed, .. } = &mut *control;
-        select_into(whole, &s.state.q, wholes);
-        start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, wholes);
-        middle.store((&s.state, &s.velocity.scalar_impulse), span, firsts);
-        first.replace(&made, firsts);
-        let distance = kernel!(R, || distance(compiled, &s.state.q, whole));
-        let broken = made.lanes(Status::NON_FINITE);
-        let (mut accepted, mut done) = (0, 0);
-        for lane in each_of(active) {
-            let interval = &mut intervals[lane];
-            interval.broken |= broken >> lane & 1 == 1;
-            if interval.advance(distance.lane(lane).to_f64(), error) {
-                accepted |= 1 << lane;
-                done |= u32::from(interval.phase == Phase::Done) << lane;
-            }
+        if solved.is_none() {
+            begin_pass(s, &mut buffers, options, (&intervals, &progress), active, &mut span);
         }
+        let (made, keeping) = make(s, solved.take());
+        parts.add(&made, R::Mask::from_bits(active));
+        let lanes = [active, keeping];
+        let completed = end_parts(compiled, s, &mut buffers, options, (&intervals, &mut progress), lanes, &mut span);
+        if std::mem::take(&mut is_first_pass) {
+            buffers.keep_planes(s, completed);
+        }
+        let in_phase =
+            |phase| R::Mask::from_bits(each_of(completed).filter(|&l| intervals[l].phase == phase).fold(0, |bits, l| bits | 1 << l));
+        let [wholes, firsts, seconds] = [Phase::Whole, Phase::First, Phase::Second].map(in_phase);
+        let broken = parts.lanes(Status::NON_FINITE);
+        let Buffers { start, whole, middle, end, total: sums, summed, .. } = &mut *buffers;
+        // The result of a phase.
+        let (mut accepted, mut done) = (0, 0);
+        let distance = match options.error {
+            None => {
+                accepted = wholes.bits();
+                done = accepted;
+                R::zero()
+            }
+            Some(error) => {
+                select_into(whole, &s.state.q, wholes);
+                start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, wholes);
+                middle.store((&s.state, &s.velocity.scalar_impulse), span, firsts);
+                first.replace(&parts, firsts);
+                let distance = kernel!(R, || distance(compiled, &s.state.q, whole));
+                for lane in each_of(completed) {
+                    let interval = &mut intervals[lane];
+                    interval.broken |= broken >> lane & 1 == 1;
+                    if interval.advance(distance.lane(lane).to_f64(), error) {
+                        accepted |= 1 << lane;
+                        done |= u32::from(interval.phase == Phase::Done) << lane;
+                    }
+                }
+                distance
+            }
+        };
         let taken = R::Mask::from_bits(accepted);
         let rejected = seconds.and_not(taken);
         if taken.any() {
-            sums.add(summed, &middle.state, &middle.scalar_impulse, taken);
+            if options.error.is_some() {
+                sums.add(summed, &middle.state, &middle.scalar_impulse, taken);
+                total.add(&first, taken);
+                total.add_error(distance, taken);
+                start.store((&s.state, &s.velocity.scalar_impulse), span, taken);
+            }
             sums.add(summed, &s.state, &s.velocity.scalar_impulse, taken);
-            total.add(&first, taken);
-            total.add(&made, taken);
-            total.add_error(distance, taken);
-            start.store((&s.state, &s.velocity.scalar_impulse), span, taken);
+            total.add(&parts, taken);
             for (end, now) in end.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
                 select_into(end, now, R::Mask::from_bits(done));
             }
         }
-        // The first half of a rejected interval is the next one. The step over it has been made.
-        select_into(whole, &middle.state.q, rejected);
-        start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, rejected);
-        active &= !done;
+        if rejected.any() {
+            // The first half of a rejected interval is the next one. The step over it has been made.
+            select_into(whole, &middle.state.q, rejected);
+            start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, rejected);
+        }
+        parts.replace(&Record::none(), R::Mask::from_bits(completed));
+        // A lane without any finite motion keeps the state before the step.
+        kept |= accepted & keeping;
+        active &= !(done | kept);
     }
-    total.flag_inaccurate(error, all);
-    end(&control, s, options, all, total.lanes(Status::NON_FINITE));
-    s.error_control = Some(control);
+    match options.error {
+        Some(error) => total.flag_inaccurate(error, all),
+        None => step_untouched(compiled, options, s, &mut buffers, kept, make),
+    }
+    end(&buffers, s, options, all, kept);
+    total.add_flag(Status::CONTACTS_FULL, s.state.contacts.full & all.bits());
+    s.substep_buffers = Some(buffers);
     total
 }
 
-/// Begins a step from the state of the workspace.
-fn begin<R: Real>(control: &mut ErrorControl<R>, s: &Workspace<R>, h: R) {
-    let ErrorControl { start, end, total, before, .. } = control;
-    for list in [before, end] {
-        for (list, now) in list.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
-            list.copy_from_slice(now);
-        }
+/// Ends a step: the workspace gets the state at the end, sums of impulses, and the state before the step, as after one whole step. The lanes
+/// `kept` (bits) keep the state before the step and their time.
+fn end<R: Real>(buffers: &Buffers<R>, s: &mut Workspace<R>, options: &StepSettings, alive: R::Mask, kept: u32) {
+    let Buffers { end, before, total, .. } = buffers;
+    let keeps = R::Mask::from_bits(kept);
+    for (now, (end, before)) in [&mut s.state.v, &mut s.state.q, &mut s.state.act].into_iter().zip(end.iter().zip(before)) {
+        now.copy_from_slice(end);
+        select_into(now, before, keeps);
     }
-    start.store((&s.state, &s.velocity.scalar_impulse), h, R::Mask::splat(true));
-    total.state.contacts.clear();
-    [&mut total.state.impulse, &mut total.scalar_impulse].into_iter().for_each(|impulses| impulses.fill(R::zero()));
-}
-
-/// Ends a step: the workspace gets the state at the end, sums of impulses, and the state before the step, as after one whole substep.
-fn end<R: Real>(control: &ErrorControl<R>, s: &mut Workspace<R>, options: &StepSettings, alive: R::Mask, rejected: u32) {
-    let [v, q, act] = &control.end;
-    s.state.v.copy_from_slice(v);
-    s.state.q.copy_from_slice(q);
-    s.state.act.copy_from_slice(act);
-    s.state.contacts.copy_from(&control.total.state.contacts);
-    s.state.impulse.copy_from_slice(&control.total.state.impulse);
-    s.velocity.scalar_impulse.copy_from_slice(&control.total.scalar_impulse);
-    for lane in each_of(!rejected & u32::MAX >> (u32::BITS as usize - R::LANES)) {
+    s.state.contacts.copy_from(&total.state.contacts);
+    s.state.impulse.copy_from_slice(&total.state.impulse);
+    s.velocity.scalar_impulse.copy_from_slice(&total.scalar_impulse);
+    kernel!(R, || {
+        for impulse in s.state.impulse.iter_mut().chain(&mut s.velocity.scalar_impulse) {
+            *impulse = R::select(keeps, R::zero(), *impulse);
+        }
+    });
+    each_of(kept).for_each(|lane| s.state.contacts.count[lane] = 0);
+    for lane in each_of(!kept & u32::MAX >> (u32::BITS as usize - R::LANES)) {
         s.state.time[lane] += options.timestep;
     }
     s.state.elapsed += options.timestep;
-    let [v, q, act] = &control.before;
+    let [v, q, act] = before;
     s.velocity.v.copy_from_slice(v);
     s.position.q.copy_from_slice(q);
     s.position.act.copy_from_slice(act);
     s.alive = alive;
-    s.evaluation.substep = Substep::whole(options.timestep);
-    // What a lane finds in its next step must not depend on the passes of others.
-    s.evaluation.collision.forget_planes();
+    s.evaluation.substep = Substep::whole(options);
+    buffers.restore_planes(s);
 }
 
 impl Interval {
-    /// Takes up the result of the substep. Returns whether the two halves of the interval are accepted: they are within their share of the
+    /// Takes up the result of a phase. Returns whether the two halves of the interval are accepted: they are within their share of the
     /// error, or the shortest ones. The interval then becomes the next one.
     ///
     /// `distance` is the distance between the results of the whole interval and of its halves, m or rad. `error` is the error of the step.
@@ -184,38 +235,117 @@ impl Interval {
         false
     }
 
-    /// Beginning and length of the next substep, in units of the shortest one.
-    fn substep(&self) -> [u32; 2] {
+    /// Beginning and length of the phase, s, in a step of `h` s.
+    fn times(&self, h: f64) -> [f64; 2] {
         let Self { begin, length, phase, .. } = *self;
-        match phase {
+        let ticks = match phase {
             Phase::Whole => [begin, length],
             Phase::First => [begin, length / 2],
             Phase::Second | Phase::Done => [begin + length / 2, length / 2],
-        }
+        };
+        ticks.map(|ticks| f64::from(ticks) * (h / f64::from(TICKS)))
     }
 }
 
-/// Prepares a pass of the lanes `active` (bits): their substeps, and impulses from which the solver starts. The impulses of the state
-/// belong to substeps of `span` seconds, which becomes the length of the new ones.
-fn begin_pass<R: Real>(s: &mut Workspace<R>, intervals: &[Interval; MAX_LANES], active: u32, h: f64, span: &mut R) {
-    let tick = h / f64::from(TICKS);
-    let mut substep = Substep::<R>::whole(h);
+/// Prepares a pass of the lanes `active` (bits): their parts, and impulses from which the solver starts. The impulses of the state belong
+/// to a time of `span` s, which becomes that of the new parts.
+fn begin_pass<R: Real>(
+    s: &mut Workspace<R>,
+    buffers: &mut Buffers<R>,
+    options: &StepSettings,
+    (intervals, progress): (&[Interval; MAX_LANES], &[Progress; MAX_LANES]),
+    active: u32,
+    span: &mut R,
+) {
+    let h = options.timestep;
+    let mut substep = Substep::<R>::whole(options);
+    let [mut impacts, mut after_impacts, mut without_end] = [0; 3];
     for lane in each_of(active) {
-        let [begin, length] = intervals[lane].substep().map(|ticks| R::Scalar::from_f64(f64::from(ticks) * tick));
-        substep.offset.set_lane(lane, begin);
-        substep.length.set_lane(lane, length);
+        let (progress, [begin, length]) = (&progress[lane], intervals[lane].times(h));
+        let longest = if progress.is_impact { h } else { length - progress.flown };
+        substep.offset.set_lane(lane, R::Scalar::from_f64(begin + progress.flown));
+        substep.longest.set_lane(lane, R::Scalar::from_f64(longest));
+        if options.error.is_some() {
+            substep.next.set_lane(lane, R::Scalar::from_f64(length));
+        }
+        impacts |= u32::from(progress.is_impact) << lane;
+        after_impacts |= u32::from(progress.follows_impact) << lane;
+        without_end |= u32::from(progress.impacts >= MAX_IMPACTS) << lane;
     }
+    [substep.is_impact, substep.follows_impact] = [impacts, after_impacts].map(R::Mask::from_bits);
+    substep.has_no_end = substep.has_no_end.or(R::Mask::from_bits(without_end));
     s.alive = R::Mask::from_bits(active);
     s.evaluation.substep = substep;
     s.evaluation.collision.forget_planes();
+    if impacts != 0 {
+        buffers.flown.store((&s.state, &s.velocity.scalar_impulse), *span, substep.is_impact);
+    }
     kernel!(R, || {
-        let factor = substep.length / *span;
+        let duration = R::select(substep.is_impact, substep.longest * R::of(IMPACT_DURATION), substep.longest);
+        let factor = duration / *span;
         s.state.contacts.scale_impulses(factor);
         for impulse in s.state.impulse.iter_mut().chain(&mut s.velocity.scalar_impulse) {
             *impulse *= factor;
         }
-        *span = substep.length;
+        *span = duration;
     });
+}
+
+/// Takes up the parts of a pass of the lanes `active` (bits). Returns the lanes that have completed their phase. The state then has the sums
+/// of its impulses, which belong to `span` s. The lanes `keeping` (bits) have kept their state: they complete their phase without it.
+fn end_parts<R: Real>(
+    compiled: &LaneModel<R>,
+    s: &mut Workspace<R>,
+    buffers: &mut Buffers<R>,
+    options: &StepSettings,
+    (intervals, progress): (&[Interval; MAX_LANES], &mut [Progress; MAX_LANES]),
+    [active, keeping]: [u32; 2],
+    span: &mut R,
+) -> u32 {
+    let Buffers { flown, parts, summed, touched, .. } = buffers;
+    let (substep, length) = (s.evaluation.substep, s.evaluation.scheme.h);
+    let (impacts, mut completed) = (substep.is_impact.bits() & active, keeping & active);
+    let mut divided = 0;
+    kernel!(R, || *span = length);
+    for lane in each_of(active & !keeping) {
+        let own = &mut progress[lane];
+        divided |= u32::from(own.flown > 0.0 || own.is_impact) << lane;
+        let [_, of_phase] = intervals[lane].times(options.timestep);
+        let shortest = SHORTEST_FLIGHT * options.timestep;
+        let ended = if own.is_impact {
+            (own.impacts, own.is_impact, own.follows_impact) = (own.impacts + 1, false, true);
+            of_phase - own.flown <= shortest
+        } else {
+            own.flown += length.lane(lane).to_f64();
+            own.is_impact = substep.ends_at_impact.bits() >> lane & 1 == 1;
+            !own.is_impact
+        };
+        completed |= u32::from(ended) << lane;
+    }
+    let masks = [impacts, active & !completed | completed & divided, completed & divided, completed].map(R::Mask::from_bits);
+    let [impacts, summing, sums, completed_lanes] = masks;
+    if summing.any() {
+        parts.add(summed, &s.state, &s.velocity.scalar_impulse, summing);
+    }
+    if impacts.any() {
+        note_impacts(compiled, &s.problem, &s.state.contacts, touched);
+        spread(compiled, &s.state.contacts, touched);
+        // The velocity jumps, and the rest of the state stays.
+        flown.state.v.copy_from_slice(&s.state.v);
+        flown.restore((&mut s.state, &mut s.velocity.scalar_impulse), span, impacts);
+    }
+    if sums.any() {
+        parts.restore_impulses((&mut s.state, &mut s.velocity.scalar_impulse), sums);
+        for lane in each_of(sums.bits()) {
+            span.set_lane(lane, R::Scalar::from_f64(intervals[lane].times(options.timestep)[1]));
+        }
+        s.evaluation.divided = s.evaluation.divided.or(sums);
+    }
+    if completed_lanes.any() {
+        parts.clear(completed_lanes);
+        each_of(completed).for_each(|lane| progress[lane] = Progress::default());
+    }
+    completed
 }
 
 /// Largest distance between two configurations in each lane: of a coordinate, or of the rotation of a ball or free joint, m or rad.

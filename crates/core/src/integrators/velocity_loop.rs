@@ -14,7 +14,7 @@ use crate::probe::{Probe, span};
 use crate::stages::s04_assemble::assemble;
 
 /// Loop that solves for the velocity after a step with hard contact (stages 4 to 6). Its methods are in several files of this folder:
-/// `solve_velocities.rs`, `predict.rs`, `contact_activation.rs`, `impact.rs` (forces and restitution of impacts) and `acceptance.rs`
+/// `solve_velocities.rs`, `predict.rs`, `contact_activation.rs`, `impact.rs` (restitution) and `acceptance.rs`
 /// (ambiguous energy).
 pub(crate) struct VelocityLoop<'a, R: Real> {
     /// Input of the step and its evaluation point.
@@ -37,7 +37,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     #[inline(always)]
     pub(crate) fn assemble_problem(&mut self, probe: impl Probe) {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = self.context;
-        let Evaluation { scheme, times, q, kinematics, contacts, solved_overlaps, .. } = evaluation;
+        let Evaluation { scheme, substep, times, q, kinematics, contacts, solved_overlaps, .. } = evaluation;
         let Self { free, problem, velocity, builder, .. } = self;
         let input = RowInput {
             compiled,
@@ -50,6 +50,9 @@ impl<R: Real> VelocityLoop<'_, R> {
             v_free: &free.v,
             losses: &free.actuator_forces.losses,
             h: scheme.h,
+            longest: substep.longest,
+            is_impact: substep.is_impact,
+            has_no_end: substep.has_no_end,
             times,
             in_the_middle: scheme.in_the_middle,
             solved_overlaps: solved_overlaps.as_deref(),

@@ -17,7 +17,7 @@ use crate::integrators::mujoco::workspace::MujocoWorkspace;
 use crate::integrators::rk4::Rk4;
 use crate::integrators::state::State;
 use crate::integrators::step_resolution::StepResolution;
-use crate::integrators::substep_buffers::ErrorControl;
+use crate::integrators::substep_buffers::Buffers;
 use crate::math::spatial::*;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::{SensorWorkspace, errors};
@@ -59,8 +59,8 @@ pub struct Workspace<R: Real> {
     pub(crate) step_resolution: StepResolution<R>,
     /// Runge-Kutta method with hard contact; `None` with other integrators.
     pub(crate) rk4: Option<Rk4<R>>,
-    /// Buffers of steps that keep an error; `None` without such a step.
-    pub(crate) error_control: Option<Box<ErrorControl<R>>>,
+    /// Buffers of steps that are divided into parts; `None` before the first such step.
+    pub(crate) substep_buffers: Option<Box<Buffers<R>>>,
     /// Integrators for MuJoCo's contact law.
     pub(crate) mujoco: MujocoWorkspace<R>,
 }
@@ -99,11 +99,11 @@ impl<R: Real> Workspace<R> {
             collisions: CollisionSearch::new(compiled, max_contacts),
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
-            error_control: None,
+            substep_buffers: None,
             mujoco: MujocoWorkspace::new(compiled, options),
         };
         if options.error.is_some() {
-            workspace.error_control = Some(ErrorControl::new(&workspace.state, &workspace.velocity.scalar_impulse));
+            workspace.substep_buffers = Some(Buffers::new(&workspace, compiled.mechanisms.count));
         }
         workspace
     }

@@ -52,7 +52,6 @@ pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>,
             assembler.add_equalities(input, false);
         }
         assembler.problem.elastic = any_elastic(contacts);
-        assembler.problem.resolves_impacts = assembler.problem.elastic && input.in_the_middle;
         for k in 0..contacts.slots() {
             let lanes = contacts.lanes_of(k);
             let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
@@ -90,7 +89,7 @@ impl<R: Real> Assembler<'_, R> {
         problem.deferred.clear();
         problem.impacts.clear();
         problem.turning = turning_lanes(&input.motion.velocity, input.times.longest_closing());
-        [problem.constrained, problem.needs_position_solve, problem.biased, problem.rebounding_at_step_end] = [none; 4];
+        [problem.constrained, problem.needs_position_solve, problem.biased] = [none; 3];
         problem.may_have_immovable_rows = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
     }

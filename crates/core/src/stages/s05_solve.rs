@@ -10,8 +10,8 @@ use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
 use crate::tuning::{
-    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MAX_REST_TOLERANCE, MAX_ROUGH_MOTION, MIN_ROUGH_MOTION_OF_SEVERAL_TREES,
-    MIN_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS, SLIP_SPEED,
+    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, IMPACT_TOLERANCE_RATIO, MAX_ESTIMATE_TOLERANCE, MAX_REST_TOLERANCE, MAX_ROUGH_MOTION,
+    MIN_ROUGH_MOTION_OF_SEVERAL_TREES, MIN_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS, SLIP_SPEED,
 };
 
 /// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or a smaller one. Afterwards, [`store_impulses`] can
@@ -28,7 +28,12 @@ pub fn solve<R: Real>(
     velocity: &mut VelocitySolution<R>,
     contacts: &Contacts<R>,
 ) -> Outcome<R> {
-    let tolerance = tolerance(options, v, velocity.contact_groups.lanes());
+    let mut tolerance = tolerance(options, v, velocity.contact_groups.lanes());
+    if !problem.impacts.is_empty() && !R::Scalar::IS_SINGLE {
+        // Each impact of a step adds its error to the energy.
+        let fine = R::of((IMPACT_TOLERANCE_RATIO * options.tolerance).max(MIN_TOLERANCE));
+        tolerance = R::select(problem.impact_lanes(), tolerance.min(fine), tolerance);
+    }
     solve_to(options, tolerance, lanes, problem, velocity, contacts)
 }
 

@@ -16,7 +16,6 @@ use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, Sy
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
-use crate::constraints::restitution::shrink_factor;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::displace;
@@ -97,7 +96,7 @@ pub struct PositionInput<'a, R: Real> {
     pub contacts: &'a Contacts<R>,
     /// Lanes whose positions are corrected.
     pub lanes: R::Mask,
-    /// Lanes in which a contact bounces. Their corrected position is the one after the rebound. [`MAX_REBOUND_SPEED_RATIO`] bounds their
+    /// Lanes in which a contact bounces. Their corrected position is the one without the rebound. [`MAX_REBOUND_SPEED_RATIO`] bounds their
     /// correction, instead of `Bounds`.
     pub rebounding: R::Mask,
     /// Time step, s.
@@ -107,7 +106,7 @@ pub struct PositionInput<'a, R: Real> {
 /// Corrects the configuration `position.q`, which has advanced with `velocity.v`, and writes the result to `position.q_corrected`. Returns
 /// the lanes whose position errors provably cannot be removed, and stores the worst constraint of these lanes in `velocity.worst`.
 ///
-/// The caller has computed the position rows and the free velocity with `integrators::impact::prepare_position_solve`. The solve starts
+/// The caller has copied the rows of the velocity solve and the free velocity. The solve starts
 /// from the impulses of the velocity solution and overwrites them.
 #[inline(always)]
 pub fn stabilise<R: Real>(
@@ -215,7 +214,7 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { newton_threshold: R::of(threshold), ..Settings::new(sweeps, newton, R::of(tolerance)) };
     let VelocitySolution { impulses, v: v_next, newton, worst, saved_impulses, islands, .. } = velocity;
-    let PositionSolution { rows, reference, v_free, correction: out, impact_displacement: scratch, .. } = position;
+    let PositionSolution { rows, reference, v_free, correction: out, scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
     // The residual of a correction is not reported. The solve need not end with its evaluation, unless the tolerance is smaller than the
     // default.
@@ -295,7 +294,9 @@ fn find_motion<R: Real>(input: &PositionInput<'_, R>, impulses: &Iterate<R>, [v_
 fn bound_rebound<R: Real>(input: &PositionInput<'_, R>, velocities: [&[R]; 2], v: &mut [R], scratch: &mut [R], lanes: R::Mask) {
     let mut energy = |v: &[R]| input.mass.kinetic_energy(input.compiled, v, scratch);
     let most = energy(velocities[0]).max(energy(velocities[1])) * R::of(MAX_REBOUND_SPEED_RATIO.powi(2));
-    let (lanes, factor) = shrink_factor(energy(v), most, lanes);
+    let square = energy(v);
+    let lanes = lanes.and(square.gt(most));
+    let factor = (most / R::select(lanes, square, R::one())).sqrt();
     for v in v {
         *v = R::select(lanes, *v * factor, *v);
     }

@@ -101,14 +101,14 @@ pub struct Record<R: Real> {
     pub equality_violation: R,
     /// Estimated error of the positions, m or rad, in steps that keep an error; otherwise 0.
     pub error: R,
-    /// Number of substeps, in steps that keep an error; otherwise 0.
+    /// Number of parts of a step that impacts or an error bound divide; otherwise 0.
     pub substeps: R,
     /// Status flags, with the lanes (bits) that have them.
     pub flags: [(Status, u32); 10],
 }
 
 impl<R: Real> Record<R> {
-    /// Record of no substep yet, to which [`Record::add`] adds substeps.
+    /// Record of no part yet, to which [`Record::add`] adds parts.
     pub(crate) fn none() -> Self {
         let (zero, mut flags) = (R::zero(), Status::all().iter().map(|flag| (flag, 0)));
         Self {
@@ -124,19 +124,19 @@ impl<R: Real> Record<R> {
         }
     }
 
-    /// Adds the record of a substep in the lanes `lanes`: sums of iterations, largest errors and all flags.
-    pub(crate) fn add(&mut self, substep: &Self, lanes: R::Mask) {
+    /// Adds the record of a part in the lanes `lanes`: sums of iterations, largest errors and all flags.
+    pub(crate) fn add(&mut self, part: &Self, lanes: R::Mask) {
         kernel!(R, || {
             let take = |new: R, old: R| R::select(lanes, new, old);
-            self.residual = take(substep.residual.max(self.residual), self.residual);
-            self.sweeps = take(substep.sweeps + self.sweeps, self.sweeps);
-            self.newton_steps = take(substep.newton_steps + self.newton_steps, self.newton_steps);
-            self.depth = take(substep.depth.max(self.depth), self.depth);
-            self.overshoot = take(substep.overshoot.max(self.overshoot), self.overshoot);
-            self.equality_violation = take(substep.equality_violation.max(self.equality_violation), self.equality_violation);
-            self.substeps = take(self.substeps + R::one(), self.substeps);
+            self.residual = take(part.residual.max(self.residual), self.residual);
+            self.sweeps = take(part.sweeps + self.sweeps, self.sweeps);
+            self.newton_steps = take(part.newton_steps + self.newton_steps, self.newton_steps);
+            self.depth = take(part.depth.max(self.depth), self.depth);
+            self.overshoot = take(part.overshoot.max(self.overshoot), self.overshoot);
+            self.equality_violation = take(part.equality_violation.max(self.equality_violation), self.equality_violation);
+            self.substeps = take(part.substeps + self.substeps, self.substeps);
             for (flag, all) in &mut self.flags {
-                *all |= substep.lanes(*flag) & lanes.bits();
+                *all |= part.lanes(*flag) & lanes.bits();
             }
         });
     }
@@ -167,9 +167,12 @@ impl<R: Real> Record<R> {
     /// Sets the flag [`Status::INACCURATE`] in the lanes of `lanes` whose error estimate exceeds `error`, m or rad.
     pub(crate) fn flag_inaccurate(&mut self, error: f64, lanes: R::Mask) {
         let exceeds = kernel!(R, || lanes.and_not(self.error.le(R::of(error))));
-        for (_, all) in self.flags.iter_mut().filter(|(flag, _)| *flag == Status::INACCURATE) {
-            *all |= exceeds.bits();
-        }
+        self.add_flag(Status::INACCURATE, exceeds.bits());
+    }
+
+    /// Sets a flag in the lanes `lanes` (bits).
+    pub(crate) fn add_flag(&mut self, flag: Status, lanes: u32) {
+        self.flags.iter_mut().filter(|(own, _)| *own == flag).for_each(|(_, all)| *all |= lanes);
     }
 
     /// Lanes (bits) that have any of the status flags `status`.

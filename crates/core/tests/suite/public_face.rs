@@ -138,7 +138,7 @@ fn an_environment_that_does_not_exist_is_named() {
     let model = ball(0.002);
     let mut sim = simulation(model.clone(), Options::default(), 3);
     let expected = "env is 3, must be below 3";
-    let reads: [fn(&Simulation); 14] = [
+    let reads: [fn(&Simulation); 15] = [
         |sim| drop(sim.qpos(3)),
         |sim| drop(sim.qvel(3)),
         |sim| _ = sim.time(3),
@@ -147,6 +147,7 @@ fn an_environment_that_does_not_exist_is_named() {
         |sim| _ = sim.limit_overshoot(3),
         |sim| _ = sim.max_equality_violation(3),
         |sim| _ = sim.error_estimate(3),
+        |sim| _ = sim.substeps(3),
         |sim| drop(sim.sensor_faults(3)),
         |sim| drop(sim.actuator_saturation(3)),
         |sim| _ = sim.certificate(3),

@@ -127,9 +127,10 @@ getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     newton_steps: slf.per_env(py, |env| slf.simulation.certificate(env).newton_steps),
     /// Largest estimated error of the positions in a step of the last call of `step`, (num_envs,) float64, m or rad. The estimate of a step
     /// is a sum over its parts. NaN without `Options(error=...)`.
-    error_estimate: slf.per_env(py, |env| slf.simulation.error_estimate(env).map_or(f64::NAN, |(error, _)| error)),
-    /// Number of substeps in the last call of `step`, (num_envs,) uint32. 0 without `Options(error=...)`.
-    substeps: slf.per_env(py, |env| slf.simulation.error_estimate(env).map_or(0, |(_, substeps)| substeps)),
+    error_estimate: slf.per_env(py, |env| slf.simulation.error_estimate(env).unwrap_or(f64::NAN)),
+    /// Number of parts in the last call of `step` into which steps were divided, (num_envs,) uint32: by elastic impacts, or to keep
+    /// `Options(error=...)`. Steps that are not divided do not count.
+    substeps: slf.per_env(py, |env| slf.simulation.substeps(env)),
     /// Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
     /// detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP.
     max_penetration: slf.per_env(py, |env| slf.simulation.depth(env)),

@@ -152,16 +152,26 @@ impl Simulation {
         with_batch!(&self.engine, batch => batch.outcome(env)).equality_violation
     }
 
-    /// Error estimate of the last call: largest estimated error of the positions in a step, m or rad, and number of substeps. `None` if the
-    /// steps keep no error ([`Options::error`](crate::Options::error)).
+    /// Error estimate of the last call: largest estimated error of the positions in a step, m or rad. `None` if the steps keep no error
+    /// ([`Options::error`](crate::Options::error)).
     ///
     /// # Panics
     /// When there is no such environment.
     #[track_caller]
-    pub fn error_estimate(&self, env: usize) -> Option<(f64, u32)> {
+    pub fn error_estimate(&self, env: usize) -> Option<f64> {
         self.assert_env(env);
-        let outcome = with_batch!(&self.engine, batch => batch.outcome(env));
-        self.settings().error.map(|_| (outcome.error, outcome.substeps as u32))
+        let error = with_batch!(&self.engine, batch => batch.outcome(env)).error;
+        self.settings().error.map(|_| error)
+    }
+
+    /// Number of parts in the last call into which impacts or [`Options::error`](crate::Options::error) divided steps.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn substeps(&self, env: usize) -> u32 {
+        self.assert_env(env);
+        with_batch!(&self.engine, batch => batch.outcome(env)).substeps as u32
     }
 
     /// Number of clipped readings and number of lost samples in the last call, for every sensor of the model.

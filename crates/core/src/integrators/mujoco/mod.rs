@@ -52,7 +52,7 @@ pub(crate) fn solve_step<R: Real>(
     let MujocoWorkspace { stage, runge_kutta: stages, unsymmetric, effective } = &mut s.mujoco;
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
-    evaluation.times.reset(R::of(options.timestep), R::zero());
+    evaluation.times.reset(R::of(options.timestep), R::zero(), R::zero());
     let mut acceleration = Acceleration { evaluation, free, problem, velocity, builder, effective };
     let solver = if let Some(stages) = stages {
         runge_kutta(input, (stage, stages), &mut acceleration, position, probe)
@@ -124,7 +124,7 @@ pub(crate) fn respond_step<R: Real>(
     let MujocoWorkspace { stage, unsymmetric, effective, .. } = &mut s.mujoco;
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
-    evaluation.times.reset(R::of(options.timestep), R::zero());
+    evaluation.times.reset(R::of(options.timestep), R::zero(), R::zero());
     let mut acceleration = Acceleration { evaluation, free, problem, velocity, builder, effective };
     acceleration.prepare(input, stage, recomputed, NoProbe);
     if let Some(system) = &mut acceleration.problem.soft {

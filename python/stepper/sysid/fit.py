@@ -75,6 +75,8 @@ def identify(
     SciPy's `least_squares` (trust-region reflective) minimises the residuals divided by their noise, within bounds, from several starts at
     once. One batch simulates all episodes, starts, and the displaced parameters for central differences.
 
+    Further searches look for other estimates that explain the readings as well. Values that differ between these are not determined.
+
     Args:
         model: Model with the known parameters.
         data: Measurements: `Episode`s, paths of recordings, CSV or npz files, or several of these.
@@ -85,14 +87,14 @@ def identify(
             estimated from the residuals.
         loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give outliers less weight.
         f_scale: Residual, in units of the noise, above which a robust loss reduces the weight.
-        starts: Number of searches. One starts at the start values of the parameters (`FitParameter.start`, by default the model's values).
-            The others start at the best points of a Sobol sequence around these values. The sequence has at least eight points for each of
-            the other searches.
+        starts: Number of first searches. One starts at the start values of the parameters (`FitParameter.start`, by default the model's
+            values). The others start at the best points of a Sobol sequence around these values. The sequence has at least eight points
+            for each of the other searches.
         step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
             earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.
         threads: Number of threads; 0 uses all cores.
-        seed: Seed of the Sobol sequence of starts.
+        seed: Seed of the Sobol sequences of start points.
         channels: Names of the channels to use from files. None selects all sensors of a recording, and all channels of a log.
         columns: New names of columns of files, by heading: {"Fx [N]": "wrist_force[0]"}.
         start: Initial state of logs whose first row does not have it: name of a keyframe, or (qpos, qvel), m, rad, m/s and rad/s.

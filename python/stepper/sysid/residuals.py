@@ -171,7 +171,7 @@ class Residuals:
                 spans[j] = up - x[j], x[j] - down
             rows[1 + 2 * j, j], rows[2 + 2 * j, j] = up, down
         if sides == 1:
-            below = spans[:, 0] < 0.1 * step  # There is no room above.
+            below = spans[:, 0] < 0.1 * step  # The upper bound is nearer than the step.
             rows = np.concatenate([rows[:1], np.where(below[:, None], rows[2::2], rows[1::2])])
             spans = np.where(below, -spans[:, 1], spans[:, 0])[:, None]
         # Each row ends with the initial states of x, to which the common displacement is added.

@@ -105,6 +105,14 @@ def test_no_start_makes_one_of_two_masses_determined(factor):
         assert np.isclose(masses, heavier, rtol=0.01).any()
 
 
+def test_a_better_minimum_gives_the_noise_and_further_searches():
+    """The first searches of this seed end at a poor minimum, with 24 times the noise; the better one and its mirror image replace it."""
+    found = SCENES["far start: sum of two springs"].identified(5004)
+    # Of 60 readings, the noise has a standard deviation of 9 %.
+    assert found.noise["s"][0] == pytest.approx(2e-3, rel=0.3)
+    assert not found.determined.any()
+
+
 def test_searches_where_the_simulation_diverges_are_left_out(monkeypatch):
     """Dampings above 1.5 times the true one have no prediction here: searches for other minima start there, and the estimate stays."""
     scene = SCENES["two links, fully determined"]

@@ -39,6 +39,8 @@ SAME_MINIMUM = 1e-2
 """Distance between the ends of two searches below which they count as the same minimum, in units of the parameters' scales."""
 ABANDON_RATIO = 9.0
 """Ratio of a search's cost to the lowest cost, above which the search is abandoned. At 9, residuals are three times as large."""
+BETTER = 3
+"""Largest number of times that other minima are searched. Noise and searches are repeated if one of these is better than the estimate."""
 COARSE, FINE = 1e-4, 1e-4
 """Relative change of the unknowns below which a search ends: `COARSE` for all searches except the last, `COARSE * FINE` for the last."""
 NOISE_TOLERANCE = 0.05
@@ -137,17 +139,12 @@ def identify(
     residuals.sigma = np.where(np.isnan(known), first, known)
     solver = _Solver(optimize, residuals, loss=loss, f_scale=f_scale, most=max_evaluations, progress=progress or silent)
     searches = solver.search(_starts(qmc, residuals, starts, seed))
-    for _ in range(5):
-        best = min(searches, key=lambda s: s.cost)
-        sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, loss), known)
-        settled = (np.abs(sigma - residuals.sigma) <= NOISE_TOLERANCE * residuals.sigma).all()
-        residuals.sigma = sigma
-        # The noise determines the weights of the channels. After a change of the noise, another minimum may be the lowest.
-        searches = solver.search([found.x for found in _distinct(searches)])
-        if settled:
+    for attempt in range(BETTER):
+        searches = _with_noise(solver, residuals, searches, known)
+        best, likely = min(searches, key=lambda s: s.cost), cost_ratio(residuals, SIGNIFICANT)
+        searches += solver.search(beyond(qmc, residuals, best.x, best.at, seed + 1 + attempt), known=_distinct(searches, likely))
+        if min(s.cost for s in searches) * cost_ratio(residuals, EQUAL_FIT) >= best.cost:
             break
-    best, likely = min(searches, key=lambda s: s.cost), cost_ratio(residuals, SIGNIFICANT)
-    searches += solver.search(beyond(qmc, residuals, best.x, best.at, seed + 1), known=_distinct(searches, likely))
     lowest, *ends = _distinct(searches, likely)
     minima = [lowest, *(found for found in ends if found.is_minimum(residuals.low, residuals.high))]
     # Of minima that explain the readings equally well, the nearest to the start values is the estimate.
@@ -292,6 +289,27 @@ class _Solver:
             return None
         finally:
             together.leave()
+
+
+def _with_noise(solver: _Solver, residuals: Residuals, searches: list[_Found], known: Array) -> list[_Found]:
+    """Ends of searches with the noise that the residuals of the best search have. The noise is written to `residuals`.
+
+    Args:
+        solver: Solver.
+        residuals: Residuals of the fit.
+        searches: Ends of searches with another noise.
+        known: Standard deviation of the noise of each column of the readings, (width,); NaN where it is estimated.
+    """
+    for _ in range(5):
+        best = min(searches, key=lambda s: s.cost)
+        sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, solver.loss), known)
+        settled = (np.abs(sigma - residuals.sigma) <= NOISE_TOLERANCE * residuals.sigma).all()
+        residuals.sigma = sigma
+        # The noise determines the weights of the channels. After a change of the noise, another minimum may be the lowest.
+        searches = solver.search([found.x for found in _distinct(searches)])
+        if settled:
+            break
+    return searches
 
 
 def _distinct(searches: Sequence[_Found], ratio: float = ABANDON_RATIO) -> list[_Found]:

@@ -6,7 +6,7 @@ The determined values and combinations follow from the equations of motion. `ide
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -42,6 +42,8 @@ class Partial:
         noise: Standard deviations of the readings by channel.
         qvel: Initial velocity, (nv,); None is zero.
         factors: Factors of the readings by sensor, for parameters "sensor.scale".
+        spread: Largest change of the logarithms of the start values, which each run draws. Start values of a centre of mass change by one
+            factor.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Partial:
     noise: Mapping[str, float]
     qvel: tuple[float, ...] | None = None
     factors: Mapping[str, float] = field(default_factory=dict)
+    spread: float = 0.0
 
     def model(self) -> stepper.Model:
         """Model with the start values."""
@@ -86,7 +89,19 @@ class Partial:
 
     def identified(self, seed: int, starts: int = 2) -> stepper.sysid.Identification:
         """Result of an identification with the noise of a seed."""
-        return stepper.sysid.identify(self.model(), [self.episode(seed)], self.parameters, starts=starts, seed=seed, threads=1)
+        rng = np.random.default_rng((seed, 1))
+        model, parameters = self.model(), []
+        for block in bind(self.parameters, model):
+            factor = np.exp(rng.uniform(-self.spread, self.spread))
+            if block.size == 1:
+                parameters.append(replace(block.parameter, start=float(factor * block.natural(block.start)[0])))
+                continue
+            parameters.append(block.parameter)
+            if block.parameter.kind == "body_ipos":
+                ipos = np.array(model.body_ipos)
+                ipos[block.index] *= factor
+                model = model.replace(body_ipos=ipos)
+        return stepper.sysid.identify(model, [self.episode(seed)], parameters, starts=starts, seed=seed, threads=1)
 
     def labels(self) -> list[str]:
         """Labels of the n values."""
@@ -178,6 +193,20 @@ GEARED = """<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody>
 TUMBLING = """<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody><body name="a"><freejoint/>
   <inertial pos="0 0 0" mass="0.8" diaginertia="0.001 0.002 0.0026"/><site name="imu"/></body></worldbody>
   <sensor><gyro name="w" site="imu"/></sensor></mujoco>"""
+DRY = """<mujoco><option timestep="0.005"/><worldbody><body name="a"><joint name="q" axis="0 0 1" damping="0.2" stiffness="0.7"
+  frictionloss="0.08" armature="0.008"/><inertial pos="0.1 0 0" mass="0.5" diaginertia="0.004 0.004 0.004"/></body></worldbody>
+  <actuator><motor joint="q" gear="1"/></actuator><sensor><jointpos name="q" joint="q"/></sensor></mujoco>"""
+FREE = """<mujoco><option timestep="0.005"/><worldbody><body name="a"><joint name="q" axis="0 1 0"/>
+  <inertial pos="0.02 0 -0.2" mass="0.6" diaginertia="0.01 0.0108 0.005"/></body></worldbody>
+  <sensor><jointpos name="q" joint="q"/></sensor></mujoco>"""
+BALL = """<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody><body name="a"><joint type="ball"/>
+  <inertial pos="0.05 0.03 0.04" mass="0.8" diaginertia="0.001 0.002 0.0026"/><site name="imu"/></body></worldbody>
+  <sensor><gyro name="w" site="imu"/></sensor></mujoco>"""
+SUM = """<mujoco><option timestep="0.005" gravity="0 0 0"/><default><geom size=".05" mass="1"/><joint type="slide" axis="1 0 0"/></default>
+  <worldbody><body name="a"><joint name="q" stiffness="{q[0]}" damping="{q[1]}"/><geom/></body>
+  <body name="b" pos="0 2 0"><joint name="r" stiffness="{r[0]}" damping="{r[1]}"/><geom/></body></worldbody>
+  <tendon><fixed name="t"><joint joint="q" coef="1"/><joint joint="r" coef="1"/></fixed></tendon>
+  <actuator><motor joint="q" gear="4"/><motor joint="r" gear="4"/></actuator><sensor><tendonpos name="s" tendon="t"/></sensor></mujoco>"""
 THREE = ("body_mass[{}]", "body_ipos[{}]", "body_inertia[{}]")
 ENCODER = {"q": 2e-3}
 
@@ -231,8 +260,45 @@ def _without_a_scale() -> list[Partial]:
     ]  # fmt: skip
 
 
+def _two_minima() -> list[Partial]:
+    """Scenes with two minima that explain the readings equally well, and three with one minimum, all from far start values."""
+    rest, far = np.zeros((60, 0)), 1.2
+    # The true mass is one of two with the same first moments and the same moment of inertia m k^2 + (m l)^2 / m, with a known k^2.
+    gyration, moment = 0.009, (0.021, 0.091)
+    masses = (0.7, (moment[0] ** 2 + moment[1] ** 2) / gyration / 0.7)
+    mass_truths: list[Truth] = [
+        {"body_mass": {1: m}, "body_ipos": {1: (moment[0] / m, 0.0, -moment[1] / m)},
+         "body_inertia": {1: (m / 120, m * gyration, m / 240)}} for m in masses
+    ]  # fmt: skip
+    # The period is that of (k^2 + l^2) / l, which is the same at the distance k^2 / l.
+    direction = np.array([0.02, 0.0, -0.2]) / np.hypot(0.02, 0.2)
+    two_springs = SUM.format(q=(30, 0.5), r=(80, 1.0))
+    springs, dampers = ("jnt_stiffness[q]", "jnt_stiffness[r]"), ("dof_damping[q]", "dof_damping[r]")
+    links: Truth = {"dof_damping": {0: 0.07, 1: 0.05}}
+    both = np.repeat(SWEEP, 2, axis=1)
+    return [
+        Partial("far start: pendulum, lighter mass", TWO_MASSES, mass_truths[0], ("body_mass[a]", "body_ipos[a]"), (), {}, SWEEP, ENCODER,
+                spread=far),
+        Partial("far start: pendulum, heavier mass", TWO_MASSES, mass_truths[1], ("body_mass[a]", "body_ipos[a]"), (), {}, SWEEP, ENCODER,
+                spread=far),
+        Partial("far start: free pendulum, longer distance", FREE, {"body_ipos": {1: tuple(0.25 * direction)}}, ("body_ipos[a]",), (), {},
+                rest, ENCODER, (3.0,), spread=far),
+        Partial("far start: free pendulum, shorter distance", FREE, {"body_ipos": {1: tuple(0.018 / 0.25 * direction)}},
+                ("body_ipos[a]",), (), {}, rest, ENCODER, (3.0,), spread=far),
+        Partial("far start: ball joint, opposite centre of mass", BALL, {"body_ipos": {1: (-0.06, -0.04, -0.03)}}, ("body_ipos[a]",), (),
+                {}, rest, {"w": 0.02}, (2.0, 3.0, 1.0), spread=far),
+        Partial("far start: sum of two springs", SUM.format(q=(30, 0.5), r=(80, 0.5)), {}, springs, (), {}, both, {"s": 2e-3}, spread=far),
+        Partial("far start: sum of two springs and dampers", two_springs, {}, (*springs, *dampers), (), {}, both, {"s": 2e-3}, spread=far),
+        Partial("far start: sum of two unlike springs", two_springs, {}, springs, springs, {}, both, {"s": 2e-3}, spread=far),
+        Partial("far start: friction and damping", DRY, {}, (*springs[:1], "dof_frictionloss[q]", *dampers[:1]),
+                (*springs[:1], "dof_frictionloss[q]", *dampers[:1]), {}, 0.6 * SWEEP, {"q": 1e-2}, spread=far),
+        Partial("far start: two links", LINKS, links, (*dampers, "body_mass[b]"), (*dampers, "body_mass[b]"), {}, TWO_SWEEPS,
+                {"qpos": 2e-3}, spread=far),
+    ]  # fmt: skip
+
+
 def scenes() -> list[Partial]:
-    """All scenes. The last one is fully determined."""
+    """All scenes."""
     series = {"body_mass[a] + body_mass[b]": 1.7}
     # The parameter keeps the ratio 0.8 : 0.5 of both masses, and the true masses have this ratio too.
     gains = {
@@ -261,7 +327,7 @@ def scenes() -> list[Partial]:
         _swing("pendulum, three parts", PENDULUM, _of_body("a")),
         _swing("pendulum, small ball", LIGHT, _of_body("a")),
         _swing("pendulum, pseudo-inertia", PENDULUM, ("body_inertial[a]",)),
-        Partial("pendulum, shape known", PENDULUM, centre, ("body_mass[a]", "body_ipos[a]"), plane, {}, SWEEP, ENCODER),
+        Partial("pendulum, shape known", PENDULUM, centre, ("body_mass[a]=0.1..3", "body_ipos[a]"), plane, {}, SWEEP, ENCODER),
         two,
         Partial("bodies in series", SLIDE, {"body_mass": {1: 1.0, 2: 0.7}}, ("body_mass[a]", "body_mass[b]"), (), series, SWEEP,
                 {"q": 1e-3}),
@@ -274,6 +340,7 @@ def scenes() -> list[Partial]:
         Partial("two links", LINKS, link_truth, (*_of_body("a"), *_of_body("b")), (), links, TWO_SWEEPS, {"qpos": 2e-3}),
         Partial("two links, fully determined", LINKS, {"dof_damping": {0: 0.07, 1: 0.05}}, damping, damping, {}, TWO_SWEEPS,
                 {"qpos": 2e-3}),
+        *_two_minima(),
     ]  # fmt: skip
 
 

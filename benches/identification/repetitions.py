@@ -20,7 +20,7 @@ Answer: TypeAlias = "tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], np.ndarra
 Peer: TypeAlias = "Callable[[Scene, tuple[float, float], Readings], Answer]"
 """Identification by another library: function of scene, initial values of both parameters, and noisy readings."""
 
-VERSION = 1
+VERSION = 2
 """Version of scenes, noise and initial values. Stored results of another version are not reused."""
 
 

@@ -11,6 +11,8 @@ from models import stepper_model
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import parse, places
 from stepper.sysid import parameters
+from stepper.sysid.residuals import Residuals
+from stepper.sysid.simulate import Simulator, solved
 
 
 def episode_of(model, ctrl, period, channels, options=HARD, **start):
@@ -285,3 +287,25 @@ def test_log_cholesky_gives_bodies():
     assert mass == pytest.approx(2.0)
     np.testing.assert_allclose(com, 0, atol=1e-15)
     np.testing.assert_allclose(np.sort(moments), [0.02, 0.03, 0.04])
+
+
+def test_one_sided_differences_have_the_derivatives_of_central_ones():
+    """At a point inside the bounds and at upper bounds, also of an uncertain initial state, with one simulation per coordinate."""
+    model = stepper.load(
+        """<mujoco><option timestep="0.005"/><worldbody><body><joint name="q" axis="0 1 0" damping="0.1" stiffness="2"/>
+        <geom size=".05" pos="0 0 -.2" mass=".5"/></body></worldbody></mujoco>"""
+    )
+    episode = stepper.sysid.Episode(np.zeros((40, 0)), {"qpos": np.zeros((40, 1))}, 0.02, qpos=[0.4], start_std=(0.1, 0.1))
+    blocks = parameters.bind(["dof_damping[q]=0.01..1", "jnt_stiffness[q]=0.5..4"], model)
+    residuals = Residuals(Simulator(model, [episode.checked(model)], blocks, solved(HARD), threads=1, actuators=None), 1e-5)
+    for x in (residuals.start, np.where(np.isfinite(residuals.high), residuals.high, 0.0)):
+        simulated = []
+        jacobians = []
+        for sides in (2, 1):
+            before = residuals.simulator.steps
+            (at,) = residuals.linearize([x], sides=sides)
+            simulated.append(residuals.simulator.steps - before)
+            jacobians.append(at.jacobian)
+        assert simulated[1] == 5 * 40 * 4 < simulated[0]
+        # One-sided differences have an error of half the step times the second derivative, which is about the first one.
+        np.testing.assert_allclose(jacobians[1], jacobians[0], rtol=0, atol=1e-4 * np.abs(jacobians[0]).max())

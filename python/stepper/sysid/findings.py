@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stepper.sysid.inertia import Array
-from stepper.sysid.nullspace import Point, equal_fit
+from stepper.sysid.nullspace import SIGNIFICANT, Point, cost_ratio
 from stepper.sysid.parameters import Block, natural
 from stepper.sysid.residuals import Residuals
 from stepper.sysid.uncertainty import Uncertainty
@@ -107,7 +107,7 @@ def warnings_of(
 
 
 def _other_values(residuals: Residuals, found: Any, std: Array) -> Array:
-    """Values at another minimum that explains the readings equally well, (n,); NaN where they are within 5 standard deviations.
+    """Values at another minimum that is not significantly worse, (n,); NaN where they are within 5 standard deviations.
 
     Args:
         residuals: Residuals of the fit.
@@ -118,7 +118,7 @@ def _other_values(residuals: Residuals, found: Any, std: Array) -> Array:
     best = min(search.cost for search in found.searches)
     for search in found.searches:
         values = natural(residuals.blocks, search.theta)
-        if search.cost <= best * equal_fit(residuals):
+        if search.cost <= best * cost_ratio(residuals, SIGNIFICANT):
             out = np.where(np.abs(values - found.values) > 5 * std, values, out)
     return out
 

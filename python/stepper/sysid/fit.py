@@ -25,7 +25,8 @@ from stepper.sysid.combinations import combinations_of
 from stepper.sysid.data import Data, episodes_of
 from stepper.sysid.findings import undetermined, warnings_of
 from stepper.sysid.inertia import Array
-from stepper.sysid.nullspace import FLAT_STD, FlatSet, equal_fit
+from stepper.sysid.minima import SPREAD, beyond, sobol
+from stepper.sysid.nullspace import EQUAL_FIT, FLAT_EXCESS, FLAT_STD, SIGNIFICANT, FlatSet, cost_ratio
 from stepper.sysid.parameters import Block, FitParameter, bind, natural, value_slopes, write
 from stepper.sysid.residuals import Linearized, Residuals, Together
 from stepper.sysid.result import Identification, Search, t_quantile
@@ -34,19 +35,12 @@ from stepper.sysid.simulate import Simulator, noise_of, solved
 from stepper.sysid.uncertainty import outside_null_space, weights_of
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
-START_SPREAD = 1.5
-"""Largest difference between a parameter at a start point of a search and the parameter's start value, in units of its scale.
-
-For positive quantities it is a factor e^1.5 = 4.5.
-"""
 SAME_MINIMUM = 1e-2
 """Distance between the ends of two searches below which they count as the same minimum, in units of the parameters' scales."""
 ABANDON_RATIO = 9.0
 """Ratio of a search's cost to the lowest cost, above which the search is abandoned. At 9, residuals are three times as large."""
-PROBED = 1
-"""Number of weak directions along which further searches look for another minimum, on both sides of the estimate."""
-PROBE = START_SPREAD / 2
-"""Change of a logarithm at these points. A search from there finds a minimum up to twice as far, if the cost is highest halfway."""
+BETTER = 3
+"""Largest number of times that other minima are searched. Noise and searches are repeated if one of these is better than the estimate."""
 COARSE, FINE = 1e-4, 1e-4
 """Relative change of the unknowns below which a search ends: `COARSE` for all searches except the last, `COARSE * FINE` for the last."""
 NOISE_TOLERANCE = 0.05
@@ -83,6 +77,8 @@ def identify(
     SciPy's `least_squares` (trust-region reflective) minimises the residuals divided by their noise, within bounds, from several starts at
     once. One batch simulates all episodes, starts, and the displaced parameters for central differences.
 
+    Further searches look for other estimates that explain the readings as well. Values that differ between these are not determined.
+
     Args:
         model: Model with the known parameters.
         data: Measurements: `Episode`s, paths of recordings, CSV or npz files, or several of these.
@@ -93,14 +89,14 @@ def identify(
             estimated from the residuals.
         loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give outliers less weight.
         f_scale: Residual, in units of the noise, above which a robust loss reduces the weight.
-        starts: Number of searches. One starts at the start values of the parameters (`FitParameter.start`, by default the model's values).
-            The others start at the best points of a Sobol sequence around these values. The sequence has at least eight points for each of
-            the other searches.
+        starts: Number of first searches. One starts at the start values of the parameters (`FitParameter.start`, by default the model's
+            values). The others start at the best points of a Sobol sequence around these values. The sequence has at least eight points
+            for each of the other searches.
         step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
             earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.
         threads: Number of threads; 0 uses all cores.
-        seed: Seed of the Sobol sequence of starts.
+        seed: Seed of the Sobol sequences of start points.
         channels: Names of the channels to use from files. None selects all sensors of a recording, and all channels of a log.
         columns: New names of columns of files, by heading: {"Fx [N]": "wrist_force[0]"}.
         start: Initial state of logs whose first row does not have it: name of a keyframe, or (qpos, qvel), m, rad, m/s and rad/s.
@@ -143,26 +139,26 @@ def identify(
     residuals.sigma = np.where(np.isnan(known), first, known)
     solver = _Solver(optimize, residuals, loss=loss, f_scale=f_scale, most=max_evaluations, progress=progress or silent)
     searches = solver.search(_starts(qmc, residuals, starts, seed))
-    for _ in range(5):
-        best = min(searches, key=lambda s: s.cost)
-        sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, loss), known)
-        settled = (np.abs(sigma - residuals.sigma) <= NOISE_TOLERANCE * residuals.sigma).all()
-        residuals.sigma = sigma
-        # The noise determines the weights of the channels. After a change of the noise, another minimum may be the lowest.
-        searches = solver.search(_distinct(searches))
-        if settled:
+    for attempt in range(BETTER):
+        searches = _with_noise(solver, residuals, searches, known)
+        best, likely = min(searches, key=lambda s: s.cost), cost_ratio(residuals, SIGNIFICANT)
+        searches += solver.search(beyond(qmc, residuals, best.x, best.at, seed + 1 + attempt), known=_distinct(searches, likely))
+        if min(s.cost for s in searches) * cost_ratio(residuals, EQUAL_FIT) >= best.cost:
             break
-    searches += solver.search(_beyond(residuals, min(searches, key=lambda s: s.cost)))
-    equal = equal_fit(residuals)
-    refined = solver.search(_distinct(searches, equal), COARSE * FINE)
-    minima = [found for x in _distinct(refined, equal) for found in refined if found.x is x]
+    lowest, *ends = _distinct(searches, likely)
+    minima = [lowest, *(found for found in ends if found.is_minimum(residuals.low, residuals.high))]
     # Of minima that explain the readings equally well, the nearest to the start values is the estimate.
-    minima.sort(key=lambda found: float(np.linalg.norm((found.x - residuals.start)[: residuals.n])))
-    others = sorted(searches, key=lambda s: s.cost)[len(refined) :]
-    return _concluded(model, residuals, minima, others, solver, seconds=time.perf_counter() - began)
+    nearest = min(
+        (found for found in minima if found.cost <= cost_ratio(residuals, EQUAL_FIT) * lowest.cost),
+        key=lambda found: float(np.linalg.norm((found.x - residuals.start)[: residuals.n])),
+    )
+    (best,) = solver.search([nearest.x], COARSE * FINE)
+    rivals = [found for found in minima if found is not nearest and not best.explains(found.x, found.at)]
+    others = sorted((found for found in searches if found is not nearest and found not in rivals), key=lambda s: s.cost)
+    return _concluded(model, residuals, [best, *rivals], others, solver, seconds=time.perf_counter() - began)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Found:
     """End of a search for the least-squares estimate.
 
@@ -177,6 +173,31 @@ class _Found:
     cost: float
     at: Linearized
     converged: bool
+
+    def explains(self, x: Array, at: Linearized) -> bool:
+        """Whether the linear model at this end predicts the readings at another point, so that both belong to one minimum.
+
+        Args:
+            x: The other point, (n + starts,).
+            at: Residuals there.
+        """
+        missed = at.residual - self.at.residual - self.at.jacobian @ (x - self.x)
+        return float((missed**2).sum()) < EQUAL_FIT * 2 * self.cost / self.at.data
+
+    def is_minimum(self, low: Array, high: Array) -> bool:
+        """Whether the search converged, or a Gauss-Newton step within the bounds would hardly decrease the cost.
+
+        Other searches ran out of evaluations on the slope of a curved valley.
+        """
+        U, S, Vt = np.linalg.svd(self.at.jacobian, full_matrices=False)
+        sure = S > 1 / FLAT_STD
+        step = np.clip(self.x - (Vt[sure].T / S[sure]) @ (U[:, sure].T @ self.at.residual), low, high) - self.x
+        gain = float((self.at.residual**2).sum() - ((self.at.residual + self.at.jacobian @ step) ** 2).sum())
+        return self.converged or gain < FLAT_EXCESS * 2 * self.cost / self.at.data
+
+
+class _LeftOutError(Exception):
+    """Ends a search that has reached a known minimum, or parameters with which the simulation diverges."""
 
 
 class _Solver:
@@ -203,41 +224,47 @@ class _Solver:
         """New solver for other residuals, with the settings of this solver. Its count of evaluations starts at 0."""
         return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, progress=self._report)
 
-    def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:
+    def search(self, starts: Sequence[Array], tolerance: float = COARSE, known: Sequence[_Found] = ()) -> list[_Found]:
         """Runs least-squares searches concurrently, one from each start point, and returns where they ended, in the same order.
 
         Args:
             starts: Start points x, (n + starts,) each: n parameters in units of their scales, then uncertain initial coordinates. There may
                 be none.
             tolerance: Relative change of x below which a search ends.
+            known: Known minima. If there are any, searches use one-sided differences. Those that reach one of these, or parameters with
+                which the simulation diverges, are left out.
         """
-        together = Together(self._residuals, len(starts))
+        together = Together(self._residuals, len(starts), sides=1 if known else 2)
         self._searches += 1
         before = self.evaluations
         name = f"search {self._searches}"
 
-        def report_progress() -> None:
-            """Reports the number of evaluations so far as a fraction of the largest number."""
+        def at_each(x: Array, at: Linearized) -> None:
+            """Reports the number of evaluations as a fraction of the largest number, and may end a search for other minima."""
             self._report(name, min(1.0, (self.evaluations - before) / (len(starts) * self._most)))
+            if known and (not np.isfinite(at.residual).all() or any(found.explains(x, at) for found in known)):
+                raise _LeftOutError
 
         with ThreadPoolExecutor(max(len(starts), 1)) as pool:
             try:
-                found = list(pool.map(lambda k: self._search_from(together, k, starts[k], tolerance, report_progress), range(len(starts))))
+                ends = list(pool.map(lambda k: self._search_from(together, k, starts[k], tolerance, at_each), range(len(starts))))
             except BaseException:  # Only the main thread receives Ctrl-C, and must stop the searches.
                 together.stop()
                 raise
         self._report(name, 1.0)
-        return found
+        return [found for found in ends if found is not None]
 
-    def _search_from(self, together: Together, search: int, x0: Array, tolerance: float, report_progress: Callable[[], None]) -> _Found:
-        """Runs a least-squares search from one start point, in a thread.
+    def _search_from(
+        self, together: Together, search: int, x0: Array, tolerance: float, at_each: Callable[[Array, Linearized], None]
+    ) -> _Found | None:
+        """Runs a least-squares search from one start point, in a thread. The result is None if it is left out.
 
         Args:
             together: Batch in which concurrent searches evaluate their points.
             search: Index of the search in `together`.
             x0: Start point, (n + starts,).
             tolerance: Relative change of x below which the search ends.
-            report_progress: Function that is called after each evaluation.
+            at_each: Function that is called after each evaluation. It raises `_LeftOutError` to end the search.
         """
         held: dict[bytes, Linearized] = {}
 
@@ -248,7 +275,7 @@ class _Solver:
                     held.pop(next(iter(held)))
                 held[key] = together.ask(search, x.copy())
                 self.evaluations += 1
-                report_progress()
+                at_each(x, held[key])
             return held[key]
 
         low, high = self._residuals.low, self._residuals.high
@@ -258,38 +285,42 @@ class _Solver:
                 loss=self.loss, f_scale=self.f_scale, ftol=tolerance**1.5, xtol=tolerance, gtol=1e-10, max_nfev=self._most,
             )  # fmt: skip
             return _Found(found.x, float(found.cost), at(found.x), found.status > 0)
+        except _LeftOutError:
+            return None
         finally:
             together.leave()
 
 
-def _distinct(searches: Sequence[_Found], ratio: float = ABANDON_RATIO) -> list[Array]:
-    """End points whose cost is at most `ratio` times the lowest, without duplicates, in ascending order of cost."""
-    out: list[Array] = []
-    least = min(s.cost for s in searches)
-    for found in sorted(searches, key=lambda s: s.cost):
-        if found.cost <= ratio * least and all(np.abs(found.x - x).max() > SAME_MINIMUM for x in out):
-            out.append(found.x)
-    return out
-
-
-def _beyond(residuals: Residuals, best: _Found) -> list[Array]:
-    """Points on both sides of the estimate along its weakest directions, from which searches may find another minimum.
-
-    The cost of a second minimum is often the same, because masses and distances enter products and squares.
+def _with_noise(solver: _Solver, residuals: Residuals, searches: list[_Found], known: Array) -> list[_Found]:
+    """Ends of searches with the noise that the residuals of the best search have. The noise is written to `residuals`.
 
     Args:
+        solver: Solver.
         residuals: Residuals of the fit.
-        best: End of the best search.
+        searches: Ends of searches with another noise.
+        known: Standard deviation of the noise of each column of the readings, (width,); NaN where it is estimated.
     """
-    n = residuals.n
-    _, S, Vt = np.linalg.svd(best.at.jacobian[:, :n], full_matrices=False)
-    logarithmic = np.concatenate([np.full(block.size, block.kind.log) for block in residuals.blocks])
-    points = []
-    for axis in Vt[S > 1 / FLAT_STD][-PROBED:]:
-        # Other numbers change by at most three times as much as logarithms.
-        length = PROBE / max(float(np.abs(axis[logarithmic]).max(initial=0.0)), 1 / 3)
-        points += [best.x[:n] + sign * length * axis for sign in (-1.0, 1.0)]
-    return [np.concatenate([np.clip(point, residuals.low[:n], residuals.high[:n]), best.x[n:]]) for point in points]
+    for _ in range(5):
+        best = min(searches, key=lambda s: s.cost)
+        sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, solver.loss), known)
+        settled = (np.abs(sigma - residuals.sigma) <= NOISE_TOLERANCE * residuals.sigma).all()
+        residuals.sigma = sigma
+        # The noise determines the weights of the channels. After a change of the noise, another minimum may be the lowest.
+        searches = solver.search([found.x for found in _distinct(searches)])
+        if settled:
+            break
+    return searches
+
+
+def _distinct(searches: Sequence[_Found], ratio: float = ABANDON_RATIO) -> list[_Found]:
+    """Ends of searches whose cost is at most `ratio` times the lowest, one of each minimum, in ascending order of cost."""
+    out: list[_Found] = []
+    least = min(s.cost for s in searches)
+    for found in sorted(searches, key=lambda s: s.cost):
+        same = any(np.abs(found.x - other.x).max() <= SAME_MINIMUM or other.explains(found.x, found.at) for other in out)
+        if found.cost <= ratio * least and not same:
+            out.append(found)
+    return out
 
 
 def _with_start_values(model: Model, blocks: list[Block]) -> Model:
@@ -366,14 +397,8 @@ def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array
     """
     points = [residuals.start]
     if count > 1:
-        n = residuals.n
-        drawn = qmc.Sobol(n, seed=seed).random(1 << int(np.ceil(np.log2(8 * (count - 1)))))
-        low, high = (
-            np.maximum(residuals.low[:n], residuals.start[:n] - START_SPREAD),
-            np.minimum(residuals.high[:n], residuals.start[:n] + START_SPREAD),
-        )
-        around = np.tile(residuals.start, (len(drawn), 1))
-        around[:, :n] = low + drawn * (high - low)
+        drawn = 1 << int(np.ceil(np.log2(8 * (count - 1))))
+        around = sobol(qmc, residuals, residuals.start, np.full(residuals.n, SPREAD), count=drawn, seed=seed)
         costs = (residuals.residuals(around) ** 2).sum(axis=1)
         points += list(around[np.argsort(costs, kind="stable")[: count - 1]])
     return points
@@ -387,7 +412,7 @@ def _concluded(
     Args:
         model: Model that was given to `identify`.
         residuals: Residuals of the fit.
-        minima: Ends of searches that explain the readings equally well. The first one becomes the estimate.
+        minima: The estimate, then minima that are not significantly worse.
         others: Ends of the other searches.
         solver: Solver that ran the searches.
         seconds: Elapsed time, s.
@@ -396,7 +421,7 @@ def _concluded(
     best, *rivals = minima
     weights = np.ones(len(best.at.residual))
     weights[: best.at.data] = weights_of(loss, (best.at.residual[: best.at.data] / f_scale) ** 2)
-    flat = FlatSet(residuals, best.x, best.at, weights, [(rival.x, rival.at) for rival in rivals])
+    flat = FlatSet(residuals, best.x, best.at, weights, [rival.x for rival in rivals])
     first = flat.points[0]
     if first.x is not best.x:
         best = replace(best, x=first.x, at=first.at, converged=True)

@@ -7,8 +7,8 @@ lies along that moment alone, so that the mass seems to be determined. Therefore
 - The estimate is moved along the set to the point that is nearest to the start values. Parameters that the data do not determine thus keep
   their start values as far as the data allow.
 - Null spaces are computed there and at other points of the set, about one scale away (`Block.scale`, the unit of all lengths here).
-- The ends of other searches that explain the readings equally well belong to the set too. Of a pendulum with a known shape, data determine
-  first moments and moment of inertia, and two masses fit these.
+- The ends of other searches (minima.py) belong to the set too, unless they are significantly worse (`SIGNIFICANT`). Of a pendulum with a
+  known shape, data determine first moments and moment of inertia, and two masses fit these.
 - A value is determined only if it is equal at all these points. Its derivative along their null spaces must be zero too, within its
   standard deviation.
 
@@ -40,9 +40,9 @@ The 95 % interval of a positive parameter along it spans a factor of 400 up and 
 FLAT_EXCESS = 1.0
 """Largest increase of the sum of squared residuals, in units of the noise, at which a point explains the readings equally well."""
 EQUAL_FIT = 4.0
-"""Difference of the sums of squared residuals, in units of the noise, below which two minima explain the readings equally well.
+"""Difference of the sums of squared residuals, in units of the noise, below which the minimum nearest to the start values is the estimate.
 
-Noise alone can cause this difference: it is that of two standard deviations.
+Noise alone can cause this difference: it is that of two standard deviations. Minima up to `SIGNIFICANT` are not excluded.
 """
 OTHERS = 2
 """Number of further points of the set of equally good estimates at which the null space is computed."""
@@ -59,6 +59,8 @@ END = 4.0
 SIGNIFICANT = 16.0
 """Increase of the sum of squared residuals, in units of the noise, below which a weak direction has no end: four standard deviations.
 
+It is also the increase up to which another minimum is not excluded.
+
 Of a parameter without effect, noise alone causes this increase in one of 30,000 runs. A positive parameter in which the readings are linear
 is thus determined if its standard deviation is less than a quarter of it. A significant end is at an increase of `END`.
 """
@@ -74,9 +76,9 @@ ROUNDING = 1e-6
 """Change of a value along a null space that rounding may cause, relative to the change by one unit of a parameter's scale."""
 
 
-def equal_fit(residuals: Residuals) -> float:
-    """Ratio of the costs of two minima up to which both explain the readings equally well."""
-    return 1 + EQUAL_FIT / residuals.count
+def cost_ratio(residuals: Residuals, rise: float) -> float:
+    """Ratio of the costs of two minima whose sums of squared residuals differ by `rise`, in units of the noise."""
+    return 1 + rise / residuals.count
 
 
 @dataclass(frozen=True)
@@ -110,14 +112,14 @@ class FlatSet:
         x: Estimate, (n + starts,).
         at: Residuals and Jacobian at the estimate.
         weights: Weight of each residual in the loss, (m,).
-        rivals: Other minima that explain the readings equally well, each with its residuals.
+        rivals: Other minima that are not significantly worse, (n + starts,) each.
 
     Attributes:
         points: Equally good estimates. The first one is nearest to the start values.
         widening: Increase of the covariance of the parameters, in units of the scales, because weak directions are curved, (n, n).
     """
 
-    def __init__(self, residuals: Residuals, x: Array, at: Linearized, weights: Array, rivals: Sequence[tuple[Array, Linearized]] = ()):
+    def __init__(self, residuals: Residuals, x: Array, at: Linearized, weights: Array, rivals: Sequence[Array] = ()):
         self._residuals, self._root = residuals, np.sqrt(weights)
         self._least = self._cost(at)
         self._unit = max(1.0, self._least / max(len(at.residual) - len(x), 1))
@@ -130,7 +132,7 @@ class FlatSet:
         for _ in range(OTHERS if first.null.shape[1] else 0):
             target = first.x[: residuals.n] + rng.choice([-1.0, 1.0], residuals.n) * rng.uniform(0.5, 1.5, residuals.n)
             self.points.append(self._point(*self._walk(first.x, first.at, target)))
-        self.points += [self._point(*rival) for rival in rivals]
+        self.points += [self._point(x, at) for x, at in zip(rivals, residuals.linearize(rivals), strict=True)] if rivals else []
         self.widening = self._follow_weak(first)
 
     def undetermined(self, values: Array, slopes: Array, std: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:

@@ -100,17 +100,18 @@ class Residuals:
         out.sigma = self.sigma
         return out
 
-    def linearize(self, points: Sequence[Array], step: float | None = None) -> list[Linearized]:
+    def linearize(self, points: Sequence[Array], step: float | None = None, sides: int = 2) -> list[Linearized]:
         """Residuals and Jacobians at several points, from one batch of environments.
 
         Args:
             points: Vectors x, (n + starts,) each: n parameters, then the uncertain coordinates of the initial states.
             step: Half width of the central differences; None uses the constructor's half width.
+            sides: Number of displaced values of each coordinate: 2 for central differences, 1 for one-sided ones.
         """
-        width = max((len(s) for s in self._starts if s is not None), default=0)
-        asked = [self._around(x, self.step if step is None else step, width) for x in points]
+        width = self._wide()
+        asked = [self._around(x, self.step if step is None else step, width, sides) for x in points]
         made = self._predict(np.concatenate([rows for rows, _ in asked]))
-        each = 1 + 2 * (self.n + width)
+        each = 1 + sides * (self.n + width)
         return [self._assemble(x, [y[k * each : (k + 1) * each] for y in made], asked[k][1], width) for k, x in enumerate(points)]
 
     def residuals(self, points: Array) -> Array:
@@ -142,8 +143,8 @@ class Residuals:
         """Largest number of uncertain coordinates of the initial state in any episode, 0 if all initial states are exact."""
         return max((len(s) for s in self._starts if s is not None), default=0)
 
-    def _around(self, x: Array, step: float, width: int) -> tuple[Array, Array]:
-        """Vectors to simulate for central differences of the predicted readings around a vector x of unknowns.
+    def _around(self, x: Array, step: float, width: int, sides: int) -> tuple[Array, Array]:
+        """Vectors to simulate for differences of the predicted readings around a vector x of unknowns.
 
         The unknowns are n parameters and the uncertain coordinates of the initial states. A simulation displaces the k-th uncertain
         coordinate of all episodes at once, because the episodes are independent.
@@ -152,11 +153,13 @@ class Residuals:
             x: The vector, (n + starts,): n parameters, then the uncertain coordinates of the initial states.
             step: Half width of the differences.
             width: Largest number of uncertain coordinates of the initial state in any episode.
+            sides: Number of displaced values of each coordinate, 2 or 1.
 
         Returns:
             rows: Array with one row per simulation: n parameters, `width` displacements of the initial states of all episodes, and the
                 coordinates of the initial states in x.
-            spans: Distances from x to the displaced values above and below, (n + width, 2).
+            spans: Distances from x to the displaced values above and below, (n + width, 2). With one side, (n + width, 1): to the value
+                above, or at an upper bound minus the distance to the value below.
         """
         rows = np.zeros((1 + 2 * (self.n + width), self.n + width))
         rows[:, : self.n] = x[: self.n]
@@ -167,6 +170,10 @@ class Residuals:
                 up, down = min(up, self.high[j]), max(down, self.low[j])
                 spans[j] = up - x[j], x[j] - down
             rows[1 + 2 * j, j], rows[2 + 2 * j, j] = up, down
+        if sides == 1:
+            below = spans[:, 0] < 0.1 * step  # The upper bound is nearer than the step.
+            rows = np.concatenate([rows[:1], np.where(below[:, None], rows[2::2], rows[1::2])])
+            spans = np.where(below, -spans[:, 1], spans[:, 0])[:, None]
         # Each row ends with the initial states of x, to which the common displacement is added.
         return np.concatenate([rows, np.tile(x[self.n :], (len(rows), 1))], axis=1), spans
 
@@ -210,14 +217,14 @@ class Residuals:
         Args:
             x: The point, (n + starts,).
             made: Predicted readings by episode, (count, T, width).
-            spans: Widths of the differences above and below, (n + width, 2).
+            spans: Widths of the differences above and below, (n + width, 2), or signed widths of one-sided differences, (n + width, 1).
             width: Largest number of uncertain initial coordinates per episode.
         """
         residual = self._with_priors(x, [y[0] for y in made])
         jacobian = np.zeros((len(residual), len(x)))
         at = 0
         for y, mask, std, place in zip(made, self.masks, self._starts, self._places, strict=True):
-            own = slopes(y, spans) / self.sigma
+            own = (slopes(y, spans) if spans.shape[1] == 2 else (y[1:] - y[0]) / spans[:, :, None]) / self.sigma
             here = slice(at, at + int(mask.sum()))
             jacobian[here, : self.n] = own[: self.n][:, mask].T
             if std is not None:
@@ -292,10 +299,11 @@ class Together:
     Args:
         residuals: Residuals to evaluate.
         searches: Number of searches.
+        sides: Argument of `Residuals.linearize`.
     """
 
-    def __init__(self, residuals: Residuals, searches: int):
-        self._residuals, self._active = residuals, searches
+    def __init__(self, residuals: Residuals, searches: int, sides: int = 2):
+        self._residuals, self._active, self._sides = residuals, searches, sides
         self._asked: dict[int, Array] = {}
         self._answers: dict[int, Linearized | BaseException] = {}
         self._turn = threading.Condition()
@@ -341,7 +349,9 @@ class Together:
             return
         searches = sorted(self._asked)
         try:
-            answers: list[Linearized | BaseException] = list(self._residuals.linearize([self._asked[k] for k in searches]))
+            answers: list[Linearized | BaseException] = list(
+                self._residuals.linearize([self._asked[k] for k in searches], sides=self._sides)
+            )
         except BaseException as error:
             answers = [error] * len(searches)
         self._answers.update(zip(searches, answers, strict=True))

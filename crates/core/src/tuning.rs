@@ -119,10 +119,6 @@ pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 /// another solution would not be more accurate.
 pub(crate) const MAX_RESOLVED_MOTION: f64 = 0.02;
 
-/// Largest displacement of a degree of freedom in a step by the velocity change of predicted impulses, rad or m. If a change causes a
-/// larger displacement in a mechanism and increases the speed of its fastest degree of freedom, the predicted velocity ignores the change.
-pub(crate) const MAX_IMPACT_MOTION: f64 = 0.1;
-
 /// Residual of the first solution, as a multiple of the tolerance, above which impacts become inelastic.
 ///
 /// Evidence: in a corner without a solution the residual is 300 tolerances or more (`tests/laws/test_corners.py`). A heap that does not

@@ -13,12 +13,12 @@
 
 use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{Damping, ReferenceRows, Rows};
-use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
+use crate::constraints::{by_kind, each_kind, make_kinds};
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
 use crate::reference::Reference;
 use crate::residual::WorstConstraint;
-use stepper_real::{Mask, Real, kernel};
+use stepper_real::{Real, kernel};
 
 by_kind! {
     /// Rows of the position solve: copies of the rows of a [`Problem`], with other offsets g and more compliance. The problem does not
@@ -43,45 +43,6 @@ impl<R: Real> PositionRows<R> {
     #[inline(always)]
     pub fn system<'a>(&'a self, problem: &'a Problem<R>) -> System<'a, R> {
         make_kinds!(System { problem, needs_residual: true, } [own: &self] => own)
-    }
-
-    /// Changes the offsets g of all rows in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
-    /// velocity, in the scaled coordinates of w (scaled velocity change), see [`Problem::shift`].
-    #[inline(always)]
-    pub fn shift(&mut self, problem: &Problem<R>, change: &[R], lanes: R::Mask) {
-        each_kind!([own: &mut self] [set: &problem] => set.shift(own, change, lanes));
-    }
-
-    /// Changes the offsets g of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
-    /// velocity, in the scaled coordinates of w (scaled velocity change), see [`Problem::shift_contact`].
-    #[inline(always)]
-    pub fn shift_contact(&mut self, problem: &Problem<R>, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
-        at_contact!(i of self.contacts.items.len(), [own: &mut self] [set: &problem] => set.shift_contact(&mut own.items[i], change, lanes, weights))
-    }
-
-    /// Removes contact `i` in the lanes `lanes`. The index `i` counts the contacts with three rows first, then those with six rows (rolling
-    /// friction).
-    #[inline(always)]
-    pub fn leave_out_contact(&mut self, i: usize, lanes: R::Mask) {
-        let active = at_contact!(i of self.contacts.items.len(), [own: &mut self] => &mut own.items[i].active);
-        *active = active.and_not(lanes);
-    }
-
-    /// Offset of the normal row of contact `i` in the position solve before [`PositionRows::exchange_offsets`], m/s. The index `i` counts
-    /// the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn normal_offset(&self, i: usize) -> R {
-        at_contact!(i of self.contacts.items.len(), [own: &self] => own.items[i].position_g[0])
-    }
-
-    /// Replaces the offset of the normal row of contact `i` in the position solve before [`PositionRows::exchange_offsets`], m/s, in the
-    /// lanes `lanes`. The function `offset_of` gets the offset and returns the new one.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn replace_normal_offset(&mut self, i: usize, lanes: R::Mask, offset_of: impl FnOnce(R) -> R) {
-        let offset = at_contact!(i of self.contacts.items.len(), [own: &mut self] => &mut own.items[i].position_g[0]);
-        *offset = R::select(lanes, offset_of(*offset), *offset);
     }
 
     /// Exchanges, in every row, the offset of the velocity solve and that of the position solve. A solve of these rows is then a position

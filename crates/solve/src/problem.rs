@@ -110,29 +110,14 @@ impl<R: Real> Problem<R> {
         self.rolling_contacts.push(columns, y, exists, mu, g, self.least_mobility);
     }
 
-    /// Changes the offsets of all rows in the lanes `lanes`, after a change of the free velocity. The offsets of the velocity solve and of
+    /// Changes the offsets of all rows after a change of the free velocity. The offsets of the velocity solve and of
     /// the position solve change. `change` is the change of the free velocity, in the scaled coordinates of w (scaled velocity change).
     /// Each offset increases by the row's velocity due to this change.
     #[inline(always)]
-    pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
+    pub fn shift(&mut self, change: &[R]) {
         each_kind!([set: &mut self] => {
             let mut rows = std::mem::take(&mut set.rows);
-            set.shift(&mut rows, change, lanes);
-            set.rows = rows;
-        });
-    }
-
-    /// Changes the offsets g of contact `i` in the velocity solve, in the lanes `lanes` after a change of the free velocity. `change` is
-    /// the change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's
-    /// velocity due to this change.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). The function multiplies the
-    /// increase by `weights`: by the first number for the normal row, by the second for the other rows.
-    #[inline(always)]
-    pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
-        at_contact!(i of self.contacts.len(), [set: &mut self] => {
-            let mut rows = std::mem::take(&mut set.rows);
-            set.shift_contact(&mut rows.items[i], change, lanes, weights);
+            set.shift(&mut rows, change);
             set.rows = rows;
         });
     }

@@ -154,7 +154,7 @@ impl<R: Real> ConstraintProblem<R> {
         if !self.rows.is_empty() {
             kernel!(R, || {
                 mass.scale(compiled, change);
-                self.rows.shift(change, R::Mask::splat(true));
+                self.rows.shift(change);
             })
         }
     }

@@ -9,15 +9,13 @@ pub(crate) struct MechanismMotion<R> {
     pub(crate) turn: R,
     /// Speed of the fastest degree of freedom, m/s or rad/s.
     pub(crate) speed: R,
-    /// Speed of the fastest degree of freedom after the change, m/s or rad/s.
-    pub(crate) changed_speed: R,
     /// Largest change of a degree of freedom's velocity, m/s or rad/s.
     pub(crate) change: R,
 }
 
 impl<R: Real> Default for MechanismMotion<R> {
     fn default() -> Self {
-        Self { turn: R::zero(), speed: R::zero(), changed_speed: R::zero(), change: R::zero() }
+        Self { turn: R::zero(), speed: R::zero(), change: R::zero() }
     }
 }
 

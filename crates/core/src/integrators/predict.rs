@@ -2,19 +2,16 @@
 
 use stepper_real::{Mask, Real, kernel};
 
-use crate::compile::LaneModel;
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend, difference};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch, stop_at_impacts};
-use crate::integrators::mechanism_motion::MechanismMotion;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_resolution::assess_corrector;
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s05_solve::ImpulsePredictor;
-use crate::tuning::MAX_IMPACT_MOTION;
 
 impl<R: Real> VelocityLoop<'_, R> {
     /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
@@ -62,7 +59,6 @@ impl<R: Real> VelocityLoop<'_, R> {
         let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = &mut **free;
         let Scratch { velocity_by_impulses, force_velocity, v_free_corrected, free_change, motions, .. } = scratch;
         velocity.velocity_by_impulses(compiled, &smooth.mass, velocity_by_impulses);
-        ignore_large_impacts(compiled, scheme.h, v, velocity_by_impulses, motions);
         advance(v, velocity_by_impulses, R::one(), v_expected);
         blend(&state.v, v_expected, scheme.velocity_weight, force_velocity);
         // In stage 1 only forces of servos depend on the velocity.
@@ -95,35 +91,6 @@ impl<R: Real> VelocityLoop<'_, R> {
         std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
         problem.shift(compiled, &free.smooth.mass, &mut free.scratch.free_change);
     }
-}
-
-/// Sets `change`, the velocity change by the predicted impulses, to zero in mechanisms for which this change is too large for the time step
-/// `h`, s. There the change moves some degree of freedom by more than [`MAX_IMPACT_MOTION`] per step, and increases the speed of the fastest
-/// degree of freedom. Overwrites `motions`.
-///
-/// Inertial forces at the changed velocity would add energy to the motion.
-fn ignore_large_impacts<R: Real>(compiled: &LaneModel<R>, h: R, v_free: &[R], change: &mut [R], motions: &mut [MechanismMotion<R>]) {
-    kernel!(R, || {
-        let mut largest_change = R::zero();
-        for &change in &*change {
-            largest_change = largest_change.max(change.abs());
-        }
-        if (h * largest_change).gt(R::of(MAX_IMPACT_MOTION)).none() {
-            return;
-        }
-        motions.fill(MechanismMotion::default());
-        for (dof, (&change, &v)) in change.iter().zip(v_free).enumerate() {
-            let motion = &mut motions[compiled.mechanism_of(dof)];
-            motion.change = motion.change.max(change.abs());
-            motion.speed = motion.speed.max(v.abs());
-            motion.changed_speed = motion.changed_speed.max((v + change).abs());
-        }
-        for (dof, change) in change.iter_mut().enumerate() {
-            let motion = &motions[compiled.mechanism_of(dof)];
-            let large = (h * motion.change).gt(R::of(MAX_IMPACT_MOTION)).and(motion.changed_speed.gt(motion.speed));
-            *change = R::select(large, R::zero(), *change);
-        }
-    })
 }
 
 /// Recomputes the free velocity without velocity-dependent inertial forces (Coriolis, centrifugal, gyroscopic) of the mechanisms whose

@@ -247,10 +247,10 @@ pub trait Row<R: Real>: Copy + Debug {
     /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of the impulse lambda, J. R is the compliance.
     fn add_potential(&self, lambda: Self::Impulse, sum: R) -> R;
 
-    /// Replaces the offset of each row in the velocity solve by `moved`, in the lanes `lanes`. The row's offset in the position solve
+    /// Replaces the offset of each row in the velocity solve by `moved`. The row's offset in the position solve
     /// changes by the same amount. (A contact's tangential offsets of the position solve are relative to those of the velocity solve, and
     /// remain.)
-    fn shift(&mut self, moved: Self::Impulse, lanes: R::Mask);
+    fn shift(&mut self, moved: Self::Impulse);
 
     /// Offset of the normal row without damping, m/s or rad/s.
     fn undamped_offset(&self) -> R;
@@ -643,13 +643,13 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         sum
     }
 
-    /// Changes the offsets of all rows in the lanes `lanes`, after a change of the free velocity. The offsets of the velocity solve and of
+    /// Changes the offsets of all rows after a change of the free velocity. The offsets of the velocity solve and of
     /// the position solve change. `change` is the change of the free velocity, in the scaled coordinates of w (scaled velocity change).
     /// Each offset increases by the row's velocity due to this change.
     #[inline(always)]
-    pub(crate) fn shift(&self, rows: &mut Rows<T>, change: &[R], lanes: R::Mask) {
+    pub(crate) fn shift(&self, rows: &mut Rows<T>, change: &[R]) {
         for row in &mut rows.items {
-            row.shift(self.velocity(row, change), lanes);
+            row.shift(self.velocity(row, change));
         }
     }
 

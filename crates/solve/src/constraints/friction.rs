@@ -378,19 +378,6 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Changes the offsets g of a contact in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
-    /// velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to this change.
-    ///
-    /// The function multiplies the increase by `weights`: by the first number for the normal row, by the second for the other rows.
-    #[inline(always)]
-    pub(crate) fn shift_contact(&self, contact: &mut FrictionContact<R, N, L>, change: &[R], lanes: R::Mask, weights: [R; 2]) {
-        let moved = self.velocity(contact, change);
-        for k in 0..N {
-            let g = contact.g[k];
-            contact.g[k] = R::select(lanes, g + (moved[k] - g) * weights[k.min(1)], g);
-        }
-    }
-
     /// Appends a constraint that was read from a file, with the same numbers in every lane.
     pub(crate) fn load(&mut self, saved: &SavedConstraint) {
         let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
@@ -623,13 +610,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
     }
 
     #[inline(always)]
-    fn shift(&mut self, moved: [R; N], lanes: R::Mask) {
-        let before = self.g[0];
-        for k in 0..N {
-            self.g[k] = R::select(lanes, moved[k], self.g[k]);
-        }
-        let position = self.position_g[0];
-        self.position_g[0] = R::select(lanes, position + (self.g[0] - before), position);
+    fn shift(&mut self, moved: [R; N]) {
+        self.position_g[0] += moved[0] - self.g[0];
+        self.g = moved;
     }
 
     #[inline(always)]

@@ -372,10 +372,9 @@ impl<R: Real> Row<R> for ScalarRow<R> {
     }
 
     #[inline(always)]
-    fn shift(&mut self, moved: R, lanes: R::Mask) {
-        let g = R::select(lanes, moved, self.g);
-        self.position_g = R::select(lanes, self.position_g + (g - self.g), self.position_g);
-        self.g = g;
+    fn shift(&mut self, moved: R) {
+        self.position_g += moved - self.g;
+        self.g = moved;
     }
 
     #[inline(always)]

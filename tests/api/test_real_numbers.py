@@ -45,10 +45,3 @@ def test_read_only_arrays_and_other_layouts_of_numbers_are_taken():
     sim.step(np.ones((1, 2), dtype=np.int8).T)
     sim.step([[True], [0.5]])
     assert sim.ctrl.tolist() == [[1.0], [0.5]]
-
-
-@pytest.mark.parametrize("name", ["get_state", "worst_row"])
-def test_a_negative_environment_is_refused(name):
-    """As by `envs=`, which takes indices from 0 on."""
-    with pytest.raises(IndexError, match="env is -1, must be below 2, and at least 0"):
-        getattr(stepper.Stepper(MODEL, 2), name)(env=-1)

@@ -77,14 +77,6 @@ def test_a_folder_of_a_recording_has_any_name(tmp_path, name):
     assert (tmp_path / name / "run.json").is_file()
 
 
-def test_a_recording_is_read_as_arrays(tmp_path):
-    sim = new(tmp_path)
-    (segment,) = stepper.recording.segments(tmp_path / "run")
-    np.testing.assert_array_equal(segment.readings["qpos"][-1], sim.qpos)
-    np.testing.assert_array_equal(segment.ctrl, np.full((3, 2, 1), 0.1))
-    assert segment.period == MODEL.timestep
-
-
 @pytest.mark.parametrize("ending", [".xml", ".mjb", ".urdf", ".XML"])
 def test_a_model_is_saved_under_its_own_ending(tmp_path, ending):
     with pytest.raises(ValueError, match=r"stepper's own format: use the ending \.stepper, as .*model\.stepper"):
@@ -93,14 +85,6 @@ def test_a_model_is_saved_under_its_own_ending(tmp_path, ending):
         MODEL.save(tmp_path / name)
         assert stepper.load(tmp_path / name) == MODEL
     assert {file.name for file in tmp_path.iterdir()} == {"model", "model.stepper", "model.bin"}
-
-
-@pytest.mark.parametrize("given", [{"gyro": 0.1}, 0.1, True])
-def test_a_sensor_or_actuator_model_of_another_type_is_named(given):
-    with pytest.raises(TypeError, match=re.escape("must be a stepper.SensorModel({'*': stepper.Transfer(noise_std=...)})")):
-        stepper.Stepper(MODEL, sensors=given)
-    with pytest.raises(TypeError, match=re.escape("must be a stepper.ActuatorModel({'*': stepper.Drive(delay=...)})")):
-        stepper.Stepper(MODEL, actuators=given)
 
 
 WRONG = {
@@ -132,17 +116,6 @@ def test_a_wrong_argument_is_an_error_with_the_right_form(name):
     with pytest.raises(TypeError if name != "noise" else ValueError) as error:
         call()
     assert hint in str(error.value)
-
-
-def test_the_right_forms_work():
-    assert stepper.load(mujoco.MjSpec.from_string(XML)).nq == MODEL.nq
-    sensors = stepper.SensorModel({"*": stepper.Transfer(noise_std=0.1, delay=0.01)})
-    drives = stepper.ActuatorModel({"*": stepper.Drive(delay=0.01, lag=0.1)})
-    stepper.Stepper(MODEL, 2, sensors=sensors, actuators=drives).step([0.1])
-    changed = dataclasses.replace(OPTIONS, timestep=0.001)
-    assert stepper.Stepper(MODEL, options=changed).timestep == 0.001
-    assert dataclasses.replace(stepper.Options.from_model(MODEL), timestep=0.001).contact == "mujoco"
-    assert stepper.load(mujoco.MjModel.from_xml_string(XML, {})).nq == 1
 
 
 class TestPictures:

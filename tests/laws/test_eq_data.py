@@ -1,7 +1,5 @@
 """Equalities whose numbers differ between environments: `randomize(eq_data=...)`, so that a weld holds the pose of a grasp."""
 
-import pickle
-
 import mujoco
 import numpy as np
 import pytest
@@ -237,17 +235,3 @@ def test_numbers_that_no_equality_can_have_are_refused(change, text):
     with pytest.raises(stepper.ModelError, match=text):
         sim.randomize(eq_data=data)
     assert sim.randomized == {}
-
-
-def test_recordings_and_pickles_have_the_numbers(tmp_path):
-    sim = moving()
-    with sim.record(tmp_path / "run"):
-        sim.step(nstep=5)
-        sim.randomize({"eq_data[grasp]": sim.closed_eq_data[:, GRASP]})
-        sim.eq_active[:, GRASP] = True
-        sim.step(nstep=20)
-    assert stepper.recording.verify(tmp_path / "run")
-    again = pickle.loads(pickle.dumps(sim))
-    for one in (sim, again):
-        one.step(nstep=20)
-    assert np.array_equal(again.qpos, sim.qpos)

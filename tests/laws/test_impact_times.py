@@ -198,20 +198,6 @@ def test_a_ball_that_bounces_comes_to_rest(dt, e):
     assert abs(sim.qpos[2] - R) < 2e-5
 
 
-def test_lanes_with_impacts_have_the_bits_of_environments_alone():
-    qvel = np.random.default_rng(5).normal(scale=2.0, size=(20, 12))
-    text = FLOOR + ball(z=0.4) + ball(0.25, z=0.5)
-    together = elastic(text, 0.8, 20, timestep=5e-3)
-    together.set_state(qvel=qvel)
-    together.step(nstep=200)
-    for env in range(0, 20, 3):
-        alone = elastic(text, 0.8, timestep=5e-3)
-        alone.set_state(qvel=qvel[env])
-        alone.step(nstep=200)
-        assert np.array_equal(alone.qpos, together.qpos[env])
-        assert np.array_equal(alone.qvel, together.qvel[env])
-
-
 def test_a_box_that_bounces_on_its_corners_gains_nothing():
     """Inertia and arms change along the flight, so energy is kept to the order of the step, and to no less at impacts."""
     errors = []

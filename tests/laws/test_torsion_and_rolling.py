@@ -151,24 +151,3 @@ def test_a_friction_of_zero_costs_no_rows_and_changes_no_bit():
         sim.step(nstep=300)
         found.append(np.concatenate([sim.qpos, sim.qvel]))
     assert np.array_equal(*found)
-
-
-def test_lanes_with_more_and_with_fewer_rows_keep_their_bits():
-    """A batch in which slot k is a narrow contact in one environment and a wide one in another gives what each gives alone."""
-    source = """<mujoco><default><geom contype="2" conaffinity="1"/></default><worldbody>
-      <geom type="plane" size="5 5 1" contype="1" conaffinity="2"/>
-      <body pos="0 0 .3"><freejoint/><geom type="sphere" size=".1" condim="6" friction="1 .01 .005"/></body>
-      <body pos="1 0 .3"><freejoint/><geom type="box" size=".1 .1 .05"/></body>
-      <body pos="2 0 .3"><freejoint/><geom type="capsule" size=".05 .1" condim="4" friction=".5 .02 0"/></body></worldbody></mujoco>"""
-    model, rng = stepper.load(source), np.random.default_rng(0)
-    qvel = rng.normal(scale=2, size=(11, model.nv))
-    batch = simulate(model, 11, timestep=4e-3)
-    batch.set_state(qvel=qvel)
-    batch.step(nstep=150)
-    for env in range(11):
-        alone = simulate(model, timestep=4e-3)
-        alone.set_state(qvel=qvel[env])
-        alone.step(nstep=150)
-        assert np.array_equal(alone.qpos, batch.qpos[env])
-        assert np.array_equal(alone.qvel, batch.qvel[env])
-        assert np.array_equal(alone.contacts()["torque"], batch.contacts(env)["torque"])

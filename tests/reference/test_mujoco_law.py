@@ -258,20 +258,6 @@ def _without_weights(model):
     return described
 
 
-def test_the_same_bits_alone_and_among_others():
-    model = stepper.load(str(SOURCES["dm_control/quadruped"]), strict=False)
-    settings = stepper.Options(contact="mujoco", integrator="rk4")
-    many, one = (stepper.Stepper(model, num_envs=n, options=settings) for n in (19, 1))
-    qvel = np.random.default_rng(0).normal(0, 1, (19, model.nv))
-    many.set_state(qvel=qvel)
-    one.set_state(qvel=qvel[7:8])
-    for k in range(60):
-        ctrl = np.random.default_rng(k).uniform(-1, 1, (19, model.nu))
-        many.step(ctrl)
-        one.step(ctrl[7:8])
-        assert np.array_equal(many.qpos[7], one.qpos[0])
-
-
 CROWD = """<mujoco><option cone="{cone}" timestep=".004"/><worldbody><geom type="plane" size="9 9 .1" friction=".6"/>
   {bodies}<body name="plate" pos="0 0 .05"><freejoint/><geom type="box" size="1 1 .04" mass="9"/></body></worldbody></mujoco>"""
 
@@ -285,22 +271,6 @@ def _crowd(cone):
         for k, condim in enumerate((1, 3, 4, 6) * 3)
     )
     return CROWD.format(cone=cone, bodies=bodies)
-
-
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
-def test_environments_that_touch_other_bodies_have_the_bits_of_each_alone(cone, precision):
-    """In the lanes of a register a contact joins other trees in every environment."""
-    model = stepper.load(_crowd(cone))
-    many, one = (stepper.Stepper(model, num_envs=n, options=stepper.Options(contact="mujoco"), precision=precision) for n in (19, 1))
-    qvel = np.random.default_rng(0).normal(0, 1.5, (19, model.nv))
-    many.set_state(qvel=qvel)
-    one.set_state(qvel=qvel[7:8])
-    for _ in range(150):
-        many.step()
-        one.step()
-        assert np.array_equal(many.qpos[7], one.qpos[0])
-    assert len({len(many.contacts(env)) for env in range(19)}) > 3
 
 
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])

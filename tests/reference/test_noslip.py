@@ -149,22 +149,3 @@ def test_implicit_derivatives_are_refused_by_name_and_differences_are_not():
     with pytest.raises(ValueError, match=r"noslip_iterations is 20, must be 0 for method='implicit'.*method='fd'"):
         sim.linearize(method="implicit")
     assert np.isfinite(sim.linearize(method="fd").A).all()
-
-
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_the_same_bits_alone_and_among_others(precision):
-    """Environments whose contacts are others, in other orders."""
-    parts = dict.fromkeys(("option", "geom", "joint", "floor", "ball", "more"), "")
-    text = SCENE.format(**parts | SCENES["some of each"])
-    model = stepper.load(text).replace(noslip_iterations=5)
-    settings = stepper.Options(contact="mujoco")
-    rng = np.random.default_rng(0)
-    qvel = rng.normal(0, 1, (19, model.nv))
-    many, one = (stepper.Stepper(model, num_envs=n, options=settings, precision=precision) for n in (19, 1))
-    many.set_state(qvel=qvel)
-    one.set_state(qvel=qvel[7:8])
-    for _ in range(60):
-        many.step()
-        one.step()
-        assert np.array_equal(many.qpos[7], one.qpos[0])
-        assert many.iterations[7] == np.ravel(one.iterations)[0]

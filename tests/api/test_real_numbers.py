@@ -25,6 +25,8 @@ CALLS = {
     "rollout": lambda sim, wrong: sim.rollout(wrong(np.ones((3, 2, 1)))),
     "rays": lambda sim, wrong: sim.rays(wrong(np.ones((1, 3))), np.ones((1, 3))),
     "replace": lambda sim, wrong: sim.model.replace(body_mass=wrong(np.array([0.0, 1.0]))),
+    "inverse_dynamics": lambda sim, wrong: sim.inverse_dynamics(wrong(np.ones((2, 1)))),
+    "randomize a selector": lambda sim, wrong: sim.randomize({"body_mass[a]": wrong(np.ones(2))}),
     "integrate_pos": lambda sim, wrong: sim.model.integrate_pos(wrong(np.zeros(1)), np.zeros(1)),
 }
 

@@ -236,33 +236,6 @@ def test_starts_are_drawn_from_dm_controls_distribution(name):
         assert np.abs(ranks[0] - ranks[1]).max() / 150 < 0.27
 
 
-def test_an_environment_is_the_same_alone_and_among_others():
-    """Where episodes begin with steps, targets and draws until nothing touches."""
-    for name in (
-        "cheetah-run",
-        "dog-fetch",
-        "reacher-hard",
-        "fish-swim",
-        "humanoid-stand",
-        "finger-turn_hard",
-        "quadruped-fetch",
-        "manipulator-insert_peg",
-        "point_mass-hard",
-        "stacker-stack_4",
-        "lqr-lqr_6_2",
-    ):
-        kind, arguments = SUITE[name]
-        batch = StepperVectorEnv(kind, 9, **arguments)
-        observations = batch.reset(seed=5)[0]
-        for k in (0, 3, 8):
-            np.testing.assert_array_equal(StepperEnv(kind, **arguments).reset(seed=5 + k)[0], observations[k])
-        mask = np.zeros(9, dtype=bool)
-        mask[[2, 7]] = True
-        again = batch.reset(options={"reset_mask": mask})[0]
-        np.testing.assert_array_equal(again[~mask], observations[~mask])
-        assert (again[mask] != observations[mask]).any(axis=1).all()
-
-
 @pytest.mark.parametrize("seed", [0, 7])
 def test_springs_of_the_regulator_are_dm_controls(seed):
     with warnings.catch_warnings():

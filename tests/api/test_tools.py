@@ -1,6 +1,7 @@
 """Arguments of recordings, pictures, options, sensor and actuator models and `load`: wrong ones are errors with the right form."""
 
 import dataclasses
+import functools
 import inspect
 import pickle
 import re
@@ -190,18 +191,21 @@ CALLS = {
     "Stepper.linearize": stepper.derivatives.linearize, "stepper.SensorModel": stepper.SensorModel,
     "stepper.ActuatorModel": stepper.ActuatorModel,
     "stepper.actuators.PID": stepper.actuators.PID, "stepper.actuators.DCMotor": stepper.actuators.DCMotor,
-    "stepper.recording.segments": stepper.recording.segments,
+    "stepper.recording.segments": stepper.recording.segments, "stepper.Stepper": functools.partial(stepper.Stepper, MODEL),
+    "Stepper.read": functools.partial(SIM.read, "qpos"),
+    **{f"Stepper.{name}": getattr(SIM, name) for name in (
+        "reset", "set_state", "step", "rollout", "jacobian", "rays", "get_state", "contacts", "copy_state")},
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("call", CALLS)
 def test_an_unknown_keyword_has_a_hint(call):
     """The keyword to use, or all keywords."""
-    arguments = inspect.signature(CALLS[call]).parameters
-    for name in (*(name for name in replacements(f"{call}()") if name not in arguments), "zzz"):
+    arguments, listed = inspect.signature(CALLS[call]).parameters, replacements(f"{call}()")
+    for name in (*(name for name in listed if name not in arguments), "zzz"):
         with pytest.raises(TypeError) as error:
             CALLS[call](**{name: 1})
-        hint = "; there are: " if name == "zzz" else f": use {replacements(f'{call}()')[name]}"
+        hint = "; there are: " if name == "zzz" else f": {listed[name][2:]}" if listed[name].startswith(": ") else f": use {listed[name]}"
         assert str(error.value).startswith(f"{call}() takes no {name!r}{hint}")
 
 

@@ -114,7 +114,7 @@ def far_away(engine: Engine, dt: float) -> float:
     return float(np.abs(_final_positions(engine, dt, FAR) - _final_positions(engine, dt, 0.0)).max())
 
 
-# Scene 28: the smallest and the largest time step. tests/laws/test_senseless_input.py also tests input that makes no sense.
+# Scene 28: the smallest and the largest time step. tests/api/test_stepper.py has input that makes no sense.
 
 
 def extreme(engine: Engine, dt: float) -> float:

@@ -268,13 +268,7 @@ KNOWN: tuple[Known, ...] = (
 
 
 def failure(title: str, engine: str, dt: float) -> Known | None:
-    """Known failure of stepper in a scene. The result is None if the scene should pass.
-
-    Args:
-        title: Number and name of the scene.
-        engine: Name of the engine with its setting.
-        dt: Time step, s.
-    """
+    """Known failure of stepper in a scene. The result is None if the scene should pass."""
     for known in KNOWN:
         low, high = known.dts
         if re.fullmatch(known.scenes, title) and re.fullmatch(known.engines, engine) and low <= dt <= high:
@@ -283,12 +277,6 @@ def failure(title: str, engine: str, dt: float) -> Known | None:
 
 
 def reason(title: str, engine: str, dt: float) -> str | None:
-    """Reason of a known failure of stepper in a scene. The result is None if the scene should pass.
-
-    Args:
-        title: Number and name of the scene.
-        engine: Name of the engine with its setting.
-        dt: Time step, s.
-    """
+    """Reason of a known failure of stepper in a scene. The result is None if the scene should pass."""
     known = failure(title, engine, dt)
     return None if known is None else known.reason

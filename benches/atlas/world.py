@@ -127,12 +127,7 @@ class World(ABC):
                 raise TooSlowError(f"stopped after {self.limit:g} s of processor time and {self.seconds:g} simulated seconds")
 
     def run(self, seconds: float, ctrl: ArrayLike | None = None) -> None:
-        """Step all environments for a time in s, which is rounded to a whole number of steps, at least one.
-
-        Args:
-            seconds: Simulated time, s.
-            ctrl: Constant controls, as in `step`.
-        """
+        """Step all environments for a time in s, which is rounded to a whole number of steps, at least one."""
         self.step(max(1, round(seconds / self.dt)), ctrl)
 
     def body(self, name: str) -> int:

@@ -70,13 +70,7 @@ def in_turns(file: Path, turns: int) -> dict[str, list[float]]:
 
 
 def row(name: str, file: Path, turns: int) -> str:
-    """Row of the markdown table with the load times of a robot in MuJoCo and in stepper, and their ratios.
-
-    Args:
-        name: Name of the robot.
-        file: File of the robot.
-        turns: Number of processes per engine, over which medians are taken.
-    """
+    """Row of the markdown table with the load times of a robot in MuJoCo and in stepper, and their ratios."""
     found = in_turns(file, turns)
     (first, again), (ours, ours_again), (saved, _) = found["mujoco"], found["stepper"], found["saved"]
     ratios = f"{ours / first:.2f} | {ours_again / again:.2f} | {saved / first:.2f}"

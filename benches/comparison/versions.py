@@ -64,13 +64,7 @@ def main() -> None:
 
 
 def ask(worker: subprocess.Popen[str], path: str, seed: int) -> float:
-    """Step time per environment, us, that the worker process of a build of stepper measures on request.
-
-    Args:
-        worker: Worker process of the build (step_times.py).
-        path: File of the robot.
-        seed: Seed of the controls.
-    """
+    """Step time per environment, us, that the worker process of a build of stepper measures on request."""
     assert worker.stdin is not None and worker.stdout is not None
     print(json.dumps([path, seed]), file=worker.stdin, flush=True)
     answer = worker.stdout.readline()

@@ -42,13 +42,7 @@ def episode(sim: Stepper, folder: Path, name: str) -> Iterator[None]:
 
 
 def save_robots(folder: Path, precisions: Iterable[Precision], only: list[str]) -> None:
-    """Record the robots of comparison/throughput.py with its random controls and default settings.
-
-    Args:
-        folder: Folder of the episodes.
-        precisions: Precisions, "f64" and "f32".
-        only: Texts, at least one of which is in the name of each recorded robot. An empty list selects all robots.
-    """
+    """Record the robots of comparison/throughput.py with its random controls and default settings."""
     for case in cases(PLAN, only):
         if isinstance(case, str):
             sys.stderr.write(f"skipped {case}\n")

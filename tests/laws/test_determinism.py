@@ -27,8 +27,8 @@ ELLIPTIC, NOSLIP = (scenes.document(scenes.PIT + scenes.loose(scenes.SHAPES), op
 GOLDEN = (
     "humanoids humanoids-euler humanoids-rk4 humanoids-f32 humanoids-soft humanoids-soft-f32 ants-soft-rk4 stackers-f32 pile pile-newton "
     "pile-f32 pile-soft pile-soft-f32 tower sprung sprung-soft bouncing elastic hills-f32 ravine gems gems-f32 shell belts marbles tendons "
-    "quadrupeds quadrupeds-f32 tendons-driven equalities equalities-soft equalities-soft-law fluid actuators actuators-bounded sensors sensors-with-errors arm "
-    "arm-implicit-f32 everything everything-soft meadow-within-an-error meadow-randomized meadow-randomized-f32"
+    "quadrupeds quadrupeds-f32 tendons-driven equalities equalities-soft equalities-soft-law fluid actuators actuators-bounded sensors "
+    "sensors-with-errors arm arm-implicit-f32 everything everything-soft meadow-within-an-error meadow-randomized meadow-randomized-f32"
 )
 CASES = {name: TRAJECTORIES[name] for name in GOLDEN.split()} | {
     "arm-rk4-f32": dataclasses.replace(TRAJECTORIES["arm"], options=RK4, precision="f32"),

@@ -220,13 +220,7 @@ def fallen(qpos: Array) -> NDArray[np.bool_]:
 
 
 def _scene(name: str, walker: Walker, about: str) -> Scene:
-    """Scene with a robot of mjlab's walking tasks.
-
-    Args:
-        name: Name of the scene.
-        walker: The robot.
-        about: Description of the scene for the page of results.
-    """
+    """Scene with a robot of mjlab's walking tasks."""
     return Scene(
         name,
         about,

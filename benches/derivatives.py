@@ -159,11 +159,6 @@ def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> Non
 
     Along a random direction, q+ and v+ (positions and velocities after a step) are computed at points on both sides of a state. The
     roughness is their largest deviation from a parabola that is fitted to each side.
-
-    Args:
-        num_envs: Number of states.
-        points: Number of points along a direction.
-        width: Largest factor on the direction, whose entries are standard normal numbers.
     """
     print("| robot | options | tolerance, m/s | q+: median | 90 % | v+: median | 90 % |")
     print("|---|---|---|---|---|---|---|")

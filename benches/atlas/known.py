@@ -69,12 +69,7 @@ class Known:
 
 
 def below(largest: float, because: str) -> Bound:
-    """Bound of a known error, with the same value at all time steps.
-
-    Args:
-        largest: The bound, in the unit of the scene.
-        because: Origin of the bound, as text.
-    """
+    """Bound of a known error, with the same value at all time steps."""
     return Bound(lambda _dt: largest, because)
 
 

@@ -88,14 +88,7 @@ def reference(model: Model) -> tuple[Array, Array, Array, Array]:
 
 
 def final_qpos(model: Model, given: tuple[Array, Array, Array], parts: int, tolerance: float | None) -> Array:
-    """Final positions, (num_envs, nq), from given initial states and controls.
-
-    Args:
-        model: The model.
-        given: Initial qpos and qvel, and controls.
-        parts: Number of steps per time step of the model.
-        tolerance: Tolerance of the solver, m/s; None selects the default.
-    """
+    """Final positions, (num_envs, nq), from given initial states and controls."""
     (qpos, qvel, ctrl), dt = given, float(model.timestep)
     steps = max(4, round(SECONDS / dt))
     sim = Stepper(model, NUM_ENVS, options=Options(timestep=dt / parts, tolerance=tolerance))

@@ -98,11 +98,6 @@ def resolve(reference: str, folder: Path, urdf: Path) -> Path:
 
     The search begins in the folder of the URDF and goes up to the folder of the package.
 
-    Args:
-        reference: Reference: "package://name/path", "model://name/path", "file://path", or a path.
-        folder: Folder of the package.
-        urdf: URDF file with the reference.
-
     Raises:
         FragmentError: The package has no such file.
     """

@@ -27,11 +27,6 @@ def episode(sim: Stepper, folder: Path, name: str) -> Iterator[None]:
     """Record all steps of a batch within a `with` block, as an episode that the program `anatomy` can replay and measure.
 
     An earlier recording with the same name, number of environments and precision is replaced.
-
-    Args:
-        sim: Batch to record.
-        folder: Folder of the episodes.
-        name: Name of the episode. The program `anatomy` stores its measurement of the episode under this name.
     """
     place = folder / re.sub(r"\W+", "_", f"{name}-{sim.num_envs}-{sim.precision}")
     # Only recordings are removed; the recorder raises an error for other content.

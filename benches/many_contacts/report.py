@@ -97,14 +97,7 @@ def _mm(metres: float) -> str:
 
 
 def _number(found: Row | None, name: str, form: str, unit: float = 1.0) -> str:
-    """Text of one measured number for a table cell.
-
-    Args:
-        found: Measured numbers by name. None gives a dash.
-        name: Name of the number in `found`.
-        form: Python format specification, such as ".2f".
-        unit: Factor by which the number is multiplied first, to convert its unit.
-    """
+    """Text of one measured number for a table cell."""
     return "-" if found is None else format(unit * found[name], form)
 
 

@@ -106,12 +106,6 @@ def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone
     """Results of the robots in throughput.json in one precision, for a batch of environments or for single environments.
 
     For single environments, the fraction of unsolved steps is nevertheless that of the batch.
-
-    Args:
-        found: Content of throughput.json.
-        precision: Precision, "f64" or "f32".
-        floors: Measured times of the parts of a step, with the least times of their arithmetic (floors).
-        alone: Whether to return the results of single environments, instead of those of the batch.
     """
     name, kind = f"stepper {precision}", "_alone" if alone else ""
     num_envs = 1 if alone else found["plan"]["num_envs"]

@@ -54,9 +54,6 @@ def hinge_in_a_ball(joint: str) -> str:
     """MJCF of scene 37: a pendulum whose joint is inside a ball.
 
     The contact normal passes through the joint: no motion reduces the overlap.
-
-    Args:
-        joint: MJCF of the joint: a hinge or a ball joint.
     """
     rod = f'<geom type="capsule" size=".02" fromto="0 0 0 {ROD} 0 0" mass="{ROD_MASS}" condim="1"/>'
     return document(f'<geom size=".05" condim="1"/><body name="rod">{joint}{rod}</body>')

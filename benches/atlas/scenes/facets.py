@@ -25,15 +25,7 @@ Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float6
 
 
 def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float], kind: str) -> World:
-    """Environment with a frictionless ball on a surface of triangles or a height field, 1 um above it.
-
-    Args:
-        engine: The engine.
-        dt: Time step, s.
-        heights: Function from x and y to the height of the surface, m.
-        at: Initial x and y of the ball, m.
-        kind: Kind of surface: "hfield" or "mesh".
-    """
+    """Environment with a frictionless ball on a surface of triangles or a height field, 1 um above it."""
     line = np.linspace(-HALF, HALF, POINTS)
     x, y = np.meshgrid(line, line)
     z = heights(x, y)
@@ -48,13 +40,7 @@ def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float],
 
 
 def _share(world: World, velocity: tuple[float, float], seconds: float) -> float:
-    """Energy that a moving ball keeps, as a fraction: 1 plus the change of its total energy divided by its initial kinetic energy.
-
-    Args:
-        world: Environment with the ball at rest.
-        velocity: Initial velocity in x and y, m/s.
-        seconds: Simulated time, s.
-    """
+    """Energy that a moving ball keeps, as a fraction: 1 plus the change of its total energy divided by its initial kinetic energy."""
     world.set(qvel=[*velocity, 0, 0, 0, 0])
     before = float(world.energy()[0])
     kinetic = float(world.kinetic()[0])

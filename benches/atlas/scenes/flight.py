@@ -71,12 +71,7 @@ def flips(engine: Engine, dt: float) -> float:
 
 
 def second_order(rate: float, factor: float = 1.0):
-    """Function from the time step h (s) to a tolerance, `factor` times (rate h)^2: the error of a second-order integrator.
-
-    Args:
-        rate: Angular rate of the motion, rad/s.
-        factor: Factor on (rate h)^2.
-    """
+    """Function from the time step h (s) to a tolerance, `factor` times (rate h)^2: the error of a second-order integrator."""
     return lambda dt: factor * (rate * dt) ** 2
 
 

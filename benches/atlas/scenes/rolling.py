@@ -145,13 +145,7 @@ def rope() -> str:
 
 
 def _pulled(engine: Engine, dt: float, factor: float) -> float:
-    """Displacement of the strongly pulled end of scene 30's rope in half a second, m, in the direction of the pull.
-
-    Args:
-        engine: The engine.
-        dt: Time step, s.
-        factor: Ratio of the pull to that at which the rope slips.
-    """
+    """Displacement of the strongly pulled end of scene 30's rope in half a second, m, in the direction of the pull."""
     world = engine.start(rope(), dt)
     world.push("bead0", (0, 0, -HOLD))
     world.push(f"bead{BEADS + 1}", (0, 0, -HOLD * gripping() * factor))

@@ -95,10 +95,6 @@ def tips(start, kind: str):
     """Create the function that measures scene 41, a box at 1.001 of the threshold at which it tips.
 
     The created function returns the relative error of the tilt at the time at which the exact tilt is `TILT`.
-
-    Args:
-        start: Function that creates the environment: `_pushed` or `_leaning`.
-        kind: Name of the load: "pushed" or "leaning".
     """
 
     def measure(engine: Engine, dt: float) -> float:

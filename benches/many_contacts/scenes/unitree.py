@@ -187,13 +187,6 @@ def script(walker: Walker, model: mujoco.MjModel, num_envs: int, rng: np.random.
     """Initial states and controls of an episode (a `Script`) of a walking robot with random actions.
 
     Robots that have fallen are reset.
-
-    Args:
-        walker: The robot.
-        model: Compiled model of the scene.
-        num_envs: Number of environments.
-        rng: Random number generator.
-        noise: Standard deviation of the actions (mjlab's `init_std` is 1).
     """
     qpos = home(walker, model)
     starts = np.tile(qpos, (DRAWS + 1, num_envs, 1))

@@ -18,6 +18,7 @@ from golden.record import READINGS, Random
 from golden.trajectories import HUMANOID, IMPLICIT, NEWTON, RK4, SOFT, TRAJECTORIES, robot, scene
 from jams import arms
 from models import contact_bits
+from reference.test_adhesion import text as adhesion
 from stepper.doctor import cpu_levels
 
 # One thread steps groups of sixteen lanes, two threads groups of eight, and some lanes of the last group are none.
@@ -40,6 +41,8 @@ CASES = {name: TRAJECTORIES[name] for name in GOLDEN.split()} | {
     "pile-noslip": scene(NOSLIP, options=SOFT, nstep=4),
     "pile-noslip-f32": scene(NOSLIP, options=SOFT, precision="f32", nstep=4),
     "humanoids-implicit-newton": robot(HUMANOID, options=IMPLICIT | NEWTON),
+    "adhesion": scene(adhesion(reach="margin and gap"), offset=0.01, control=2),
+    "adhesion-soft": scene(adhesion(reach="margin and gap"), options=SOFT, offset=0.01, control=2),
 }
 """Scenes of the golden trajectories, and settings that these lack. Their starts and controls are those of `inputs`."""
 READ = (
@@ -106,6 +109,8 @@ def bits(sim: stepper.Stepper, env: int | None = None) -> dict[str, bytes]:
     own |= {"mass_matrix": sim.mass_matrix()} | {f"energy {k}": np.asarray(part) for k, part in enumerate(sim.energy())}
     if sim.options.error is not None:
         del own["actuator_saturation"]  # Counts of substeps depend on the environments beside.
+    if any(sim.model.actuator(k).trntype == "body" for k in range(sim.model.nu)):
+        del own["qacc_smooth"]  # Adhesion pulls on the contacts of environments beside.
     found = {read: (value if env is None else value[env]).tobytes() for read, value in own.items()}
     return found | {"contacts": contact_bits(sim.contacts(env or 0))}
 

@@ -13,8 +13,6 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, Literal
 
 import mujoco
@@ -27,7 +25,7 @@ from stepper.derivatives.copies import nominal_of, parts_of
 from stepper.derivatives.linearize import TOLERANCE
 from stepper.derivatives.perturbations import blocks_of, stencil_of
 from stepper.doctor import cpu_levels
-from stepper.shared.machine import cpu_name, one_core
+from stepper.shared.machine import cpu_name, one_core, package_file
 
 Array = NDArray[np.float64]
 
@@ -47,9 +45,7 @@ WRT = ("qpos", "qvel", "act", "ctrl")
 def path_of(robot: str) -> str:
     """MJCF file of a robot, "PACKAGE/NAME", in an installed package."""
     package, name = robot.split("/")
-    spec = find_spec(package)
-    assert spec is not None and spec.submodule_search_locations
-    return str(Path(spec.submodule_search_locations[0]) / FOLDERS[package] / f"{name}.xml")
+    return package_file(package, f"{FOLDERS[package]}/{name}.xml", "for its robots")
 
 
 def touching(robot: str, options: Options, num_envs: int, amplitude: float = 0.3) -> tuple[stepper.Stepper, Array]:

@@ -8,8 +8,6 @@ the time that overlapping saves on two cores: a policy acts on one core while en
     python benches/adapters.py Humanoid --num-envs 256
 """
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import time

@@ -6,8 +6,6 @@ Usage:
     python benches/derivatives.py agreement time  # some of: agreement, implicit, smoothness, horizon, time, effort
 """
 
-from __future__ import annotations
-
 import sys
 import time
 import warnings

@@ -12,8 +12,6 @@ that the journal had. The last column compares the results: all files except the
 have the same rows. The exit code is 1 if they differ.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import random

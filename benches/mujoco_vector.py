@@ -7,8 +7,6 @@
 which stepper's model was loaded. Positions and velocities of bodies are those of MuJoCo's last evaluation, as in Gymnasium's environments.
 """
 
-from __future__ import annotations
-
 import copy
 import importlib
 import warnings

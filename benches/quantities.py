@@ -5,8 +5,6 @@ Usage:
     python benches/quantities.py
 """
 
-from __future__ import annotations
-
 import warnings
 
 import mujoco

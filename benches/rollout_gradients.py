@@ -6,8 +6,6 @@ Usage:
     python benches/rollout_gradients.py scenes --count 20  # the first twenty scenes
 """
 
-from __future__ import annotations
-
 import argparse
 import warnings
 from collections import Counter

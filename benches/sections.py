@@ -1,7 +1,5 @@
 """Generated sections of Markdown pages: the text between `<!-- NAME ... -->` and `<!-- end of NAME -->`."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -5,8 +5,6 @@ velocity of all joints and an orientation. All batches get the same random contr
 results are medians of processor time over turns. See docs/benchmarks/components.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from dataclasses import replace

@@ -6,8 +6,6 @@ Usage:
     python benches/states.py --some   # states of single environments: docs/benchmarks/components.md
 """
 
-from __future__ import annotations
-
 import argparse
 import warnings
 from collections.abc import Callable

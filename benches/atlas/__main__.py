@@ -4,8 +4,6 @@ A sweep runs scenes in engines. With --update-docs, a sweep of all scenes and en
 a sweep of some scenes or engines replaces only their rows in that page.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

@@ -1,7 +1,5 @@
 """Engines that run the scenes of the atlas: stepper, MuJoCo and rapier. Each engine with its settings is a column of the atlas's tables."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass, field
 from functools import lru_cache

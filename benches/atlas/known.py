@@ -1,7 +1,5 @@
 """Known failures of stepper in the scenes of the atlas. The page shows their reasons, and the tests check their bounds."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Functions that make MJCF for the scenes. Units are SI and radians."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

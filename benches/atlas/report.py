@@ -1,7 +1,5 @@
 """Report of a sweep: docs/benchmarks/atlas.md with a page for each group of scenes in docs/benchmarks/atlas/, and atlas.csv."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

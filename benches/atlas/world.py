@@ -5,8 +5,6 @@ angular velocity in body axes. Energy, momentum and body poses are computed from
 engines.
 """
 
-from __future__ import annotations
-
 import time
 from abc import ABC, abstractmethod
 from collections import Counter

@@ -10,8 +10,6 @@ Times are wall times, as MuJoCo's compiler has threads, with files in the page c
 medians over turns. The robots come from the packages of benches/corpus, or from given files. See docs/benchmarks/performance.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

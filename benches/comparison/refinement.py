@@ -14,8 +14,6 @@ With tolerances of the solver, the columns are these tolerances, in m/s, at the 
     PYTHONPATH=benches python -m comparison.refinement out/references --tolerances 1e-10 1e-6 1e-5 1e-4 1e-3
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import warnings

@@ -9,8 +9,6 @@ step of 31 us.
     PYTHONPATH=new/python:benches python benches/comparison/servos.py
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 import warnings

@@ -6,8 +6,6 @@ its defaults, and with settings as accurate as MuJoCo ("fast"). MuJoCo's collisi
 engines. See README.md in this folder.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

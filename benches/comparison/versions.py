@@ -7,8 +7,6 @@ unpacked wheel. Both get the same random controls. The results are medians of pr
     python benches/comparison/versions.py old/python new/python --integrator euler --num-envs 1024 --precision f32
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """Episodes of both engines with the same controls from the reference pose: flags, residuals and motion."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections import Counter

@@ -1,7 +1,5 @@
 """Model files of a package, and their compilation by MuJoCo."""
 
-from __future__ import annotations
-
 import fnmatch
 import hashlib
 import tempfile

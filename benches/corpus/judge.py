@@ -1,7 +1,5 @@
 """Criteria, with thresholds, by which a model of the corpus counts as stepping well."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

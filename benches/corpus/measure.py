@@ -4,8 +4,6 @@ The process writes the measurements (a row of the corpus table) to standard outp
 that have already been measured, as a JSON list.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import functools

@@ -1,7 +1,5 @@
 """Writer of the page docs/benchmarks/corpus.md from rows, each with the measurements of one model file."""
 
-from __future__ import annotations
-
 import json
 import re
 import statistics

@@ -1,7 +1,5 @@
 """Measurement of all model files of the corpus packages, each in a separate process with a time limit."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -4,8 +4,6 @@ The program `anatomy --episode` (benches/src/bin/anatomy.rs) replays the recordi
 floor is the time that the arithmetic would take at the peak rates of a core with SIMD lanes (docs/benchmarks/performance.md).
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

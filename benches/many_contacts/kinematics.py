@@ -1,7 +1,5 @@
 """Inverse kinematics of arms."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

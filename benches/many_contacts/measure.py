@@ -1,7 +1,5 @@
 """Measurement of a scene in stepper and MuJoCo, which take turns: times of each phase, unsolved steps, penetration and slip."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import time

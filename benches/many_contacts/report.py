@@ -1,7 +1,5 @@
 """Tables of the benchmark of scenes with many contacts, for the terminal and docs/benchmarks/many_contacts.md."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 The floor of a step is the time that its arithmetic operations would take at the highest rate of this core, without memory accesses.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Comparison of one step of stepper and of MuJoCo from the same states of a model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

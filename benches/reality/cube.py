@@ -5,8 +5,6 @@ B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world im
 published fits used all tosses; here the half with even numbers is fitted, and the odd half is predicted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Engines that toss a free body onto a table: those of the atlas, Bullet and Drake, each with the parameters that are fitted."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Measured motions in the layout of a data folder: one subfolder per data set, with an archive or a table."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from pathlib import Path

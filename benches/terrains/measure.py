@@ -1,7 +1,5 @@
 """Step time of mjlab's Go1 on a ground, in stepper and in MuJoCo."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections import Counter

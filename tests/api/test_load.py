@@ -1,7 +1,5 @@
 """`stepper.load`: what it takes, what it refuses and how it says so, saved models, `explain`, `replace`."""
 
-from __future__ import annotations
-
 import fnmatch
 import pickle
 import re

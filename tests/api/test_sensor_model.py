@@ -1,7 +1,5 @@
 """`stepper.SensorModel`: what it takes, what it refuses, and that readings are the last step's, whoever reads them and how often."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -1,7 +1,5 @@
 """What tests of environments have in common."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib.util import find_spec
 

@@ -1,7 +1,5 @@
 """Shapes at rest on one another carry their weight, and heaps do not sink in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from models import random_quaternion, simulate

@@ -1,7 +1,5 @@
 """Surfaces of triangles: without friction, what glides over their seams keeps its energy, and a mesh rests on a plane."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes 36, 37 and 39: constraints with unreachable position targets, or with large initial position errors."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scene 38: a ball glides over surfaces of triangles. The shape of the surface affects its motion, seams between triangles do not."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

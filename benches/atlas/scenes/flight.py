@@ -1,7 +1,5 @@
 """Scenes 8 to 11: motion without contact. Energy and momentum are constant; right states are closed forms or converged solutions."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Scenes 3 to 6 and 32: Coulomb friction of one body on a plane or a tray."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

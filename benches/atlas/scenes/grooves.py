@@ -1,7 +1,5 @@
 """Scene 42: a ball in a groove touches both sides at once."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes 1, 2, 7 and 26: impacts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes 18 to 20 and 31: jamming by friction and geometry: a wedge, Painleve's rod, two hinged boxes, a pinch grasp."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

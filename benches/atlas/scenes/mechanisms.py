@@ -1,7 +1,5 @@
 """Scenes 13 and 22 to 24: a ball on a chain, stiff servos, loops, joint limits."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes 43 and 44: bodies that pass close to others, and bodies that slide over the seams of small tiles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

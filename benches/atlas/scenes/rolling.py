@@ -1,7 +1,5 @@
 """Scenes 29 and 30: rolling of Euler's disc, a coin, a wheel and a caster, and a rope around a capstan."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes 12, 14, 15 and 17: stacks of boxes, a table with four legs, and a pyramid of overlapping boxes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scene 41: a tall box tips over its edge iff the applied torque about the edge exceeds the torque of its weight."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

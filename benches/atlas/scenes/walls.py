@@ -1,7 +1,5 @@
 """Scenes 21, 25, 27 and 28: walls, seams, fast bodies at thin walls, scenes far from the origin, extreme time steps."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ Parameters are those of mjlab 1.6.0: `asset_zoo/robots/unitree_*/*_constants.py`
 because mjlab needs torch. The MJCF comes from the package.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import re

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, random_state, stepper_model
+from rotations import matrix
 
 ENVS = 18
 READ = (
@@ -64,9 +65,8 @@ def test_forces_on_bodies_are_sums_of_contacts(name):
     for contact in sim.contacts():
         force, torque = contact["force"] @ contact["frame"], contact["torque"] @ contact["frame"]
         for body, sign in zip(contact["body"], (-1, 1), strict=True):
-            turned = np.zeros(3)
-            mujoco.mju_rotVecQuat(turned, sim.model.body_ipos[body], sim.xquat[contact["env"], body])
-            ends[contact["env"], body] = centre = sim.xpos[contact["env"], body] + turned
+            centre = sim.xpos[contact["env"], body] + matrix(sim.xquat[contact["env"], body]) @ sim.model.body_ipos[body]
+            ends[contact["env"], body] = centre
             expected[contact["env"], body] += sign * np.r_[force, torque + np.cross(contact["pos"] - centre, force)]
     scale = np.abs(expected).max()
     assert scale > 10

@@ -1,7 +1,7 @@
 """Scenes 4 and 5: a box is pushed in directions from 0 to 90 degrees, and slides until it stops.
 
 Right answer: straight ahead for v0^2 / (2 mu g), by the work of Coulomb's friction, whose cone is round, and it stays there. Pyramids
-drift sideways and brake differently along their edges. A first-order integrator that holds the friction for a whole step is off by h v0 / 2.
+drift sideways and brake differently along their edges. A first-order integrator, which holds the friction for a step, is off by h v0 / 2.
 """
 
 import numpy as np

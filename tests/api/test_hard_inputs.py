@@ -209,58 +209,56 @@ def test_threads_are_no_more_than_there_is_to_do():
     assert np.array_equal(sim.qpos, once.qpos)
 
 
-def test_threads_that_the_system_refuses_are_an_error():
-    """In a process of its own, which may not have that many."""
-    code = """
-        import resource, sys
-        sys.path[:0] = {path!r}
-        import numpy as np, stepper
+def printed_by(code: str) -> str:
+    """Output of a process of its own that can leave itself little memory. It has the module `stepper` and a model."""
+    start = f"""
+        import os, resource, sys
+        sys.path[:0] = {sys.path!r}
+        import stepper
         from models import stepper_model
-        sim = stepper.Stepper(stepper_model("dm_control/hopper"), 4096, threads=300)
-        # So little room is left that no stack of a thread fits.
-        size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (size + (64 << 20),) * 2)
+        model = stepper_model({HOPPER!r})
+
+        def leave(room):  # MiB
+            size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (size + (room << 20),) * 2)
+    """
+    code = textwrap.dedent(start) + textwrap.dedent(code)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_threads_that_the_system_refuses_are_an_error():
+    """So little room is left that no stack of a thread fits."""
+    printed = printed_by("""
+        sim = stepper.Stepper(model, 4096, threads=300)
+        leave(64)
         try:
             sim.step()
         except RuntimeError as error:
             print(error)
         assert sim.time.max() == 0.0
-    """
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code.format(path=sys.path))], capture_output=True, text=True, timeout=100, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"\d+ threads cannot be started .*make threads smaller", done.stdout)
+    """)
+    assert re.search(r"\d+ threads cannot be started .*make threads smaller", printed)
 
 
 def test_too_little_memory_is_an_error_whatever_of_it_is_too_little():
-    """From no room at all to enough of it, in processes of their own: for the state, for what actuators and for what sensors remember."""
-    code = """
-        import os, resource, sys
-        sys.path[:0] = {path!r}
-        import stepper
-        from models import stepper_model
-        model = stepper_model("dm_control/hopper")
+    """From no room at all to enough of it: for the state, for what actuators and for what sensors remember."""
+    ends = printed_by("""
         actuators = stepper.ActuatorModel(default=stepper.Drive(delay=0.02, lag=0.01))
         sensors = stepper.SensorModel(default=stepper.Transfer(noise_std=0.01, delay=0.02))
-        size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
         for room in range(10, 320, 15):
             child = os.fork()
             if not child:
-                resource.setrlimit(resource.RLIMIT_AS, (size + (room << 20),) * 2)
+                leave(room)
                 try:
                     stepper.Stepper(model, 30_000, actuators=actuators, sensors=sensors)
                 except MemoryError:
                     os._exit(3)
                 os._exit(0)
             print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-    """
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code.format(path=sys.path))], capture_output=True, text=True, timeout=300, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    ends = done.stdout.split()
-    assert set(ends) == {"0", "3"}, done.stdout + done.stderr
+    """).split()
+    assert set(ends) == {"0", "3"}
     assert ends == sorted(ends, reverse=True), "more room is never worse"
 
 

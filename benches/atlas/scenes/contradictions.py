@@ -66,11 +66,8 @@ def pendulum_gain(joint: str):
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(hinge_in_a_ball(joint), dt)
-        start, most = float(world.energy()[0]), 0.0
-        for _ in range(20):
-            world.run(0.1)
-            most = max(most, float(world.energy()[0]) - start)
-        return most / (ROD_MASS * 9.81 * ROD)
+        start = world.energy()[0]
+        return world.worst(lambda: world.energy()[0] - start, 20, 0.1) / (ROD_MASS * 9.81 * ROD)
 
     return measure
 

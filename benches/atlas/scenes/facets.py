@@ -92,12 +92,8 @@ def bowl(kind: str):
         world = _start(engine, dt, lambda x, y: BOWL * (x**2 + y**2 + sign * x * y), (0.25, 0.0), kind)
         # Initial height of the ball's centre above its rest position, which is RADIUS above the lowest point of the bowl.
         height = float(world.qpos[0, 2]) - RADIUS
-        before = float(world.energy()[0])
-        worst = 0.0
-        for _ in range(10):
-            world.run(0.1)
-            worst = max(worst, abs(float(world.energy()[0]) - before) / (G * height))
-        return worst
+        before = world.energy()[0]
+        return world.worst(lambda: abs(world.energy()[0] - before) / (G * height), 10, 0.1)
 
     return measure
 

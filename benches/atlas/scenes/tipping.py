@@ -57,11 +57,8 @@ def stays(start):
 
     def measure(engine: Engine, dt: float) -> float:
         world = start(BELOW, engine, dt)
-        upright, worst = _upright(world), 0.0
-        for _ in range(20):
-            world.run(SECONDS / 20)
-            worst = max(worst, _tilt(world, upright))
-        return worst
+        upright = _upright(world)
+        return world.worst(lambda: _tilt(world, upright), 20, SECONDS / 20)
 
     return measure
 

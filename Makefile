@@ -163,7 +163,7 @@ gymnasium: build
 # What is seen: pictures by MuJoCo's renderer, and the view in a browser that runs without a screen, of which it keeps pictures in out/viewer. Debian:
 # apt install chromium libegl1 libgl1-mesa-dri.
 viewer: build $(VENV)/viewer.stamp
-	$(BIN)/python -m pytest tests/viewer
+	$(BIN)/python -m pytest tests/viewer "tests/test_documents.py::test_code_blocks_run[docs/how-to/view_and_film.md]"
 
 # Format, lints, documentation, types, the stub against the binary, workflows, and what deny.toml says of libraries. The second clippy sees the core as its users
 # do: it has nothing that only tests and benches use, and the bindings need no more.

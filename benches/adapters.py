@@ -8,8 +8,6 @@ the time that overlapping saves on two cores: a policy acts on one core while en
     python benches/adapters.py Humanoid --num-envs 256
 """
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import time
@@ -217,11 +215,6 @@ def overlap(name: str, num_envs: int, rounds: int) -> tuple[float, float, float,
     """Median times per step of all environments, s: policy alone, environments alone, both in sequence, and both overlapping.
 
     Policy and environments overlap through `StepperPool` with two batches: the policy acts on one batch while the other one steps.
-
-    Args:
-        name: Id of the environment, such as "stepper/Ant-v5".
-        num_envs: Number of environments.
-        rounds: Number of rounds. Medians leave out the first two.
     """
     envs = make_native(name, num_envs, **SETTINGS)
     pool = StepperPool(name, num_envs, num_envs // 2, seed=0, precision="f32")

@@ -9,8 +9,6 @@ it. The third table has returns in the task itself, with all its randomisation a
 end early after a fall, or when the robot leaves the terrain.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 from collections.abc import Iterator

@@ -6,15 +6,11 @@ Usage:
     python benches/derivatives.py agreement time  # some of: agreement, implicit, smoothness, horizon, time, effort
 """
 
-from __future__ import annotations
-
 import sys
 import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, Literal
 
 import mujoco
@@ -27,7 +23,7 @@ from stepper.derivatives.copies import nominal_of, parts_of
 from stepper.derivatives.linearize import TOLERANCE
 from stepper.derivatives.perturbations import blocks_of, stencil_of
 from stepper.doctor import cpu_levels
-from stepper.shared.machine import cpu_name, one_core
+from stepper.shared.machine import cpu_name, one_core, package_file
 
 Array = NDArray[np.float64]
 
@@ -47,9 +43,7 @@ WRT = ("qpos", "qvel", "act", "ctrl")
 def path_of(robot: str) -> str:
     """MJCF file of a robot, "PACKAGE/NAME", in an installed package."""
     package, name = robot.split("/")
-    spec = find_spec(package)
-    assert spec is not None and spec.submodule_search_locations
-    return str(Path(spec.submodule_search_locations[0]) / FOLDERS[package] / f"{name}.xml")
+    return package_file(package, f"{FOLDERS[package]}/{name}.xml", "for its robots")
 
 
 def touching(robot: str, options: Options, num_envs: int, amplitude: float = 0.3) -> tuple[stepper.Stepper, Array]:
@@ -159,11 +153,6 @@ def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> Non
 
     Along a random direction, q+ and v+ (positions and velocities after a step) are computed at points on both sides of a state. The
     roughness is their largest deviation from a parabola that is fitted to each side.
-
-    Args:
-        num_envs: Number of states.
-        points: Number of points along a direction.
-        width: Largest factor on the direction, whose entries are standard normal numbers.
     """
     print("| robot | options | tolerance, m/s | q+: median | 90 % | v+: median | 90 % |")
     print("|---|---|---|---|---|---|---|")

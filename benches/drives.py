@@ -6,8 +6,6 @@ variants start each call from the same states. These states come from a run with
     taskset -c 1 python benches/drives.py
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from dataclasses import replace

@@ -16,8 +16,6 @@ The engines take turns, and the results are medians of processor time, so that o
     python benches/environments.py Walker2d --num-envs 256 --seconds 2
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json

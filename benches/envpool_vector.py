@@ -3,8 +3,6 @@
 EnvPool resets a finished environment in the next call of `step`. This wrapper resets it within the step that ends the episode.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

@@ -5,8 +5,6 @@
 Each picture is a sheet of one family, with the environments in the order of the page. A family whose package is not installed is left out.
 """
 
-from __future__ import annotations
-
 import argparse
 import warnings
 from pathlib import Path

@@ -8,8 +8,6 @@ these calls in its machine code. Functions that run in each step should not be i
     python benches/kernels.py --level avx512 --limit 100
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

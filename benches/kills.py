@@ -12,8 +12,6 @@ that the journal had. The last column compares the results: all files except the
 have the same rows. The exit code is 1 if they differ.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import random
@@ -55,14 +53,7 @@ class Count:
 
 
 def start(command: str, study: Path, out: Path, more: list[str]) -> subprocess.Popen[bytes]:
-    """Start a command of stepper for a study as a process.
-
-    Args:
-        command: Name of the command, such as "sweep".
-        study: File of the study.
-        out: Output folder.
-        more: Further arguments.
-    """
+    """Start a command of stepper for a study as a process."""
     with out.with_suffix(".log").open("wb") as log:
         return subprocess.Popen([sys.executable, "-c", COMMAND, command, str(study), "--out", str(out), *more], stdout=log, stderr=log)
 

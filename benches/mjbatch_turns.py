@@ -4,8 +4,6 @@ mjbatch and stepper's MJCF loader need different versions of MuJoCo, so they can
 measurement turn, and is the processor time of the turn in s. The answer is a line with the times of the turn's steps in s, as a JSON list.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import time

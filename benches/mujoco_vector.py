@@ -7,8 +7,6 @@
 which stepper's model was loaded. Positions and velocities of bodies are those of MuJoCo's last evaluation, as in Gymnasium's environments.
 """
 
-from __future__ import annotations
-
 import copy
 import importlib
 import warnings
@@ -47,11 +45,7 @@ def reads_contact_forces(task: Task) -> bool:
 
 
 def mujoco_model(model: Model, *, with_contact_forces: bool) -> Any:
-    """MuJoCo model from the same source as a stepper model.
-
-    Args:
-        model: stepper's model.
-        with_contact_forces: Whether each step computes `cfrc_ext`. An added accelerometer makes MuJoCo compute it.
+    """MuJoCo model from the same source as a stepper model. An added accelerometer makes MuJoCo compute `cfrc_ext` in each step.
 
     Raises:
         ValueError: The model was not loaded from MJCF in this process.
@@ -146,14 +140,7 @@ class MujocoSim(MujocoFields):
 
     # Signature of `Stepper.reset` as tasks call it.
     def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
-        """Reset some or all environments.
-
-        Args:
-            envs: Boolean mask (num_envs,), or indices. None selects all environments.
-            qpos: Positions as in `set_state`; None sets the reference configuration.
-            qvel: Velocities as in `set_state`; None sets zero velocities.
-            seed: Ignored, because MuJoCo's physics has no random numbers.
-        """
+        """Reset some or all environments. MuJoCo's physics has no random numbers, so `seed` is ignored."""
         ids = self._indices(envs)
         self._batch.reset(ids)
         self.set_state(qpos, qvel, None if envs is None else np.asarray(envs))
@@ -169,14 +156,8 @@ class MujocoSim(MujocoFields):
     ) -> None:
         """Set states of some or all environments.
 
-        Each array has one row per environment of the batch, one row per environment in `envs`, or is a single row for all of these.
-
-        Args:
-            qpos: Positions, (n, nq) or (nq,), m and rad; None keeps them.
-            qvel: Velocities, (n, nv) or (nv,), m/s and rad/s; None keeps them.
-            envs: Boolean mask (num_envs,), or indices. None selects all environments.
-            act: Activations, (n, na) or (na,); None keeps them.
-            keep_warmstart: Whether to leave MuJoCo's derived quantities as they are, without evaluating the forward dynamics.
+        Each array has one row per environment of the batch, one row per environment in `envs`, or is a single row for all of these. With
+        `keep_warmstart` MuJoCo's derived quantities stay as they are, without an evaluation of the forward dynamics.
         """
         ids = self._indices(envs)
         self._arrays.clear()
@@ -188,13 +169,7 @@ class MujocoSim(MujocoFields):
             self._batch.forward(ids)
 
     def randomize(self, values: Mapping[str, Any] | None = None, /, envs: Array | None = None, **fields: Array) -> None:
-        """Set model parameters of the environments `envs` (None selects all).
-
-        Args:
-            values: Values by selector, as in `Stepper.randomize`; None if there are none.
-            envs: Boolean mask (num_envs,), or indices.
-            **fields: Arrays (num_envs, ...), or with a row for each index, by the name of the model's field, in the field's unit.
-        """
+        """Set model parameters of the environments `envs` (None selects all)."""
         if values is not None:
             sim: Any = self
             fields = randomized_fields(sim, values, envs, fields)
@@ -255,11 +230,7 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         return self._envs.reset(seed=seed, options=options)
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Step all environments by one action. Arguments and results are those of `StepperVectorEnv.step`.
-
-        Args:
-            actions: Actions, (num_envs, nu), in the units of the task.
-        """
+        """Step all environments by one action. Arguments and results are those of `StepperVectorEnv.step`."""
         return self._envs.step(actions)
 
     def set_state(self, qpos: Array, qvel: Array, envs: Any = None) -> Array:

@@ -5,36 +5,26 @@ Usage:
     python benches/quantities.py
 """
 
-from __future__ import annotations
-
 import warnings
-from importlib.util import find_spec
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import stepper
-from derivatives import median_time
+from derivatives import median_time, path_of
 from stepper.doctor import cpu_levels
 from stepper.shared.machine import cpu_name, one_core
 
 ENVS = 256
 RAYS = 187
-SUITE = Path(next(iter((find_spec("dm_control") or find_spec("stepper")).submodule_search_locations))) / "suite"
-SCENES = {"dm_control/humanoid": SUITE / "humanoid.xml", "dm_control/quadruped": SUITE / "quadruped.xml"}
+SCENES = ("dm_control/humanoid", "dm_control/quadruped")
 """Scenes: a humanoid of capsules on a plane, and a quadruped on a height field of 201 by 201 points."""
 
 
 def dynamics(sim: stepper.Stepper) -> list[float]:
-    """Times of mass_matrix, qfrc_bias, qacc_smooth and inverse_dynamics, us per environment."""
-    zeros = np.zeros(sim.model.nv)
-    calls = [
-        sim.mass_matrix,
-        lambda: sim.qfrc_bias,
-        lambda: sim.qacc_smooth,
-        lambda: sim.inverse_dynamics(zeros),
-    ]
-    return [1e6 * median_time(call, 31, lambda: None) / ENVS for call in calls]
+    """Times of mass_matrix, qfrc_bias, qacc_smooth and inverse_dynamics after a change of the state, us per environment."""
+    zeros, state = np.zeros(sim.model.nv), sim.get_state()
+    calls = [sim.mass_matrix, lambda: sim.qfrc_bias, lambda: sim.qacc_smooth, lambda: sim.inverse_dynamics(zeros)]
+    return [1e6 * median_time(call, 31, lambda: sim.set_state(state)) / ENVS for call in calls]
 
 
 def rays(sim: stepper.Stepper, m: mujoco.MjModel) -> list[float]:
@@ -44,8 +34,8 @@ def rays(sim: stepper.Stepper, m: mujoco.MjModel) -> list[float]:
     data, geoms, distances = mujoco.MjData(m), np.empty(RAYS, np.int32), np.empty(RAYS)
     mujoco.mj_forward(m, data)
     settings = (data, points[0], down.ravel(), None, 1, -1, geoms, distances, None, RAYS, 1e10)
-    ours = median_time(lambda: sim.rays(points, down), 31, lambda: None) / (ENVS * RAYS)
-    return [1e9 * ours, 1e9 * median_time(lambda: mujoco.mj_multiRay(m, *settings), 31, lambda: None) / RAYS]
+    ours = median_time(lambda: sim.rays(points, down), 31) / (ENVS * RAYS)
+    return [1e9 * ours, 1e9 * median_time(lambda: mujoco.mj_multiRay(m, *settings), 31) / RAYS]
 
 
 def main() -> None:
@@ -55,10 +45,10 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|")
     with one_core(), warnings.catch_warnings():
         warnings.simplefilter("ignore", stepper.ModelWarning)
-        for name, path in SCENES.items():
-            m = mujoco.MjModel.from_xml_path(str(path))
+        for name in SCENES:
+            m = mujoco.MjModel.from_xml_path(path_of(name))
             for precision in ("f64", "f32"):
-                sim = stepper.Stepper(stepper.load(str(path)), ENVS, threads=1, precision=precision)
+                sim = stepper.Stepper(stepper.load(path_of(name)), ENVS, threads=1, precision=precision)
                 sim.step(nstep=5)
                 row = " | ".join([*(f"{x:.2f}" for x in dynamics(sim)), *(f"{x:.0f}" for x in rays(sim, m))])
                 print(f"| {name}, {precision} | {row} |", flush=True)

@@ -6,8 +6,6 @@ Usage:
     python benches/rollout_gradients.py scenes --count 20  # the first twenty scenes
 """
 
-from __future__ import annotations
-
 import argparse
 import warnings
 from collections import Counter
@@ -130,16 +128,7 @@ def bodies_on_a_floor(seed: int, options: Options, steps: int = 15) -> Scene:
 
 
 def robots(seed: int, model: stepper.Model, name: str, options: Options, *, num_envs: int = 2, steps: int = 10) -> Scene:
-    """Scene with a robot after 200 steps with random controls, for a rollout with further random controls.
-
-    Args:
-        seed: Seed of the controls.
-        model: Model of the robot.
-        name: Name of the scene.
-        options: Options of the step.
-        num_envs: Number of environments.
-        steps: Number of controls in the rollout, each for two simulation steps.
-    """
+    """Scene with a robot after 200 steps with random controls, for a rollout with further random controls."""
     rng = np.random.default_rng(seed)
     sim = stepper.Stepper(model, num_envs, options=options)
     low, high = np.clip(model.actuator_ctrlrange, -1.0, 1.0).T
@@ -163,11 +152,7 @@ class Judged:
     worst: list[str]
 
     def row(self, kind: str) -> list[int]:
-        """Returns numbers of derivatives: all, those with a reliable finite difference, those that agree with it, those of the wrong sign.
-
-        Args:
-            kind: Derivatives to count: those of rollouts with "no kink" or "near a kink".
-        """
+        """Numbers of derivatives: all, those with a reliable finite difference, those that agree with it, those of the wrong sign."""
         own = {verdict: count for (k, verdict), count in self.counts.items() if k == kind}
         judged = sum(own.get(v, 0) for v in ("agrees", "differs", "wrong sign"))
         return [sum(own.values()), judged, own.get("agrees", 0), own.get("wrong sign", 0)]
@@ -192,14 +177,7 @@ def directions(scene: Scene, rng: np.random.Generator, count: int) -> Iterator[t
 
 
 def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
-    """Compare derivatives of a random function of the last state of a rollout with finite differences of whole rollouts.
-
-    Args:
-        scene: Initial state and controls.
-        seed: Seed of the function and of the coordinates.
-        into: Counts of verdicts, to which the verdicts of this scene are added.
-        count: Number of coordinates of each kind.
-    """
+    """Compare derivatives of a random function of the last state of a rollout with finite differences of whole rollouts."""
     sim, model, rng = scene.sim, scene.sim.model, np.random.default_rng(seed)
     n, nv = len(sim.qpos), model.nv
     made = rollout(sim, scene.ctrl, scene.nstep)
@@ -228,18 +206,7 @@ def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
 
 
 def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
-    """Verdict on a derivative by comparison with finite differences of whole rollouts, with the half widths `WIDTHS`.
-
-    Args:
-        ours: The derivative.
-        central: Central differences, one for each width, (3,).
-        sides: One-sided differences to both sides, for each width, (2, 3).
-        scale: Largest derivative in the same environment by coordinates of the same kind, at least 1.
-
-    Returns:
-        "agrees", "differs" or "wrong sign" if the finite differences are reliable. Otherwise "unreliable differences" if central
-        differences of different widths disagree, or "corner" if one-sided differences to the two sides disagree.
-    """
+    """Verdict on a derivative by comparison with finite differences of whole rollouts, with the half widths `WIDTHS`."""
     size, noise, floor = max(np.abs(central).max(), np.abs(sides).max()), NOISE * scale, FLOOR * scale
     if np.ptp(central) > SAME * size + noise:
         return "unreliable differences"

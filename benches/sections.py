@@ -1,7 +1,5 @@
 """Generated sections of Markdown pages: the text between `<!-- NAME ... -->` and `<!-- end of NAME -->`."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -27,15 +25,7 @@ def write_section(page: Path, name: str, text: str) -> None:
 
 
 def _parts(page: Path, name: str) -> tuple[str, str, str]:
-    """Split the text of a page at one of its generated sections.
-
-    Args:
-        page: Markdown file.
-        name: Name of the section.
-
-    Returns:
-        Text before the section, text of the section, and text after the section.
-    """
+    """Split the text of a page at one of its generated sections."""
     mark, text = re.escape(name), page.read_text(encoding="utf-8")
     found = re.fullmatch(rf"(.*<!-- {mark}(?:: [^\n]*?)? -->)(.*)(<!-- end of {mark} -->.*)", text, re.DOTALL)
     if found is None:

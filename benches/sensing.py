@@ -5,8 +5,6 @@ velocity of all joints and an orientation. All batches get the same random contr
 results are medians of processor time over turns. See docs/benchmarks/components.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from dataclasses import replace
@@ -60,16 +58,7 @@ def with_joints() -> Model:
 
 
 def measure(model: Model, plan: Plan, precision: Precision) -> dict[str, list[float]]:
-    """Measure the time per environment step, us, for each variant of sensor errors in `TRANSFERS`.
-
-    Args:
-        model: Model with sensors.
-        plan: Number of environments, steps and turns of the measurement.
-        precision: Precision, "f64" or "f32".
-
-    Returns:
-        Times by name of the variant, with one time for each turn.
-    """
+    """Measure the time per environment step, us, for each variant of sensor errors in `TRANSFERS`."""
     sims = {
         name: Stepper(model, plan.num_envs, sensors=equipped(model, transfer), precision=precision) for name, transfer in TRANSFERS.items()
     }

@@ -6,8 +6,6 @@ Usage:
     python benches/states.py --some   # states of single environments: docs/benchmarks/components.md
 """
 
-from __future__ import annotations
-
 import argparse
 import warnings
 from collections.abc import Callable
@@ -45,36 +43,34 @@ def some(num_envs: int = 256) -> None:
         print(f"| {name} | {1e6 * median_time(call, 31, back) / num_envs:.1f} |", flush=True)
 
 
-def main() -> None:
-    """Print a markdown table with the time to save and restore the state of all environments, compared with a step."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--some", action="store_true", help="measure states of single environments")
-    given = parser.parse_args()
-    if given.some:
-        with one_core(), warnings.catch_warnings():
-            warnings.simplefilter("ignore", stepper.ModelWarning)
-            some()
-        return
+def whole() -> None:
+    """Print the time to save and restore the state of all environments, compared with the time of a step."""
     print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}\n")
     print("| environments | state, bytes each | step, us each | get_state() | set_state(state) | set_state(qpos, qvel) |")
     print("|---|---|---|---|---|---|")
+    for num_envs in (1, 32, 1024):
+        sim, ctrl = touching("dm_control/quadruped", Options(), num_envs)
+        state, qpos, qvel = sim.get_state(), np.array(sim.qpos), np.array(sim.qvel)
+
+        def back(sim: stepper.Stepper = sim, state: stepper.State = state) -> None:
+            sim.set_state(state)
+
+        times = [
+            median_time(lambda sim=sim, ctrl=ctrl: sim.step(ctrl), 31, back), median_time(sim.get_state, 31), median_time(back, 31),
+            median_time(lambda sim=sim, qpos=qpos, qvel=qvel: sim.set_state(qpos, qvel), 31),
+        ]  # fmt: skip
+        columns = " | ".join(f"{1e6 * each / num_envs:.2f}" for each in times)
+        print(f"| {num_envs} | {state.nbytes / num_envs:.0f} | {columns} |", flush=True)
+
+
+def main() -> None:
+    """Print a markdown table with the time to save and restore states, compared with a step."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--some", action="store_true", help="measure states of single environments")
+    given = parser.parse_args()
     with one_core(), warnings.catch_warnings():
         warnings.simplefilter("ignore", stepper.ModelWarning)
-        for num_envs in (1, 32, 1024):
-            sim, ctrl = touching("dm_control/quadruped", Options(), num_envs)
-            state, qpos, qvel = sim.get_state(), np.array(sim.qpos), np.array(sim.qvel)
-
-            def back(sim: stepper.Stepper = sim, state: stepper.State = state) -> None:
-                sim.set_state(state)
-
-            calls: list[tuple[Callable[[], Any], Callable[[], Any]]] = [
-                (lambda sim=sim, ctrl=ctrl: sim.step(ctrl), back),
-                (sim.get_state, lambda: None),
-                (back, lambda: None),
-                (lambda sim=sim, qpos=qpos, qvel=qvel: sim.set_state(qpos, qvel), lambda: None),
-            ]
-            times = [1e6 * median_time(call, 31, before) / num_envs for call, before in calls]
-            print(f"| {num_envs} | {state.nbytes / num_envs:.0f} | " + " | ".join(f"{each:.2f}" for each in times) + " |", flush=True)
+        some() if given.some else whole()
 
 
 if __name__ == "__main__":

@@ -5,8 +5,6 @@ Usage:
     python -m terrain
 """
 
-from __future__ import annotations
-
 import time
 import warnings
 

@@ -73,10 +73,6 @@ def collect(runs: Path, curves: Path) -> list[dict[str, str]]:
     """Rows of the learning curves of all runs: those of new training runs, and those in a file of earlier runs.
 
     A new run replaces an earlier run of the same name.
-
-    Args:
-        runs: Folder of the new training runs.
-        curves: File learning_curves.csv with the earlier runs.
     """
     rows: list[dict[str, str]] = []
     if curves.exists():
@@ -301,15 +297,6 @@ def race(task: str, steps: int, runs: Path, report: Report) -> str:
     """Train a task in each engine with the same learner, hyperparameters and seeds, on one core and one thread.
 
     Policies are evaluated in Gymnasium's environment. Writes the figure learning_race.png.
-
-    Args:
-        task: Gymnasium's name of the task.
-        steps: Environment steps of each run.
-        runs: Folder of the runs.
-        report: Output files. The head of the table is copied from the page.
-
-    Returns:
-        Table with a row for each engine.
     """
     train: Any = importlib.import_module("train")
     curves: dict[str, list[list[dict[str, str]]]] = {}
@@ -353,17 +340,7 @@ A value has the pattern of the environment's id, in which {} stands for the task
 
 
 def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> str:
-    """Train a robot to follow velocities in each engine, with the same task, learner, hyperparameters and seed, on one thread.
-
-    Args:
-        task: Name of the task in `VELOCITY_TASKS`.
-        runs: Folder of the runs.
-        episodes: Number of evaluation episodes of each policy in each engine.
-        steps: Environment steps of each run. With None the task's default is used.
-
-    Returns:
-        Table with a row for each engine of the training: processor time, and velocity errors and falls in each engine.
-    """
+    """Train a robot to follow velocities in each engine, with the same task, learner, hyperparameters and seed, on one thread."""
     train: Any = importlib.import_module("train")
     mujoco_vector.register(task)
     columns = " | ".join(f"error in {name}, m/s | falls" for name in ENGINES)

@@ -175,6 +175,13 @@ def test_python_texts_are_plain():
 
 
 @pytest.mark.parametrize(("text", "found"), [
+    ("/// What a step reads.", [1, 0, 0]),
+    ("/// Whether a step ends.", [0, 0, 0]),
+    (f"/// Sum {'of terms ' * 13}.", [0, 1, 0]),
+    (f"/// Sum `a` ({'of terms ' * 13}) of x = 1 + 2 + 3.\n///\n/// ```text\n/// {'of terms ' * 13}\n/// ```", [0, 0, 0]),
+    ("/// Velocity that a row demands.", [0, 0, 1]),
+    ("// Velocity that a row demands, `demands`.", [0, 0, 1]),
+    ("/// Sum of terms, see\n/// the module. It is large.", [0, 0, 0]),
     ('"""What a step reads."""', [1, 0, 0]),
     (f'"""Sum {"of terms " * 13}."""', [0, 1, 0]),
     ('def f():\n    """Sum.\n\n    Args:\n        a: Who asks.\n    """', [0, 0, 2]),
@@ -184,24 +191,8 @@ def test_python_texts_are_plain():
     ('typer.Option(help="Nobody reads")', [0, 0, 1]),
     ('"""Sum of terms. It is large."""', [0, 0, 0]),
 ])  # fmt: skip
-def test_a_planted_python_text_is_found(tmp_path, text, found):
-    file = tmp_path / "planted.py"
+def test_a_planted_text_is_found(tmp_path, text, found):
+    file = tmp_path / ("planted.rs" if text.startswith("//") else "planted.py")
     file.write_text(f"{text}\n")
-    planted = list(texts_of(file, tmp_path))
-    assert [len(check(planted)) for check in (openings, long_sentences, replaced_words)] == found
-
-
-@pytest.mark.parametrize(("text", "found"), [
-    ("/// What a step reads.", [1, 0, 0]),
-    ("/// Whether a step ends.", [0, 0, 0]),
-    (f"/// Sum {'of terms ' * 13}.", [0, 1, 0]),
-    (f"/// Sum `a` ({'of terms ' * 13}) of x = 1 + 2 + 3.\n///\n/// ```text\n/// {'of terms ' * 13}\n/// ```", [0, 0, 0]),
-    ("/// Velocity that a row demands.", [0, 0, 1]),
-    ("// Velocity that a row demands, `demands`.", [0, 0, 1]),
-    ("/// Sum of terms, see\n/// the module. It is large.", [0, 0, 0]),
-])  # fmt: skip
-def test_a_planted_comment_is_found(tmp_path, text, found):
-    file = tmp_path / "planted.rs"
-    file.write_text(f"{text}\nfn f() {{}}\n")
-    planted = list(comments_of(file, tmp_path))
+    planted = list((comments_of if text.startswith("//") else texts_of)(file, tmp_path))
     assert [len(check(planted)) for check in (openings, long_sentences, replaced_words)] == found

@@ -4,8 +4,6 @@ A sweep runs scenes in engines. With --update-docs, a sweep of all scenes and en
 a sweep of some scenes or engines replaces only their rows in that page.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time
@@ -65,13 +63,7 @@ def main() -> None:
 
 
 def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[Row], dict[str, object]]:
-    """Rows and notes of the existing report with new rows added. A new row replaces old rows with the same scene number and engine.
-
-    Args:
-        rows: New rows.
-        notes: Provenance of the new rows.
-        data: CSV file with the rows and notes of the existing report.
-    """
+    """Rows and notes of the existing report with new rows added. A new row replaces old rows with the same scene number and engine."""
     kept, before = read_csv(data)
     renewed = {(row.number, row.engine) for row in rows}
     numbers = [scene.number for scene in scenes.ALL]

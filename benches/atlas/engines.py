@@ -1,7 +1,5 @@
 """Engines that run the scenes of the atlas: stepper, MuJoCo and rapier. Each engine with its settings is a column of the atlas's tables."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -183,11 +181,6 @@ def _stiffen(model: mujoco.MjModel, time_constant: float, restitution: float | N
     Section "Solver parameters" of MuJoCo's documentation advises a time constant of two time steps. With restitution e, solref of contacts
     has the direct format (-stiffness, -damping). Half a period of the spring is `ELASTIC_STEPS` time steps, and the damping ratio zeta
     follows from e = exp(-pi zeta / sqrt(1 - zeta^2)).
-
-    Args:
-        model: Model to change.
-        time_constant: Time constant in solref, two time steps, s.
-        restitution: Coefficient of restitution of every contact. With None contacts are inelastic.
     """
     reference = np.array([time_constant, 1.0])
     model.jnt_solref[:] = reference

@@ -1,7 +1,5 @@
 """Known failures of stepper in the scenes of the atlas. The page shows their reasons, and the tests check their bounds."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable
@@ -69,12 +67,7 @@ class Known:
 
 
 def below(largest: float, because: str) -> Bound:
-    """Bound of a known error, with the same value at all time steps.
-
-    Args:
-        largest: The bound, in the unit of the scene.
-        because: Origin of the bound, as text.
-    """
+    """Bound of a known error, with the same value at all time steps."""
     return Bound(lambda _dt: largest, because)
 
 
@@ -268,13 +261,7 @@ KNOWN: tuple[Known, ...] = (
 
 
 def failure(title: str, engine: str, dt: float) -> Known | None:
-    """Known failure of stepper in a scene. The result is None if the scene should pass.
-
-    Args:
-        title: Number and name of the scene.
-        engine: Name of the engine with its setting.
-        dt: Time step, s.
-    """
+    """Known failure of stepper in a scene. The result is None if the scene should pass."""
     for known in KNOWN:
         low, high = known.dts
         if re.fullmatch(known.scenes, title) and re.fullmatch(known.engines, engine) and low <= dt <= high:
@@ -283,12 +270,6 @@ def failure(title: str, engine: str, dt: float) -> Known | None:
 
 
 def reason(title: str, engine: str, dt: float) -> str | None:
-    """Reason of a known failure of stepper in a scene. The result is None if the scene should pass.
-
-    Args:
-        title: Number and name of the scene.
-        engine: Name of the engine with its setting.
-        dt: Time step, s.
-    """
+    """Reason of a known failure of stepper in a scene. The result is None if the scene should pass."""
     known = failure(title, engine, dt)
     return None if known is None else known.reason

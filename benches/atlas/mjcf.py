@@ -1,7 +1,5 @@
 """Functions that make MJCF for the scenes. Units are SI and radians."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 
@@ -28,15 +26,7 @@ FLOOR = '<geom name="floor" type="plane" size="0 0 1"/>'
 
 
 def free(name: str, geom: str, pos: Iterable[float], quat: Iterable[float] = (1, 0, 0, 0), inside: str = "") -> str:
-    """MJCF of a free body with one geom.
-
-    Args:
-        name: Name of the body.
-        geom: Attributes of the geom.
-        pos: Position, m.
-        quat: Orientation, (w, x, y, z).
-        inside: Further MJCF inside the body.
-    """
+    """MJCF of a free body with one geom."""
     return f'<body name="{name}" pos="{numbers(pos)}" quat="{numbers(quat)}"><freejoint/><geom name="{name}" {geom}/>{inside}</body>'
 
 
@@ -56,14 +46,7 @@ def about_y(angle: float) -> tuple[float, float, float, float]:
 
 
 def incline(geom: str, height: float, slope: float, friction: float) -> str:
-    """MJCF of a scene with a free body on a plane inclined about y, downhill towards +x.
-
-    Args:
-        geom: Attributes of the body's geom.
-        height: Distance from the plane to the body's centre, m.
-        slope: Inclination, rad.
-        friction: Friction of all geoms.
-    """
+    """MJCF of a scene with a free body on a plane inclined about y, downhill towards +x."""
     turn = about_y(slope)
     at = (height * math.sin(slope), 0.0, height * math.cos(slope))
     plane = f'<geom name="floor" type="plane" size="0 0 1" quat="{numbers(turn)}"/>'

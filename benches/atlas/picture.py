@@ -1,7 +1,5 @@
 """Figure of the atlas: shares of the runs of each engine that hold, fail, are not finite, or are not possible."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

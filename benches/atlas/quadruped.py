@@ -1,7 +1,5 @@
 """Model of a quadruped of ANYmal's size: 12 hinges, 34 kg, primitive shapes."""
 
-from __future__ import annotations
-
 from atlas.mjcf import document, numbers
 
 POSE = (0.03, 0.4, -0.8, -0.03, 0.4, -0.8, 0.03, -0.4, 0.8, -0.03, -0.4, 0.8)

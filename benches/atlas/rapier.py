@@ -1,7 +1,5 @@
 """Engine rapier: bodies, shapes and joints come from rapier's MJCF loader, and states have MuJoCo's layout."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Report of a sweep: docs/benchmarks/atlas.md with a page for each group of scenes in docs/benchmarks/atlas/, and atlas.csv."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math
@@ -75,14 +73,7 @@ def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
 def write_markdown(
     folder: Path, groups: Mapping[str, tuple[str, Sequence[Scene]]], rows: Sequence[Row], provenance: Mapping[str, object]
 ) -> None:
-    """Write atlas.md, a summary of all scenes, and atlas/GROUP.md for each group: all engines, stepper's failures, right answers, all runs.
-
-    Args:
-        folder: Folder of the pages.
-        groups: Title and scenes of each group, by name.
-        rows: Results of all runs.
-        provenance: Machine, versions and time of the measurement, by name.
-    """
+    """Write atlas.md, a summary of all scenes, and atlas/GROUP.md for each group: engines, stepper's failures, answers, all runs."""
     engines = list(dict.fromkeys(row.engine for row in rows))
     by = {(r.number, r.name, r.dt, r.engine): r for r in rows}
     known = {(r.number, r.name) for r in rows}
@@ -117,13 +108,7 @@ def _number(x: float) -> str:
 
 
 def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    """Table with the number of passed time steps and the error, by scene and engine.
-
-    Args:
-        scenes: Scenes, one for each row of the table.
-        engines: Names of the engines, one for each column.
-        by: Results by number and name of the scene, time step (s) and engine.
-    """
+    """Table with the number of passed time steps and the error, by scene and engine."""
     text = _line(["scene", "unit", *engines]) + _line(["---"] * (len(engines) + 2))
     totals = dict.fromkeys(engines, 0)
     for scene in scenes:
@@ -144,12 +129,7 @@ def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[
 
 
 def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    """Section with the reasons for failures of stepper.
-
-    Args:
-        scenes: Scenes.
-        by: Results by number and name of the scene, time step (s) and engine.
-    """
+    """Section with the reasons for failures of stepper."""
     found: dict[str, list[str]] = {}
     for scene in scenes:
         for row in (r for (number, name, _, _), r in by.items() if (number, name) == (scene.number, scene.name)):
@@ -166,11 +146,7 @@ def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], R
 
 
 def _grouped(where: Sequence[str]) -> list[str]:
-    """Lines of text, one for each scene, which list all failures of the scene.
-
-    Args:
-        where: Failures as texts "scene (engine, time step)".
-    """
+    """Lines of text, one for each scene, which list all failures of the scene."""
     lines: dict[str, list[str]] = {}
     for entry in where:
         title, _, rest = entry.rpartition(" (")
@@ -188,13 +164,7 @@ def _answers(scenes: Sequence[Scene]) -> str:
 
 
 def _all(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    """Section with the results of all runs.
-
-    Args:
-        scenes: Scenes, with a row of the table for each time step.
-        engines: Names of the engines, one for each column.
-        by: Results by number and name of the scene, time step (s) and engine.
-    """
+    """Section with the results of all runs."""
     text = "\n## All runs: holds (+) or fails (x), error; cost in ms of one core per simulated second\n\n"
     text += _line(["scene", "dt, ms", *engines]) + _line(["---"] * (len(engines) + 2))
     for scene in scenes:

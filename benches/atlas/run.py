@@ -1,7 +1,5 @@
 """Sweep of all scenes, engines and time steps, with errors and costs."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence

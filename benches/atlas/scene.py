@@ -1,7 +1,5 @@
 """Definition of a scene: a setup, the right answer with its source, and a measure of an engine's error."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

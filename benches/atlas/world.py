@@ -5,11 +5,10 @@ angular velocity in body axes. Energy, momentum and body poses are computed from
 engines.
 """
 
-from __future__ import annotations
-
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -127,13 +126,16 @@ class World(ABC):
                 raise TooSlowError(f"stopped after {self.limit:g} s of processor time and {self.seconds:g} simulated seconds")
 
     def run(self, seconds: float, ctrl: ArrayLike | None = None) -> None:
-        """Step all environments for a time in s, which is rounded to a whole number of steps, at least one.
-
-        Args:
-            seconds: Simulated time, s.
-            ctrl: Constant controls, as in `step`.
-        """
+        """Step all environments for a time in s, which is rounded to a whole number of steps, at least one."""
         self.step(max(1, round(seconds / self.dt)), ctrl)
+
+    def worst(self, error: Callable[[], float], count: int, seconds: float) -> float:
+        """Largest of zero and the errors after each of `count` runs of a time in s."""
+        errors = [0.0]
+        for _ in range(count):
+            self.run(seconds)
+            errors.append(float(error()))
+        return max(errors)
 
     def body(self, name: str) -> int:
         """Index of a body."""

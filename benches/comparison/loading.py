@@ -10,8 +10,6 @@ Times are wall times, as MuJoCo's compiler has threads, with files in the page c
 medians over turns. The robots come from the packages of benches/corpus, or from given files. See docs/benchmarks/performance.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess
@@ -70,13 +68,7 @@ def in_turns(file: Path, turns: int) -> dict[str, list[float]]:
 
 
 def row(name: str, file: Path, turns: int) -> str:
-    """Row of the markdown table with the load times of a robot in MuJoCo and in stepper, and their ratios.
-
-    Args:
-        name: Name of the robot.
-        file: File of the robot.
-        turns: Number of processes per engine, over which medians are taken.
-    """
+    """Row of the markdown table with the load times of a robot in MuJoCo and in stepper, and their ratios."""
     found = in_turns(file, turns)
     (first, again), (ours, ours_again), (saved, _) = found["mujoco"], found["stepper"], found["saved"]
     ratios = f"{ours / first:.2f} | {ours_again / again:.2f} | {saved / first:.2f}"

@@ -14,8 +14,6 @@ With tolerances of the solver, the columns are these tolerances, in m/s, at the 
     PYTHONPATH=benches python -m comparison.refinement out/references --tolerances 1e-10 1e-6 1e-5 1e-4 1e-3
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import warnings
@@ -88,14 +86,7 @@ def reference(model: Model) -> tuple[Array, Array, Array, Array]:
 
 
 def final_qpos(model: Model, given: tuple[Array, Array, Array], parts: int, tolerance: float | None) -> Array:
-    """Final positions, (num_envs, nq), from given initial states and controls.
-
-    Args:
-        model: The model.
-        given: Initial qpos and qvel, and controls.
-        parts: Number of steps per time step of the model.
-        tolerance: Tolerance of the solver, m/s; None selects the default.
-    """
+    """Final positions, (num_envs, nq), from given initial states and controls."""
     (qpos, qvel, ctrl), dt = given, float(model.timestep)
     steps = max(4, round(SECONDS / dt))
     sim = Stepper(model, NUM_ENVS, options=Options(timestep=dt / parts, tolerance=tolerance))

@@ -9,8 +9,6 @@ step of 31 us.
     PYTHONPATH=new/python:benches python benches/comparison/servos.py
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 import warnings
@@ -67,16 +65,7 @@ def robot(walker: unitree.Walker, assets: Assets, share: float) -> Any:
 
 
 def run(sim: Stepper, script: tuple[Any, Any], steps: int) -> tuple[Any, float]:
-    """Step a batch with prescribed servo targets.
-
-    Args:
-        sim: The batch.
-        script: Initial positions, and a sequence of servo targets, each for `CHANGE` s.
-        steps: Number of steps.
-
-    Returns:
-        Positions at the end, and the processor time, s.
-    """
+    """Positions of a batch after steps with prescribed servo targets, each for `CHANGE` s, and the processor time, s."""
     (start, targets), n, h = script, len(sim.qpos), sim.options.timestep
     assert h is not None
     sim.reset()

@@ -7,8 +7,6 @@ Usage:
     python benches/comparison/step_times.py INTEGRATOR PRECISION NUM_ENVS
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

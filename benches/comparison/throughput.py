@@ -6,8 +6,6 @@ its defaults, and with settings as accurate as MuJoCo ("fast"). MuJoCo's collisi
 engines. See README.md in this folder.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json
@@ -127,22 +125,12 @@ def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
 
 
 def ratio(ours: list[float], theirs: list[float]) -> float:
-    """Speedup of stepper: median over chunks of steps of the ratio of the other engine's time to stepper's.
-
-    Args:
-        ours: Times of stepper, one per chunk.
-        theirs: Times of the other engine.
-    """
+    """Speedup of stepper: median over chunks of steps of the ratio of the other engine's time to stepper's."""
     return median(their / our for our, their in zip(ours, theirs, strict=True))
 
 
 def against(times: dict[str, list[float]], name: str) -> float:
-    """Speedup of a setting of stepper relative to the faster setting of MuJoCo.
-
-    Args:
-        times: Times per chunk of steps, by name of engine and setting.
-        name: Name of stepper's setting.
-    """
+    """Speedup of a setting of stepper relative to the faster setting of MuJoCo."""
     return min(ratio(times[name], times[peer]) for peer in PEERS)
 
 

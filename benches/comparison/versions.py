@@ -7,8 +7,6 @@ unpacked wheel. Both get the same random controls. The results are medians of pr
     python benches/comparison/versions.py old/python new/python --integrator euler --num-envs 1024 --precision f32
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -64,13 +62,7 @@ def main() -> None:
 
 
 def ask(worker: subprocess.Popen[str], path: str, seed: int) -> float:
-    """Step time per environment, us, that the worker process of a build of stepper measures on request.
-
-    Args:
-        worker: Worker process of the build (step_times.py).
-        path: File of the robot.
-        seed: Seed of the controls.
-    """
+    """Step time per environment, us, that the worker process of a build of stepper measures on request."""
     assert worker.stdin is not None and worker.stdout is not None
     print(json.dumps([path, seed]), file=worker.stdin, flush=True)
     answer = worker.stdout.readline()

@@ -4,8 +4,6 @@ The command measures the model files that have no measurement of this build yet.
 corpus.csv. Both files are in out/corpus, or in docs/benchmarks with --update-docs.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterable

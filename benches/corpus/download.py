@@ -1,7 +1,5 @@
 """Download of packages as folders of files. pip downloads them, and they are unpacked, never installed or imported."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import zipfile

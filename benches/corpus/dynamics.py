@@ -1,7 +1,5 @@
 """Comparison of smooth dynamics at random states: mass matrix, bias force, and acceleration without constraints."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

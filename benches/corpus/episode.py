@@ -1,7 +1,5 @@
 """Episodes of both engines with the same controls from the reference pose: flags, residuals and motion."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections import Counter
@@ -40,15 +38,7 @@ def rest_episode(m: Any, model: stepper.Model, rng: np.random.Generator) -> Epis
 
 
 def _run(m: Any, model: stepper.Model, qvel: Array, control: Callable[[], Array], steps: int) -> Episode:
-    """Episode of stepper and MuJoCo from the reference pose.
-
-    Args:
-        m: Compiled model of MuJoCo.
-        model: Model of stepper.
-        qvel: Initial velocities, (nv,).
-        control: Function that returns the controls of the next step.
-        steps: Number of steps.
-    """
+    """Episode of stepper and MuJoCo from the reference pose."""
     sim, data = stepper.Stepper(model), mujoco.MjData(m)
     sim.set_state(qvel=qvel)
     data.qvel[:] = qvel

@@ -1,7 +1,5 @@
 """Model files of a package, and their compilation by MuJoCo."""
 
-from __future__ import annotations
-
 import fnmatch
 import hashlib
 import tempfile
@@ -97,11 +95,6 @@ def resolve(reference: str, folder: Path, urdf: Path) -> Path:
     """Path of the file to which a reference in a URDF refers.
 
     The search begins in the folder of the URDF and goes up to the folder of the package.
-
-    Args:
-        reference: Reference: "package://name/path", "model://name/path", "file://path", or a path.
-        folder: Folder of the package.
-        urdf: URDF file with the reference.
 
     Raises:
         FragmentError: The package has no such file.

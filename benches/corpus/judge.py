@@ -1,7 +1,5 @@
 """Criteria, with thresholds, by which a model of the corpus counts as stepping well."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -85,12 +83,7 @@ def episodes(row: Row) -> list[tuple[str, Episode]]:
 
 
 def _faults(name: str, episode: Episode) -> list[Fault]:
-    """Criteria that one episode of a model violates in stepper.
-
-    Args:
-        name: Name of the episode, for the text.
-        episode: Measurements of the episode.
-    """
+    """Criteria that one episode of a model violates in stepper."""
     shares = {flag.upper(): getattr(episode, flag) for flag in ("non_finite", "contacts_full", "unresolved")}
     found = [Fault(flag, f"{share:.2%} of the steps, {name}") for flag, share in shares.items() if share]
     ratio = max(episode.ours.mean_energy, ENERGY_FLOOR) / max(episode.theirs.mean_energy, ENERGY_FLOOR)

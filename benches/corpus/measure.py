@@ -4,8 +4,6 @@ The process writes the measurements (a row of the corpus table) to standard outp
 that have already been measured, as a JSON list.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import functools
@@ -40,14 +38,7 @@ def library() -> str:
 
 
 def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
-    """Measure one model file. Returns the measurements as a row of the corpus table; an error is stored in the row and not raised.
-
-    Args:
-        package: Package of the file.
-        folder: Folder of the package.
-        file: Path of the file in the package.
-        known: Digests of models that were measured in other files. A file with such a model is not measured again.
-    """
+    """Row of the corpus table with the measurements of one file, or with its error. Models of `known` digests are not measured again."""
     row = Row(package.name, package.version, file, library(), MEASURED)
     begin = time.perf_counter()
     try:
@@ -70,11 +61,7 @@ def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
 
 
 def _compare(row: Row, m: mujoco.MjModel) -> Row:
-    """Compare a compiled model in stepper and MuJoCo.
-
-    Returns:
-        Copy of `row` (the measurements of the model file) with the results of the comparison.
-    """
+    """Copy of a row with the results of the comparison of a compiled model in stepper and MuJoCo."""
     begin = time.perf_counter()
     model = stepper.load(m, strict=False)
     row = dataclasses.replace(row, load_seconds=time.perf_counter() - begin)
@@ -103,12 +90,7 @@ def _compare(row: Row, m: mujoco.MjModel) -> Row:
 
 
 def _missing(refusal: str, model: stepper.Model) -> list[str]:
-    """Kinds of unsupported MJCF elements because of which `stepper.load` rejects a model.
-
-    Args:
-        refusal: Error message of `stepper.load`. It names the elements.
-        model: The same model, loaded with `strict=False`, which omits unsupported elements.
-    """
+    """Kinds of unsupported MJCF elements because of which `stepper.load` rejects a model."""
     lines = [line.strip() for line in refusal.splitlines()]
     return sorted({kind for kind, name, _ in model.omitted if any(line.startswith(f"{kind} {name}") for line in lines)})
 

@@ -1,7 +1,5 @@
 """Python packages whose robot models form the corpus, each with the reason for its selection."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

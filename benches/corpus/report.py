@@ -1,7 +1,5 @@
 """Writer of the page docs/benchmarks/corpus.md from rows, each with the measurements of one model file."""
 
-from __future__ import annotations
-
 import json
 import re
 import statistics
@@ -88,13 +86,7 @@ def _distinct(rows: Iterable[Row]) -> list[Row]:
 
 
 def write_markdown(path: Path, rows: Sequence[Row], notes: Mapping[str, object]) -> None:
-    """Write the Markdown page with the results of the corpus to the file `path`.
-
-    Args:
-        path: The file.
-        rows: Rows of all files of the corpus.
-        notes: Machine and versions of the measurements, by name.
-    """
+    """Write the Markdown page with the results of the corpus to the file `path`."""
     corpus = Corpus(rows)
     parts = [
         HEAD + _packages(corpus),

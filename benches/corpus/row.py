@@ -149,13 +149,7 @@ def flatten(record: DataclassInstance, prefix: str = "") -> dict[str, str]:
 
 
 def unflatten(kind: type[Any], flat: Mapping[str, str], prefix: str = "") -> Any:
-    """Object of a dataclass from texts by name, as `flatten` makes them.
-
-    Args:
-        kind: The dataclass.
-        flat: Texts by name.
-        prefix: Beginning of the names that belong to the object.
-    """
+    """Object of a dataclass from texts by name, as `flatten` makes them."""
     values: dict[str, Any] = {}
     for name, of in get_type_hints(kind).items():
         if dataclasses.is_dataclass(of) and isinstance(of, type):

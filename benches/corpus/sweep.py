@@ -1,7 +1,5 @@
 """Measurement of all model files of the corpus packages, each in a separate process with a time limit."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -40,12 +38,7 @@ class Sweep:
     rows: dict[tuple[str, str, str], Row] = field(default_factory=dict)
 
     def run(self, packages: Iterable[Package], keep: Callable[[Row], None]) -> None:
-        """Measure all files that this build of stepper has not measured yet, package by package.
-
-        Args:
-            packages: Packages to measure.
-            keep: Function that is called with the measurements of each file (a `Row`).
-        """
+        """Measure all files that this build of stepper has not measured yet, package by package."""
         begun = {row.key for row in self.rows.values() if row.stepper == library()} if not self.again else set()
         for package in packages:
             try:

@@ -1,7 +1,5 @@
 """Benchmark of scenes with many contacts: `python -m many_contacts` measures stepper and MuJoCo, and prints a table."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

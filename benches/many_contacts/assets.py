@@ -1,7 +1,5 @@
 """Files of Python packages with robot models, and conversion of models to MJCF files that both engines read."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Batches of environments in stepper and in MuJoCo that run the episode of a `Script`. `stepper.lab.engines` has their base classes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Protocol
 

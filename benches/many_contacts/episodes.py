@@ -4,8 +4,6 @@ The program `anatomy --episode` (benches/src/bin/anatomy.rs) replays the recordi
 floor is the time that the arithmetic would take at the peak rates of a core with SIMD lanes (docs/benchmarks/performance.md).
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -27,11 +25,6 @@ def episode(sim: Stepper, folder: Path, name: str) -> Iterator[None]:
     """Record all steps of a batch within a `with` block, as an episode that the program `anatomy` can replay and measure.
 
     An earlier recording with the same name, number of environments and precision is replaced.
-
-    Args:
-        sim: Batch to record.
-        folder: Folder of the episodes.
-        name: Name of the episode. The program `anatomy` stores its measurement of the episode under this name.
     """
     place = folder / re.sub(r"\W+", "_", f"{name}-{sim.num_envs}-{sim.precision}")
     # Only recordings are removed; the recorder raises an error for other content.
@@ -42,13 +35,7 @@ def episode(sim: Stepper, folder: Path, name: str) -> Iterator[None]:
 
 
 def save_robots(folder: Path, precisions: Iterable[Precision], only: list[str]) -> None:
-    """Record the robots of comparison/throughput.py with its random controls and default settings.
-
-    Args:
-        folder: Folder of the episodes.
-        precisions: Precisions, "f64" and "f32".
-        only: Texts, at least one of which is in the name of each recorded robot. An empty list selects all robots.
-    """
+    """Record the robots of comparison/throughput.py with its random controls and default settings."""
     for case in cases(PLAN, only):
         if isinstance(case, str):
             sys.stderr.write(f"skipped {case}\n")

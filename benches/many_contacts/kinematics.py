@@ -1,7 +1,5 @@
 """Inverse kinematics of arms."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco
@@ -22,17 +20,6 @@ class UnreachableError(Exception):
 
 def reach(model: mujoco.MjModel, qpos: Array, site: str, joints: Sequence[str], *, pos: Array, rot: Array) -> Array:
     """Configuration in which a site has a given pose, by damped least squares.
-
-    Args:
-        model: Model of the scene.
-        qpos: Initial configuration, (nq,).
-        site: Name of the site.
-        joints: Names of the hinges and slides that may move.
-        pos: Target position of the site, (3,), m.
-        rot: Target rotation matrix of the site, (3, 3).
-
-    Returns:
-        Configuration, (nq,).
 
     Raises:
         UnreachableError: The remaining error is above 1 mm or 0.01 rad.

@@ -1,14 +1,13 @@
 """Measurement of a scene in stepper and MuJoCo, which take turns: times of each phase, unsolved steps, penetration and slip."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -113,14 +112,6 @@ def read(path: Path) -> tuple[Model, str]:
 def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
     """Measure a scene in stepper and MuJoCo.
 
-    Args:
-        scene: The scene.
-        path: MJCF file of the scene.
-        plan: Extent of the measurement.
-
-    Returns:
-        Dictionary of measurements for each timed phase, as in many_contacts.json.
-
     Raises:
         stepper.ModelError: stepper cannot load the model.
     """
@@ -175,12 +166,6 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
 def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
     """Run a scene once in stepper with default options, and record each timed phase as an episode for the program `anatomy`.
 
-    Args:
-        scene: The scene.
-        path: MJCF file of the scene.
-        plan: Extent of the measurement, whose precisions are used.
-        folder: Folder of the recordings.
-
     Raises:
         stepper.ModelError: stepper cannot load the model.
     """
@@ -195,8 +180,8 @@ def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
         for phase in scene.phases:
             with episode(batch.sim, folder, scene.row(phase)) if phase.timed else nullcontext():
                 for begin in range(first, first + phase.steps, CHUNK):
-                    _chunk(batch, script, range(begin, min(begin + CHUNK, first + phase.steps)), None)
-                    _restart(batch, script, restarts)
+                    chunk(batch, script, range(begin, min(begin + CHUNK, first + phase.steps)))
+                    restart(batch, script, restarts)
             first += phase.steps
 
 
@@ -247,12 +232,7 @@ class _StateMeter:
         return self.referee.measure(batch.qpos[:MEASURED_ENVS], batch.qvel[:MEASURED_ENVS])
 
     def places(self, batch: Batch, held: tuple[str, str]) -> Array:
-        """Positions of a held body in the frame of the holding body, in the first `MEASURED_ENVS` environments: (environments, 3), m.
-
-        Args:
-            batch: Batch of environments.
-            held: Names of the held body and of the holding body.
-        """
+        """Positions of a held body in the frame of the holding body, in the first `MEASURED_ENVS` environments: (environments, 3), m."""
         body, holder = (self.model.body(name).id for name in held)
         out = []
         for qpos in batch.qpos[:MEASURED_ENVS]:
@@ -263,18 +243,7 @@ class _StateMeter:
 
 
 def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, meter: _StateMeter) -> dict[tuple[str, str], Track]:
-    """Simulate the episode of a script `plan.rounds` times in all batches, which take turns of `CHUNK` steps.
-
-    Args:
-        scene: Scene with the phases.
-        script: Initial states and inputs.
-        batches: Batches of environments.
-        plan: Extent of the measurement.
-        meter: Measurement of states.
-
-    Returns:
-        Measurements by names of batch and phase.
-    """
+    """Simulate the episode of a script `plan.rounds` times in all batches, which take turns of `CHUNK` steps."""
     tracks = {(batch.name, phase.name): Track() for batch in batches for phase in scene.phases}
     order, start = list(batches), time.perf_counter()
     for k in range(plan.rounds):
@@ -285,19 +254,19 @@ def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, me
             batch.begin(script)
         first = 0
         for phase in scene.phases:
-            for chunk, begin in enumerate(range(first, first + phase.steps, CHUNK)):
+            for turn, begin in enumerate(range(first, first + phase.steps, CHUNK)):
                 steps = range(begin, min(begin + CHUNK, first + phase.steps))
                 for batch in order:
                     track = tracks[batch.name, phase.name]
                     if k == 0 and phase.held and begin == first:
                         track.before = meter.places(batch, phase.held)
-                    spent = _chunk(batch, script, steps, phase.name if k == 0 else None)
+                    spent = chunk(batch, script, steps, partial(batch.record, phase.name) if k == 0 else None)
                     if k == 0:
                         track.times.append([])
                         track.steps.append(len(steps))
                         track.samples.append(meter.measure(batch))
-                    track.times[chunk].append(spent)
-                    _restart(batch, script, restarts[batch.name])
+                    track.times[turn].append(spent)
+                    restart(batch, script, restarts[batch.name])
                 order = order[1:] + order[:1]
             first += phase.steps
             if k == 0 and phase.held:
@@ -306,15 +275,8 @@ def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, me
     return tracks
 
 
-def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> float:
-    """Step a batch through a part of an episode. Returns the processor time per environment step, us.
-
-    Args:
-        batch: Environments.
-        script: Controls and other inputs of the whole episode.
-        steps: Indices of the time steps to simulate.
-        phase: Name of the phase for the statistics of the solver. With None no statistics are recorded.
-    """
+def chunk(batch: Batch, script: Script, steps: range, after: Callable[[], None] | None = None) -> float:
+    """Step a batch through a part of an episode, and call `after` after each step. Returns the processor time per environment step, us."""
     spent, n = 0.0, batch.num_envs
     for step in steps:
         block = min(step // script.hold, len(script.control) - 1)
@@ -324,19 +286,13 @@ def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> flo
         start = time.process_time()
         batch.step(ctrl)
         spent += time.process_time() - start
-        if phase is not None:
-            batch.record(phase)
+        if after is not None:
+            after()
     return 1e6 * spent / (len(steps) * n)
 
 
-def _restart(batch: Batch, script: Script, restarts: Any) -> None:
-    """Reset the environments whose episode has ended to the next configurations of `Script.reset_qpos`.
-
-    Args:
-        batch: Environments.
-        script: Script with the configurations.
-        restarts: Number of resets of each environment so far, (num_envs,). The function increases it in place.
-    """
+def restart(batch: Batch, script: Script, restarts: Any) -> None:
+    """Reset the environments whose episode has ended to the next configurations of `Script.reset_qpos`, and count the resets of each."""
     if script.ended is None or script.reset_qpos is None:
         return
     mask = script.ended(batch.qpos)

@@ -1,7 +1,5 @@
 """Tables of the benchmark of scenes with many contacts, for the terminal and docs/benchmarks/many_contacts.md."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -97,49 +95,24 @@ def _mm(metres: float) -> str:
 
 
 def _number(found: Row | None, name: str, form: str, unit: float = 1.0) -> str:
-    """Text of one measured number for a table cell.
-
-    Args:
-        found: Measured numbers by name. None gives a dash.
-        name: Name of the number in `found`.
-        form: Python format specification, such as ".2f".
-        unit: Factor by which the number is multiplied first, to convert its unit.
-    """
+    """Text of one measured number for a table cell."""
     return "-" if found is None else format(unit * found[name], form)
 
 
 def _slip(found: Sequence[float] | None) -> str:
-    """Text of the median slip of held objects in mm, with the fraction of dropped objects in parentheses.
-
-    Args:
-        found: Median slip, m, and fraction of dropped objects. None gives an empty text.
-    """
+    """Text of the median slip of held objects in mm, with the fraction of dropped objects in parentheses."""
     if found is None:
         return ""
     return _mm(found[0]) + (f" ({found[1]:.0%} dropped)" if found[1] else "")
 
 
 def means(rows: Sequence[Row], column: str) -> float | None:
-    """Geometric mean over scenes of the speedups in one table column, where scenes of the same group count as one scene.
-
-    Args:
-        rows: Measurements of the scenes in many_contacts.json.
-        column: Precision and setting of stepper, such as "f64 default".
-
-    Returns:
-        The mean, or None if no scene has this speedup.
-    """
+    """Geometric mean over scenes of the speedups in one table column, where scenes of the same group count as one scene."""
     return grouped_mean((row["group"], row["ours"][column]["ratio"]) for row in rows if column in row["ours"])
 
 
 def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
-    """Markdown table of step times, their floors, speedups over MuJoCo with targets, unsolved steps and solver iterations, by scene.
-
-    Args:
-        rows: Rows of many_contacts.json with the same number of environments.
-        floors: Floors (lower bounds of the step time, see episodes.py) of the episodes.
-        factor: Factor by which the target speedups are multiplied, as `scale` returns it for a CPU level.
-    """
+    """Markdown table of step times, their floors, speedups over MuJoCo with targets, unsolved steps and solver iterations, by scene."""
     columns = list(dict.fromkeys(name for row in rows for name in row["ours"]))
     defaults = [name for name in columns if name.endswith(" default")]
     others = [name for name in columns if name not in defaults]
@@ -181,13 +154,7 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
 
 
 def _targets(target: tuple[float, float] | None, defaults: Sequence[str], factor: float) -> list[float | None]:
-    """Target speedup over MuJoCo for each of some table columns.
-
-    Args:
-        target: Targets in f64 and f32 with AVX2. None without targets.
-        defaults: Names of the columns, which begin with a precision, such as "f64 default".
-        factor: Factor by which the targets are multiplied.
-    """
+    """Target speedup over MuJoCo for each of some table columns."""
     by_precision = dict(zip(("f64", "f32"), target, strict=True)) if target else {}
     return [factor * by_precision[name.split()[0]] if target else None for name in defaults]
 

@@ -1,7 +1,5 @@
 """Definition of a benchmark scene: a model, initial states and controls of an episode (a `Script`), and the timed phases of the episode."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias

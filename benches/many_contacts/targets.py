@@ -3,8 +3,6 @@
 The floor of a step is the time that its arithmetic operations would take at the highest rate of this core, without memory accesses.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -82,13 +80,7 @@ class Reached:
 
 
 def of_rows(rows: Iterable[Row], precision: str, floors: Floors) -> list[Reached]:
-    """Results of all scenes in one precision, from the content of many_contacts.json.
-
-    Args:
-        rows: Measurements of the scenes in many_contacts.json.
-        precision: Precision, "f64" or "f32".
-        floors: Measured times of the parts of a step, with the least times of their arithmetic (floors).
-    """
+    """Results of all scenes in one precision, from the content of many_contacts.json."""
     return [
         Reached(
             row["row"],
@@ -112,12 +104,6 @@ def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone
     """Results of the robots in throughput.json in one precision, for a batch of environments or for single environments.
 
     For single environments, the fraction of unsolved steps is nevertheless that of the batch.
-
-    Args:
-        found: Content of throughput.json.
-        precision: Precision, "f64" or "f32".
-        floors: Measured times of the parts of a step, with the least times of their arithmetic (floors).
-        alone: Whether to return the results of single environments, instead of those of the batch.
     """
     name, kind = f"stepper {precision}", "_alone" if alone else ""
     num_envs = 1 if alone else found["plan"]["num_envs"]
@@ -131,11 +117,7 @@ def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone
 
 
 def grouped_mean(found: Iterable[tuple[str, float]]) -> float | None:
-    """Geometric mean over groups of the geometric mean in each group. The result is None if there are no numbers.
-
-    Args:
-        found: Pairs of group and positive number.
-    """
+    """Geometric mean over groups of the geometric mean in each group. The result is None if there are no numbers."""
     groups: dict[str, list[float]] = {}
     for group, number in found:
         groups.setdefault(group, []).append(number)
@@ -149,12 +131,7 @@ def percent(share: float) -> str:
 
 
 def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> float | None:
-    """Geometric mean of a number over results, in which all results of a group count as one. The result is None if a number is missing.
-
-    Args:
-        found: The results.
-        value: Function from a result to the number.
-    """
+    """Geometric mean of a number over results, in which all results of a group count as one. The result is None if a number is missing."""
     numbers = [(one.group, value(one)) for one in found]
     known = [(group, number) for group, number in numbers if number is not None]
     return grouped_mean(known) if len(known) == len(numbers) else None
@@ -175,14 +152,7 @@ def part(found: Sequence[Reached]) -> tuple[str, float] | None:
 
 
 def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, throughput: Mapping[str, Any] | None) -> list[list[str]]:
-    """Rows of the table that compares speedups over MuJoCo with their targets, each a list of cells with values for f64 / f32.
-
-    Args:
-        rows: Measurements of the scenes in many_contacts.json.
-        came_from: Provenance of these measurements, such as the CPU level.
-        floors: Measured times of the parts of a step, with the least times of their arithmetic (floors).
-        throughput: Content of throughput.json, for rows of its robots. None leaves these rows out.
-    """
+    """Rows of the table that compares speedups over MuJoCo with their targets, each a list of cells with values for f64 / f32."""
     by_precision = [of_rows(rows, precision, floors) for precision in PRECISIONS]
     factor = scale(came_from)
     out = []
@@ -204,14 +174,7 @@ def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, thr
 
 
 def _line(what: str, targets: Sequence[float] | None, by_precision: Sequence[Sequence[Reached]], factor: float) -> list[str]:
-    """Cells of one row in the table that compares speedups over MuJoCo with their targets.
-
-    Args:
-        what: Text of the first cell, such as the name of a scene.
-        targets: Target speedups over MuJoCo, in f64 and f32. None without a target.
-        by_precision: Measured results, a sequence for f64 and one for f32.
-        factor: Factor by which the targets are multiplied, as `scale` returns it for a CPU level.
-    """
+    """Cells of one row in the table that compares speedups over MuJoCo with their targets."""
     cells: list[list[str]] = [[], [], [], [], []]
     scaled = [factor * target for target in targets] if targets else [None] * len(by_precision)
     for target, found in zip(scaled, by_precision, strict=True):
@@ -227,11 +190,6 @@ def _line(what: str, targets: Sequence[float] | None, by_precision: Sequence[Seq
 
 
 def _unsolved(worst: Reached, named: bool) -> str:
-    """Text of the fraction of unsolved steps in a result, in per cent, with or without the episode's name.
-
-    Args:
-        worst: The result, which has the largest fraction of unsolved steps among several results.
-        named: Whether to add the name of the episode to a fraction above 0.
-    """
+    """Text of the fraction of unsolved steps in a result, in per cent, with or without the episode's name."""
     text = percent(worst.unsolved)
     return f"{text} ({worst.name})" if named and worst.unsolved else text

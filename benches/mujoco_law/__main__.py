@@ -3,8 +3,6 @@
 `--update-docs` replaces the table of docs/benchmarks/mujoco_law.md and its CSV file.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import warnings

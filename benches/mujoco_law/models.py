@@ -1,7 +1,5 @@
 """Models from installed packages: those of gymnasium and dm_control's suite, and twenty more."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Table of the time for which motion with MuJoCo's contact law in stepper agrees with motion in MuJoCo, before chaos separates both."""
 
-from __future__ import annotations
-
 import argparse
 import warnings
 from statistics import median

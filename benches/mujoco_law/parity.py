@@ -1,7 +1,5 @@
 """Comparison of one step of stepper and of MuJoCo from the same states of a model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -88,13 +86,7 @@ def prepare(compiled: Any) -> None:
 
 
 def states(compiled: Any, count: int, seed: int = 0) -> States:
-    """Collect states from MuJoCo's simulation with random controls, and simulate one step of MuJoCo from each.
-
-    Args:
-        compiled: MuJoCo's model.
-        count: Number of states.
-        seed: Seed of the random numbers.
-    """
+    """Collect states from MuJoCo's simulation with random controls, and simulate one step of MuJoCo from each."""
     data, rng = mujoco.MjData(compiled), np.random.default_rng(seed)
     limited = compiled.actuator_ctrllimited[:, None].astype(bool)
     low, high = np.where(limited, compiled.actuator_ctrlrange, [-1.0, 1.0]).T
@@ -140,14 +132,7 @@ def _begin(compiled: Any, data: Any, rng: np.random.Generator) -> None:
 
 
 def _step(compiled: Any, data: Any, start: dict[str, Array], solver: Any) -> tuple[list[tuple[int, int, float]], Array]:
-    """Contacts at a state, and velocity after one step of MuJoCo without warm start.
-
-    Args:
-        compiled: MuJoCo's model.
-        data: MuJoCo's data.
-        start: State, by name of the field.
-        solver: MuJoCo's constant of the solver.
-    """
+    """Contacts at a state, and velocity after one step of MuJoCo without warm start."""
     for name, value in start.items():
         getattr(data, name)[:] = value
     data.qacc_warmstart[:] = 0.0

@@ -1,7 +1,5 @@
 """Report of the comparison of stepper with MuJoCo: lines for the terminal, CSV file, and table of docs/benchmarks/mujoco_law.md."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Speed of MuJoCo's contact law with the integrator and cone of the model, compared with `mujoco.batch`, in turns on one core."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -1,7 +1,5 @@
 """Engines against measurements of real motions (`make reality`). The tables are those of docs/benchmarks/reality.md."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -5,8 +5,6 @@ B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world im
 published fits used all tosses; here the half with even numbers is fitted, and the odd half is predicted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -45,11 +43,7 @@ def errors(poses: Array, tosses: Sequence[Toss]) -> tuple[Array, Array, Array]:
 def fitted(engine: TossEngine, tosses: Sequence[Toss], gravity: float, *, nuisances: bool) -> tuple[dict[str, float], Table, int]:
     """Parameters of an engine, and the experiment, that fit tosses best; and the number of evaluations.
 
-    Args:
-        engine: The engine.
-        tosses: Tosses to fit.
-        gravity: Gravity, m/s^2.
-        nuisances: Whether the height of the table and the radius of the corners are fitted too.
+    `nuisances` are the height of the table and the radius of the corners.
     """
     bounds = {**engine.bounds, **(OFFSETS if nuisances else {})}
     count, some = len(engine.bounds), tosses[:: engine.stride]
@@ -66,14 +60,7 @@ def fitted(engine: TossEngine, tosses: Sequence[Toss], gravity: float, *, nuisan
 
 
 def measured(engine: TossEngine, folder: Path, *, nuisances: bool, progress: Any = print) -> Iterator[Row]:
-    """Rows of an engine: fit of the even tosses, errors of both halves at each time step, and errors against time since the first contact.
-
-    Args:
-        engine: The engine.
-        folder: Data folder.
-        nuisances: Whether gravity is measured in free flight, and the table's height and the corners' radius are fitted.
-        progress: Function that is called with a text after each part.
-    """
+    """Rows of an engine: fit of the even tosses, errors of both halves at each time step, errors against time since the first contact."""
     even = np.arange(0, len(cube_tosses(folder)), 2)
     gravity = free_fall(folder, even) if nuisances else Table().gravity
     every = cube_tosses(folder, gravity)

@@ -1,7 +1,5 @@
 """Engines that toss a free body onto a table: those of the atlas, Bullet and Drake, each with the parameters that are fitted."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -41,12 +39,7 @@ class Table:
         return (HALF - self.radius) * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
     def mjcf(self, geom: str, option: str = "") -> str:
-        """Model of the table and the cube in MJCF.
-
-        Args:
-            geom: Attributes of all geoms: friction, solref.
-            option: Content of the element `option`.
-        """
+        """Model of the table and the cube in MJCF."""
         sizes = f'<geom type="box" size="{numbers([HALF] * 3)}"/>'
         if self.radius:
             size = numbers([self.radius])
@@ -77,14 +70,7 @@ class TossEngine(ABC):
 
     @abstractmethod
     def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
-        """Simulated poses at the sample times, (tosses, samples, 7); samples after the end of a toss are unused.
-
-        Args:
-            values: Values of the fitted parameters.
-            table: The experiment.
-            tosses: Recordings, whose initial states are simulated.
-            substeps: Number of time steps per sample.
-        """
+        """Simulated poses at the sample times, (tosses, samples, 7); samples after the end of a toss are unused."""
 
 
 @dataclass(frozen=True)

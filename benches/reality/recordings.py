@@ -1,7 +1,5 @@
 """Measured motions in the layout of a data folder: one subfolder per data set, with an archive or a table."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,13 +56,7 @@ def _angular_velocity(first: Array, last: Array, seconds: float) -> Array:
 
 
 def _cut(pose: Array, velocity: Array, gravity: float) -> Toss:
-    """Toss from three samples before the first possible contact; the initial velocity is fitted to the flight before, as published.
-
-    Args:
-        pose: Measured poses of the whole toss, (samples, 7).
-        velocity: Measured velocities, (samples, 6).
-        gravity: Gravity for the fit of the vertical velocity, m/s^2.
-    """
+    """Toss from three samples before the first possible contact; the initial velocity is fitted to the flight before, as published."""
     first = max(0, int(np.argmax(pose[:, 2] <= HALF * np.sqrt(3.0))) - 3)
     start = np.r_[pose[first], velocity[first]]
     if first >= 4:
@@ -81,10 +73,6 @@ def _cut(pose: Array, velocity: Array, gravity: float) -> Toss:
 def cube_tosses(folder: Path, gravity: float = G) -> list[Toss]:
     """All tosses of the data set `cube_toss` in a data folder.
 
-    Args:
-        folder: Data folder.
-        gravity: Gravity for the fit of the initial vertical velocity, m/s^2.
-
     Raises:
         FileNotFoundError: The folder lacks the data set.
         ValueError: The archive is damaged.
@@ -95,12 +83,7 @@ def cube_tosses(folder: Path, gravity: float = G) -> list[Toss]:
 
 
 def free_fall(folder: Path, which: NDArray[np.int64]) -> float:
-    """Median acceleration of the flights before the first contact, m/s^2, downward, with the nominal sample period.
-
-    Args:
-        folder: Data folder.
-        which: Indices of the tosses.
-    """
+    """Median acceleration of the flights before the first contact, m/s^2, downward, with the nominal sample period."""
     arrays = _arrays(folder, "cube_toss")
     found = []
     for k in which:

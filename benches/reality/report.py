@@ -1,7 +1,5 @@
 """Results of `python -m reality`: one file, docs/benchmarks/reality.csv, and the picture of docs/benchmarks/reality.md."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Study of a chain of five hinged links that falls from the horizontal without damping: order of convergence of the integrators."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

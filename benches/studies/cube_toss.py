@@ -6,8 +6,6 @@ the other 69 tosses with odd numbers, a quarter of all:
     STEPPER_DATA=data PYTHONPATH=benches stepper calibrate benches/studies/cube_toss.py --recordings 69 --margin 0.02
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 The results are in docs/benchmarks/studies.md.
 """
 
-from __future__ import annotations
-
 import stepper
 from stepper.shared.machine import package_file
 

@@ -1,7 +1,5 @@
 """Study of dm_control's fish (`pip install --no-deps dm_control`) with random controls in water: docs/benchmarks/studies.md."""
 
-from __future__ import annotations
-
 import stepper
 from stepper.shared.machine import package_file
 

@@ -4,8 +4,6 @@ The robot starts just above the floor with straight legs and small random veloci
 damping of the servos is stiff. Euler's rule with explicit damping diverges at time steps of 0.125 ms and more.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco

@@ -6,8 +6,6 @@ with three gains come first, those with the fourth gain last:
     STEPPER_DATA=data stepper calibrate benches/studies/servo_bam.py --recordings 12 --margin 0.005
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Study of a box that slides until friction stops it, 30 degrees off the axes, with its closed form: `stepper chart` compares engines."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

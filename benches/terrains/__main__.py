@@ -1,7 +1,5 @@
 """Step time of a quadruped on terrain: `python -m terrains` measures all grounds in stepper and in MuJoCo and prints a table."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path

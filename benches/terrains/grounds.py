@@ -1,7 +1,5 @@
 """Kinds of ground for a quadruped: geoms of an `MjSpec`, and the height of the surface."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

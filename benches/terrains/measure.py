@@ -1,13 +1,11 @@
 """Step time of mjlab's Go1 on a ground, in stepper and in MuJoCo."""
 
-from __future__ import annotations
-
 import re
-import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +13,7 @@ import mujoco
 import numpy as np
 from many_contacts.assets import Assets, written
 from many_contacts.engines import LAW, Batch, Ours, Theirs
+from many_contacts.measure import CHUNK, MEASURED_ENVS, chunk, restart
 from many_contacts.scene import Array, Script
 from many_contacts.scenes import unitree
 from stepper import Model, ModelWarning, Status, load
@@ -24,11 +23,6 @@ from stepper.lab.demo.referee import Referee
 from stepper.shared.machine import one_core
 
 from terrains.grounds import Ground
-
-CHUNK = 20
-"""Number of steps in a turn of an engine."""
-MEASURED_ENVS = 32
-"""Number of environments whose contacts and penetration are measured."""
 
 
 @dataclass(frozen=True)
@@ -99,13 +93,7 @@ class Track:
 
 
 def build(ground: Ground, cache: Path, out: Path) -> tuple[Model, Path]:
-    """Model of stepper for a robot on a ground, and file of MuJoCo's model.
-
-    Args:
-        ground: The ground.
-        cache: Folder of the downloads.
-        out: Folder for the files of the models.
-    """
+    """Model of stepper for a robot on a ground, and file of MuJoCo's model."""
     path = _written(ground, ground.add, cache, out)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
@@ -118,14 +106,7 @@ def build(ground: Ground, cache: Path, out: Path) -> tuple[Model, Path]:
 
 
 def _written(ground: Ground, add: Callable[[Any], None], cache: Path, out: Path) -> Path:
-    """Write the MJCF file of the robot on a ground, and return the path of the file.
-
-    Args:
-        ground: The ground.
-        add: Function that adds the geoms of the ground to an `MjSpec`.
-        cache: Folder of the downloads.
-        out: Folder for the file.
-    """
+    """Write the MJCF file of the robot on a ground, and return the path of the file."""
     spec = unitree.spec(unitree.GO1, Assets(cache))
     spec.delete(spec.geom("floor"))
     add(spec)
@@ -153,14 +134,7 @@ def _foothold(ground: Ground, qpos: Array) -> Array:
 
 
 def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any]:
-    """Measure the step times of all engines on a ground. Returns the name of the ground and the measured numbers, for JSON.
-
-    Args:
-        ground: The ground.
-        plan: Extent of the measurement.
-        cache: Folder of the downloads.
-        out: Folder for the files of the models.
-    """
+    """Measure the step times of all engines on a ground. Returns the name of the ground and the measured numbers, for JSON."""
     model, path = build(ground, cache, out)
     actions = script(ground, mujoco.MjModel.from_xml_path(str(path)), plan)
     referee = Referee(str(path))
@@ -181,47 +155,18 @@ def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any
 
 
 def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[str, Track], referee: Referee | None) -> None:
-    """Run an episode in all batches, which take turns of `CHUNK` steps.
-
-    Args:
-        batches: Batches of environments.
-        actions: Initial states and actions.
-        plan: Extent of the measurement.
-        tracks: Measurements by name of the batch, which are extended.
-        referee: Measurement of contacts and penetration. With None they are not measured.
-    """
+    """Run an episode in all batches, which take turns of `CHUNK` steps."""
     for batch in batches:
         batch.begin(actions)
     restarts = {batch.name: np.zeros(batch.num_envs, np.intp) for batch in batches}
     for turn, begin in enumerate(range(0, plan.steps, CHUNK)):
+        steps = range(begin, min(begin + CHUNK, plan.steps))
         for batch in batches:
-            track, spent = tracks[batch.name], 0.0
-            for step in range(begin, min(begin + CHUNK, plan.steps)):
-                ctrl = actions.control[min(step // actions.hold, len(actions.control) - 1), : batch.num_envs]
-                start = time.process_time()
-                batch.step(ctrl)
-                spent += time.process_time() - start
-                if referee is not None and isinstance(batch, Ours):
-                    track.add_step(batch)
-            track.times.setdefault(turn, []).append(1e6 * spent / (CHUNK * batch.num_envs))
+            track = tracks[batch.name]
+            counted = partial(track.add_step, batch) if referee is not None and isinstance(batch, Ours) else None
+            track.times.setdefault(turn, []).append(chunk(batch, actions, steps, counted))
             if referee is not None:
                 found = referee.measure(batch.qpos[:MEASURED_ENVS], batch.qvel[:MEASURED_ENVS])
                 track.contacts.append(found.contacts)
                 track.penetration = max(track.penetration, found.penetration)
-            _restart(batch, actions, restarts[batch.name])
-
-
-def _restart(batch: Batch, actions: Script, restarts: Any) -> None:
-    """Reset the environments whose robot has fallen.
-
-    Args:
-        batch: Environments.
-        actions: Script with the states after a reset.
-        restarts: Number of resets of each environment so far, (num_envs,). The function increases it in place.
-    """
-    assert actions.ended is not None
-    assert actions.reset_qpos is not None
-    mask = actions.ended(batch.qpos)
-    if mask.any():
-        batch.restart(mask, actions.reset_qpos[restarts % len(actions.reset_qpos), np.arange(batch.num_envs)])
-        restarts += mask
+            restart(batch, actions, restarts[batch.name])

@@ -1,7 +1,5 @@
 """Tables of docs/benchmarks/terrain.md: step times, contacts and penetration on each kind of ground."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,13 +1,10 @@
 """Actuator models: what can be said, what is refused, and that all they remember is state: same bits however it is run."""
 
 import json
-import pickle
 
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from models import stepper_model
 from recordings import edit_header
 from stepper import ActuatorModel, Drive
@@ -43,114 +40,6 @@ def roll(sim, ctrl, nstep=2):
     for row in ctrl:
         sim.step(row, nstep=nstep)
     return sim
-
-
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
-def test_a_place_in_the_batch_changes_nothing(integrator, precision):
-    n, ctrl = 19, controls(19, 15)
-    options = stepper.Options(integrator=integrator)
-    whole = roll(sim_of(n, options=options, precision=precision), ctrl)
-    assert np.all(np.isfinite(whole.qpos))
-    threaded = roll(sim_of(n, options=options, precision=precision, threads=2), ctrl)
-    assert bits(threaded) == bits(whole)
-    # Two threads step groups of another width here than one (on CPUs that have both), and the state is the same.
-    assert threaded.get_state() == whole.get_state()
-    threaded.set_state(whole.get_state())
-    more = ctrl[::-1]
-    assert bits(roll(threaded, more)) == bits(roll(whole, more))
-    ctrl = np.concatenate([ctrl, more])
-    part = roll(sim_of(3, options=options, precision=precision), ctrl[:, 9:12])
-    alone = roll(sim_of(None, options=options, precision=precision), ctrl[:, 10])
-    for name in ("qpos", "qvel"):
-        rows = getattr(whole, name)[9:12]
-        assert getattr(part, name).tobytes() == rows.tobytes()
-        assert getattr(alone, name).tobytes() == rows[1].tobytes()
-
-
-share = st.floats(0.2, 1.0)
-drives = st.builds(
-    Drive,
-    delay=st.floats(0, 0.02),
-    delay_steps=st.floats(0, 3),
-    lag=st.one_of(st.just(0.0), st.floats(1e-4, 0.1)),
-    limits=st.one_of(st.none(), st.tuples(st.floats(-2, -0.1), st.floats(0.1, 2))),
-    friction=st.floats(0, 0.1),
-    motor=st.one_of(st.none(), st.builds(DCMotor, stall_torque=st.floats(0.5, 5), no_load_speed=st.floats(10, 500), efficiency=share,
-                                         control=st.sampled_from(["torque", "voltage"]))),
-    servo=st.one_of(st.none(), st.builds(PID, kp=st.floats(0, 50), ki=st.floats(0, 5), kd=st.floats(0, 1),
-                                         period=st.one_of(st.none(), st.floats(1e-3, 0.05)))),
-)  # fmt: skip
-
-
-@given(drives, st.integers(0, 2**31), st.integers(1, 12))
-@settings(max_examples=25, deadline=None)
-def test_any_drive_has_the_same_bits_alone_in_a_batch_and_after_a_state(drive, seed, where):
-    """On a pendulum of three arms; the state is taken in the middle of the run and put into another stepper."""
-    model, n = stepper_model("gymnasium/hopper"), 13
-    ctrl = np.random.default_rng(seed).uniform(-1, 1, (12, n, model.nu))
-    actuators = ActuatorModel(default=drive)
-    batch = stepper.Stepper(model, n, actuators=actuators)
-    alone = stepper.Stepper(model, actuators=actuators)
-    other = stepper.Stepper(model, n, actuators=actuators)
-    for k, row in enumerate(ctrl):
-        batch.step(row)
-        alone.step(row[where])
-        if k == 5:
-            kept = pickle.loads(pickle.dumps(batch.get_state()))
-    assert np.all(np.isfinite(batch.qvel))
-    assert alone.qvel.tobytes() == batch.qvel[where].tobytes()
-    roll(other, ctrl[::-1][:3], nstep=1)
-    other.set_state(kept)
-    roll(other, ctrl[6:], nstep=1)
-    assert bits(other) == bits(batch)
-    assert other.get_state() == batch.get_state()
-
-
-def test_a_masked_reset_leaves_nothing_behind_and_others_alone():
-    n, ctrl = 9, controls(9, 24)
-    sim, fresh, left = sim_of(n), sim_of(n), sim_of(n)
-    roll(sim, ctrl[:12])
-    roll(left, ctrl)
-    mask = np.arange(n) % 2 == 0
-    sim.reset(mask)
-    roll(sim, ctrl[12:])
-    roll(fresh, ctrl[12:])
-    assert sim.qvel[mask].tobytes() == fresh.qvel[mask].tobytes()
-    assert sim.qvel[~mask].tobytes() == left.qvel[~mask].tobytes()
-    # What a new episode begins with is the same wherever the line of the group stands.
-    sim.reset()
-    fresh.reset()
-    roll(sim, ctrl[:9])
-    roll(fresh, ctrl[:9])
-    assert bits(sim) == bits(fresh)
-
-
-def test_set_state_begins_anew():
-    sim, fresh = sim_of(), sim_of()
-    ctrl = controls(1, 20)[:, 0]
-    roll(sim, ctrl)
-    for s in (sim, fresh):
-        s.set_state(qpos=sim.model.qpos0, qvel=np.zeros(sim.model.nv))
-        roll(s, ctrl[:7])
-    assert sim.qvel.tobytes() == fresh.qvel.tobytes()
-
-
-def test_a_rollout_is_as_many_steps():
-    ctrl = controls(5, 15)
-    stepped, rolled = roll(sim_of(5), ctrl), sim_of(5)
-    out = rolled.rollout(ctrl, nstep=2, fields=["qvel"])
-    assert out["qvel"][-1].tobytes() == stepped.qvel.tobytes()
-    # Flags are those of the whole call; all else goes on alike.
-    assert roll(rolled, ctrl[:4]).get_state() == roll(stepped, ctrl[:4]).get_state()
-
-
-def test_a_stepper_pickles_with_its_drives():
-    ctrl = controls(5, 20)
-    sim = roll(sim_of(5), ctrl[:9])
-    copy = pickle.loads(pickle.dumps(sim))
-    assert copy.actuators == sim.actuators
-    assert bits(roll(copy, ctrl[9:])) == bits(roll(sim, ctrl[9:]))
 
 
 @pytest.mark.parametrize("num_envs", [None, 5])

@@ -1,7 +1,5 @@
 """Room for contacts: whatever a model's own states have fits."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joints whose motions cancel are refused by name: forces would not determine how they share a motion."""
 
-from __future__ import annotations
-
 import pytest
 import stepper
 from hypothesis import given, settings

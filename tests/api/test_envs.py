@@ -64,36 +64,6 @@ def test_some_are_kept_and_given_to_another_stepper():
     same(all_of(other), all_of(sim), of=[1, 1, 1, 1])
 
 
-def test_some_are_reset_by_their_indices():
-    sim, masked = batch(), batch()
-    qpos = np.tile(sim.model.qpos0, (2, 1))
-    qpos[:, 1] += [0.1, 0.2]
-    sim.reset([5, 2], qpos=qpos, qvel=np.full(sim.model.nv, 0.3), seed=[8, 9])
-    every = np.zeros((7, sim.model.nq))
-    every[:], every[[5, 2]] = sim.model.qpos0, qpos
-    seeds = np.zeros(7, dtype=np.int64)
-    seeds[[5, 2]] = 8, 9
-    masked.reset(np.isin(np.arange(7), [2, 5]), qpos=every, qvel=np.full(sim.model.nv, 0.3), seed=seeds)
-    assert sim.get_state() == masked.get_state()
-    assert sim.qpos[5, 1] != sim.qpos[2, 1]
-
-
-def test_some_are_stepped_and_the_others_stay():
-    sim, plain = batch(), batch()
-    before = all_of(sim)
-    ctrl = np.random.default_rng(3).uniform(-1, 1, (3, sim.model.nu))
-    every = np.array(plain.ctrl)
-    every[[6, 0, 3]] = ctrl
-    sim.step(ctrl, nstep=4, envs=[6, 0, 3])
-    plain.step(every, nstep=4)
-    same(all_of(sim), all_of(plain), [6, 0, 3])
-    same(all_of(sim), before, [1, 2, 4, 5])
-    sim.step(envs=np.arange(7) != 1)  # The others hold theirs.
-    plain.step()
-    same(all_of(sim), all_of(plain), [6, 0, 3])
-    same(all_of(sim), before, [1])
-
-
 HAND_MOVED = """
 <mujoco><option timestep="0.005"/><worldbody>
   <geom type="plane" size="5 5 0.1"/>
@@ -218,17 +188,6 @@ def test_wrong_environments_are_named_by_every_call(call, envs, error, said):
     with pytest.raises(error, match=said):
         TAKERS[call](sim, envs)
     assert sim.get_state() == before
-
-
-@pytest.mark.parametrize("call", TAKERS)
-@pytest.mark.parametrize("envs", [[], (), np.zeros(0, int), np.zeros(7, bool)])
-def test_an_empty_selection_does_nothing(call, envs):
-    sim = batch(steps=2)
-    before, said = sim.get_state(), all_of(sim)
-    TAKERS[call](sim, envs)
-    assert sim.get_state() == before
-    same(all_of(sim), said)
-    assert not sim.randomized
 
 
 @given(hypothesis.data())

@@ -5,6 +5,7 @@ import inspect
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -226,9 +227,10 @@ def test_a_study_in_python_is_named_when_it_is_no_text(tmp_path):
     ["replay", "run"], ["report", "run"], ["view", "run"],
     ["evaluate", "p.npz", "stepper/Hopper-v5"], ["identify", "m.xml", "log.csv", "-p", "body_mass[pole]"],
 ])  # fmt: skip
-def test_commands_name_damaged_files_without_a_traceback(work, capsys, monkeypatch, words):
+@pytest.mark.parametrize("content", [b"\xff\xfe\0{", None], ids=["damaged", "missing"])
+def test_commands_name_files_and_show_no_traceback(work, capsys, monkeypatch, words, content):
     file = {"run": "run/run.json"}.get(words[1], words[2] if words[0] == "identify" else words[1])
-    (work / file).write_bytes(b"\xff\xfe\0{")
+    (work / file).write_bytes(content) if content else (work / file).unlink()
     monkeypatch.chdir(work)
     monkeypatch.setattr(sys, "argv", ["stepper", *words])
     with pytest.raises(SystemExit) as end:
@@ -237,6 +239,7 @@ def test_commands_name_damaged_files_without_a_traceback(work, capsys, monkeypat
     assert end.value.code == 1
     assert Path(file).name in told
     assert "Traceback" not in told
+    assert content or (re.search("there is no (.* )?file|is a folder without", told) and "Errno" not in told)
 
 
 def test_controls_that_are_objects_are_refused_by_name(tmp_path):

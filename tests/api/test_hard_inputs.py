@@ -161,37 +161,15 @@ def test_a_copy_shares_nothing_that_is_written_to(model):
 # Threads
 
 
-@pytest.mark.parametrize("call", [pickle.dumps, copy.copy, copy.deepcopy, lambda sim: sim.get_state(), lambda sim: sim.qpos])
-def test_a_stepper_at_work_in_another_thread_is_said_to_be(call):
-    sim = simulate(stepper_model(ANT), 64)
-    stop, met = threading.Event(), []
-
-    def work():
-        while not stop.is_set():
-            sim.step(nstep=50)
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    deadline = time.monotonic() + 20
-    while not met and time.monotonic() < deadline:
-        try:
-            call(sim)
-        except RuntimeError as error:
-            met.append(str(error))
-    stop.set()
-    thread.join()
-    assert met, "the two never met"
-    assert "another thread uses this Stepper; wait until its call has returned" in met[0]
-    call(sim)
-
-
 def test_whatever_is_asked_of_a_stepper_at_work_says_so():
-    """Every attribute and every method without arguments, also one that was looked up before."""
+    """Every attribute and every method without arguments, also one that was looked up before, copies and pickles."""
     sim = simulate(stepper_model(ANT), 64)
     names = [name for name in dir(type(sim)) if not name.startswith("_")]
     calls = {name: functools.partial(getattr, sim, name) for name in names}
     calls |= {f"{name}()": found for name in names if callable(found := getattr(sim, name))}
     calls |= {"repr": sim.__repr__, "assignment": functools.partial(setattr, sim, "qfrc_applied", 0.0)}
+    copies = {call.__name__: functools.partial(call, sim) for call in (pickle.dumps, copy.copy, copy.deepcopy)}
+    calls |= copies
     busy, done = threading.Event(), threading.Event()
 
     def work():
@@ -203,20 +181,22 @@ def test_whatever_is_asked_of_a_stepper_at_work_says_so():
     thread.start()
     busy.wait()
     time.sleep(0.05)
-    wrong = {}
+    wrong, met = {}, set()
     for name, call in calls.items():
         try:
             call()
         except TypeError:
             continue  # Arguments are missing.
         except RuntimeError as error:
-            if "another thread uses this Stepper" not in str(error):
+            met.add(name)
+            if "another thread uses this Stepper; wait until its call has returned" not in str(error):
                 wrong[name] = str(error)
         except ValueError:
             continue
     done.set()
     thread.join()
     assert not wrong
+    assert met >= {"qpos", "get_state()", *copies}
 
 
 def test_threads_are_no_more_than_there_is_to_do():
@@ -229,58 +209,56 @@ def test_threads_are_no_more_than_there_is_to_do():
     assert np.array_equal(sim.qpos, once.qpos)
 
 
-def test_threads_that_the_system_refuses_are_an_error():
-    """In a process of its own, which may not have that many."""
-    code = """
-        import resource, sys
-        sys.path[:0] = {path!r}
-        import numpy as np, stepper
+def printed_by(code: str) -> str:
+    """Output of a process of its own that can leave itself little memory. It has the module `stepper` and a model."""
+    start = f"""
+        import os, resource, sys
+        sys.path[:0] = {sys.path!r}
+        import stepper
         from models import stepper_model
-        sim = stepper.Stepper(stepper_model("dm_control/hopper"), 4096, threads=300)
-        # So little room is left that no stack of a thread fits.
-        size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (size + (64 << 20),) * 2)
+        model = stepper_model({HOPPER!r})
+
+        def leave(room):  # MiB
+            size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (size + (room << 20),) * 2)
+    """
+    code = textwrap.dedent(start) + textwrap.dedent(code)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_threads_that_the_system_refuses_are_an_error():
+    """So little room is left that no stack of a thread fits."""
+    printed = printed_by("""
+        sim = stepper.Stepper(model, 4096, threads=300)
+        leave(64)
         try:
             sim.step()
         except RuntimeError as error:
             print(error)
         assert sim.time.max() == 0.0
-    """
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code.format(path=sys.path))], capture_output=True, text=True, timeout=100, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"\d+ threads cannot be started .*make threads smaller", done.stdout)
+    """)
+    assert re.search(r"\d+ threads cannot be started .*make threads smaller", printed)
 
 
 def test_too_little_memory_is_an_error_whatever_of_it_is_too_little():
-    """From no room at all to enough of it, in processes of their own: for the state, for what actuators and for what sensors remember."""
-    code = """
-        import os, resource, sys
-        sys.path[:0] = {path!r}
-        import stepper
-        from models import stepper_model
-        model = stepper_model("dm_control/hopper")
+    """From no room at all to enough of it: for the state, for what actuators and for what sensors remember."""
+    ends = printed_by("""
         actuators = stepper.ActuatorModel(default=stepper.Drive(delay=0.02, lag=0.01))
         sensors = stepper.SensorModel(default=stepper.Transfer(noise_std=0.01, delay=0.02))
-        size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
         for room in range(10, 320, 15):
             child = os.fork()
             if not child:
-                resource.setrlimit(resource.RLIMIT_AS, (size + (room << 20),) * 2)
+                leave(room)
                 try:
                     stepper.Stepper(model, 30_000, actuators=actuators, sensors=sensors)
                 except MemoryError:
                     os._exit(3)
                 os._exit(0)
             print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-    """
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code.format(path=sys.path))], capture_output=True, text=True, timeout=300, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    ends = done.stdout.split()
-    assert set(ends) == {"0", "3"}, done.stdout + done.stderr
+    """).split()
+    assert set(ends) == {"0", "3"}
     assert ends == sorted(ends, reverse=True), "more room is never worse"
 
 
@@ -429,14 +407,3 @@ def test_a_rollout_too_large_for_memory_is_a_memory_error():
     sim = simulate(quiet, 2)
     with pytest.raises(MemoryError):
         sim.rollout(np.zeros((10**13, 2, 0)))
-
-
-def test_a_rollout_into_given_arrays_and_new_ones_is_the_same(model):
-    ctrl = np.random.default_rng(0).uniform(-1, 1, (30, 3, 2))
-    one, two = simulate(model, 3), simulate(model, 3)
-    new = one.rollout(ctrl, nstep=2)
-    out = {name: np.full_like(array, 7) for name, array in new.items()}
-    given = two.rollout(ctrl, nstep=2, out=out)
-    for name, array in new.items():
-        assert np.array_equal(array, given[name]), name
-        assert given[name] is out[name]

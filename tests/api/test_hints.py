@@ -62,92 +62,43 @@ def test_names_of_the_engine_are_absent_from_it():
         assert [name for name in replacements(section) if hasattr(owner, name)] == []
 
 
-SCRIPTS = {
-    "mujoco": (
-        (lambda: stepper.MjModel.from_xml_path("robot.xml"), "use stepper.load(path or text)"),
-        (lambda: MODEL.from_xml_path, "use stepper.load(path or text)"),
-        (lambda: stepper.MjData(MODEL), "use stepper.Stepper(model) for one environment"),
-        (lambda: stepper.mj_resetDataKeyframe(MODEL, SIM, 0), "use sim.reset(keyframe=...)"),
-        (lambda: SIM.load_keyframe, "use sim.reset(keyframe=...)"),
-        (lambda: stepper.mj_step(MODEL, SIM), "use sim.step(ctrl)"),
-        (lambda: stepper.mj_forward(MODEL, SIM), "all attributes follow from the state"),
-        (lambda: stepper.mj_name2id(MODEL, 1, "box"), "use model.body(name).id"),
-        (lambda: MODEL.opt.timestep, "model.timestep"),
-        (lambda: MODEL.summary, "use model.explain()"),
-        (lambda: MODEL.geom_bodyid, "use model.geom(name).bodyid"),
-        (lambda: MODEL.jnt_qposadr, "use model.joint(name).qposadr"),
-        (lambda: MODEL.sensor_adr, "use model.sensor(name).adr"),
-        (lambda: MODEL.nsensor, "len(model.sensor_names)"),
-        (lambda: MODEL.qpos, "as sim.qpos, and model.qpos0"),
-        (lambda: SIM.geom_solref, "use sim.model.geom_solref"),
-        (lambda: setattr(MODEL, "body_ipos", 0.0), "model.replace(body_ipos=...)"),
-        (lambda: setattr(MODEL.geom("floor"), "friction", 0.3), "sim.randomize(geom_friction=...)"),
-        (lambda: setattr(MODEL.joint("hip"), "axis", 1), "change the file"),
-        (lambda: setattr(SIM, "ctrl", 0.1), "sim.step(ctrl) sets new controls"),
-        (lambda: setattr(SIM, "qpos", 0.1), "sim.set_state(qpos=...) sets it"),
-        (lambda: SIM.qpos.__setitem__(0, 0.1), "read-only"),
-        (lambda: SIM.body("arm").xpos, "use sim.read('xpos', name) for values, or sim.model.body(name)"),
-        (lambda: MODEL.body("arm").xpos, "use sim.read('xpos', name)"),
-        (lambda: SIM.sensor("imu").data, "use sim.read('sensordata', name)"),
-        (lambda: SIM.contact[0].geom1, "use sim.contacts()"),
-        (lambda: SIM.contacts()["frc"], "no field of name frc"),
-        (lambda: SIM.efc_force, "use sim.contacts()"),
-        (lambda: SIM.xmat, "use sim.xquat"),
-        (lambda: SIM.full_m, "use sim.mass_matrix()"),
-        (lambda: SIM.set_keyframe("home"), "use sim.reset(keyframe=...)"),
-        (lambda: SIM.energy[0], "sim.energy is a method: write sim.energy()"),
-        (lambda: SIM.contacts.dist, "write sim.contacts().dist"),
-        (lambda: SIM.add_force, "use sim.xfrc_applied of bodies and sim.qfrc_applied of joints"),
-        (lambda: stepper.mj_contactForce(MODEL, SIM, 0), "use sim.contacts()['force']"),
-        (lambda: SIM.jac_site, "use sim.jacobian(site=name)"),
-        (lambda: SIM.jacobian("tip"), "but a site is: jacobian(site='tip')"),
-        (lambda: SIM.mjd_transitionFD, "use sim.linearize()"),
-        (lambda: stepper.launch_passive(MODEL, SIM), "use sim.view()"),
-        (lambda: SIM.qpso, "did you mean qpos"),
-        (lambda: SIM.geom_frictoin, "did you mean sim.model.geom_friction"),
-    ),
-    "gymnasium": (
-        (lambda: stepper.make("stepper/Ant-v5"), "use gymnasium.make"),
-        (lambda: stepper.envs.make("stepper/Ant-v5"), "use gymnasium.make"),
-        (lambda: stepper.envs.HalfCheetah, "use stepper.envs.tasks.HalfCheetah"),
-        (lambda: SIM.data.qpos, "has all arrays itself, as sim.qpos"),
-        (lambda: SIM.frame_skip, "use sim.step(ctrl, nstep)"),
-        (lambda: SIM.dt, "use sim.timestep"),
-        (lambda: SIM.render, "use sim.view()"),
-        (lambda: stepper.Study, "use stepper.lab.Study"),
-    ),
-    "batched": (
-        (lambda: stepper.put_model(MODEL), "use stepper.load(path or text)"),
-        (lambda: stepper.Stepper(MODEL, nworld=4), "use num_envs"),
-        (lambda: stepper.Stepper(MODEL, 4, dt=0.002), "use options=stepper.Options(timestep=...)"),
-        (lambda: stepper.Stepper(MODEL, 4, contact="mujoco"), "use options=stepper.Options(contact=...)"),
-        (stepper.Recorder, "lacks the arguments sim and path; use sim.record(path)"),
-        (lambda: stepper.load(SCENE, num_envs=4), "use stepper.Stepper(model, num_envs=...)"),
-        (lambda: stepper.Options(dt=0.1), "use timestep"),
-        (lambda: stepper.SensorModel(noise=0.1), "stepper.Transfer(noise_std=...)"),
-        (lambda: stepper.ActuatorModel(kp=0.1), "stepper.Drive(servo=stepper.actuators.PID(kp=..., kd=...))"),
-        (lambda: SIM.nworld, "use sim.num_envs"),
-        (lambda: SIM.reset(mask=MASK), "Stepper.reset() takes no 'mask': use envs"),
-        (lambda: SIM.rollout(np.zeros((2, 4, 1)), n_steps=2), "use nstep"),
-        (lambda: SIM.get_state(envs=[0]), "use env, one environment"),
-        (lambda: SIM.mass_matrix(env=0), "use mass_matrix()[env]"),
-        (lambda: SIM.randomize(mask=MASK), "use envs"),
-        (lambda: SIM.randomize(friction=0.5), "did you mean geom_friction"),
-        (lambda: SIM.randomize(kp=0.5), "use {'actuator_kp[name]': ...} as the first argument"),
-        (lambda: SIM.randomize({"friction[box]": 0.5}), "did you mean geom_friction"),
-        (lambda: SIM.body_mass, "sim.randomized['body_mass']"),
-        (lambda: SIM.joint_pos, "use sim.qpos"),
-        (lambda: SIM.obs, "use sim.sensordata"),
-    ),
-}
+OWNERS = {
+    "engine": (stepper, SIM, MODEL), "Stepper": (SIM,), "Model": (MODEL,), "State": (SIM.get_state(),), "Options": (stepper.Options(),),
+    "Body": (MODEL.body("arm"),), "Geom": (MODEL.geom("arm"),), "Joint": (MODEL.joint("hip"),), "Site": (MODEL.site("tip"),),
+    "Sensor": (MODEL.sensor("imu"),),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("script", SCRIPTS)
-def test_a_wrong_line_names_the_right_one(script):
-    for line, (attempt, hint) in enumerate(SCRIPTS[script]):
-        with pytest.raises((AttributeError, TypeError, ValueError, KeyError)) as error:
-            attempt()
-        assert hint in str(error.value), f"line {line}: {error.value}"
+@pytest.mark.parametrize("section", OWNERS)
+def test_every_listed_attribute_is_answered_with_its_replacement(section):
+    for name, text in replacements(section).items():
+        for owner in (owner for owner in OWNERS[section] if not hasattr(owner, name)):
+            with pytest.raises(AttributeError) as error:
+                getattr(owner, name)
+            own = replacements(type(owner).__name__).get(name, text)
+            assert own.removeprefix(": ") in str(error.value), (owner, name)
+
+
+@pytest.mark.parametrize(("attempt", "hint"), [
+    (lambda: MODEL.opt.timestep, "model.timestep"),
+    (lambda: MODEL.geom_bodyid, "use model.geom(name).bodyid"),
+    (lambda: MODEL.qpos, "as sim.qpos, and model.qpos0"),
+    (lambda: SIM.geom_solref, "use sim.model.geom_solref"),
+    (lambda: MODEL.body("arm").xpos, "use sim.read('xpos', name)"),
+    (lambda: SIM.contacts()["frc"], "no field of name frc"),
+    (lambda: SIM.contacts.dist, "write sim.contacts().dist"),
+    (lambda: SIM.jacobian("tip"), "but a site is: jacobian(site='tip')"),
+    (lambda: SIM.qpso, "did you mean qpos"),
+    (lambda: SIM.geom_frictoin, "did you mean sim.model.geom_friction"),
+    (lambda: setattr(MODEL.joint("hip"), "axis", 1), "change the file"),
+    (stepper.Recorder, "lacks the arguments sim and path; use sim.record(path)"),
+    (lambda: SIM.randomize(kp=0.5), "use {'actuator_kp[name]': ...} as the first argument"),
+    (lambda: SIM.randomize({"friction[box]": 0.5}), "did you mean geom_friction"),
+])  # fmt: skip
+def test_a_name_that_is_not_listed_has_a_hint(attempt, hint):
+    with pytest.raises((AttributeError, TypeError, ValueError, KeyError)) as error:
+        attempt()
+    assert hint in str(error.value)
 
 
 @pytest.mark.parametrize("name", ["contacts", "energy", "mass_matrix", "memory", "momentum", "worst_row"])

@@ -1,7 +1,5 @@
 """`stepper.load`: what it takes, what it refuses and how it says so, saved models, `explain`, `replace`."""
 
-from __future__ import annotations
-
 import fnmatch
 import pickle
 import re
@@ -13,7 +11,6 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from loading_scenes import LIMIT, joint, link, robot
 from models import SOURCES, mujoco_model, stepper_model
 from stepper.loading.mjcf import source
 from stepper.loading.mjcf.omissions import FIELDS, FLAGS
@@ -34,7 +31,6 @@ PENDULUM = """
 </mujoco>
 """
 
-URDF = robot(link("base"), link("boom"), joint("slew", "base", "boom", more=LIMIT))
 # One element of each kind that is left out, on this scene, and what the message must name.
 SCENE = """
 <mujoco>
@@ -100,18 +96,6 @@ def test_names_and_sizes() -> None:
     assert model.actuator_names == ["torque"]
     assert model.sensor_names == ["angle"]
     assert model.keyframe_names == ["up"]
-
-
-@pytest.mark.parametrize("as_file", [False, True])
-def test_urdf(tmp_path: Path, *, as_file: bool) -> None:
-    source: str | Path = URDF
-    if as_file:
-        source = tmp_path / "crane.urdf"
-        source.write_text(URDF)
-    model = stepper.load(source)
-    assert model.joint_names == ["slew"]
-    np.testing.assert_array_equal(model.jnt_range, [[-1, 2]])
-    np.testing.assert_array_equal(model.jnt_actfrcrange, [[-10, 10]])
 
 
 def test_a_saved_model_is_known_by_its_contents(tmp_path: Path) -> None:
@@ -364,18 +348,6 @@ def test_equalities_and_tendons_can_be_replaced() -> None:
     assert loose.tendon_stiffness == [3.0]
     with pytest.raises(stepper.ModelError, match="would store as"):
         model.replace(eq_data=np.ones((1, 11)))
-
-
-def test_what_derives_from_a_field_follows() -> None:
-    model = stepper.load(PENDULUM)
-    heavy = model.replace(body_mass=2 * model.body_mass, body_inertia=2 * model.body_inertia, dof_armature=2 * model.dof_armature)
-    light, doubled = (stepper.Stepper(m).mass_matrix() for m in (model, heavy))
-    np.testing.assert_allclose(doubled, 2 * light, rtol=1e-15)
-
-
-def test_replace_answers_wrong_shapes_with_both() -> None:
-    with pytest.raises(ValueError, match=r"(?s)geom_friction.*\(3,\).*\(2, 3\)"):
-        stepper.load(PENDULUM).replace(geom_friction=[1.0, 0.0, 0.0])
 
 
 def test_replace_refuses_what_a_model_cannot_have() -> None:

@@ -75,36 +75,6 @@ def test_a_mistake_is_told_what_to_do(sim, mistake, kind, message):
         mistake(sim)
 
 
-def test_fields_of_a_model_are_listed():
-    assert {"body_mass", "geom_friction", "jnt_range", "timestep", "nq"} <= set(dir(stepper_model("dm_control/humanoid")))
-    assert not hasattr(stepper_model("dm_control/humanoid"), "colour")
-
-
-def test_body_poses_are_mujocos():
-    """After `mj_forward` of the present configuration, signs of the quaternions included; and of bodies that the user moves."""
-    import mujoco
-    from models import mujoco_model, random_state
-
-    rng = np.random.default_rng(0)
-    for name in ("dm_control/humanoid", "gymnasium/ant", "dm_control/quadruped", "dm_control/fish"):
-        compiled = mujoco_model(name)
-        sim = simulate(stepper_model(name), 4)
-        states = [random_state(compiled, rng) for _ in range(4)]
-        sim.set_state(*map(np.array, zip(*states, strict=True)))
-        data = mujoco.MjData(compiled)
-        for env, (qpos, _) in enumerate(states):
-            data.qpos[:] = qpos
-            mujoco.mj_kinematics(compiled, data)
-            np.testing.assert_allclose(sim.xpos[env], data.xpos, atol=1e-12)
-            np.testing.assert_allclose(sim.xquat[env], data.xquat, atol=1e-12)
-    scene = '<mujoco><worldbody><body mocap="true" pos="0 0 1"><body pos="1 0 0"><geom size=".1"/></body></body></worldbody></mujoco>'
-    posed = stepper.Stepper(stepper.load(scene))
-    assert posed.xpos.tolist() == [[0, 0, 0], [0, 0, 1], [1, 0, 1]]
-    posed.mocap_pos[:] = [0, 5, 0]
-    posed.mocap_quat[:] = [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]
-    np.testing.assert_allclose(posed.xpos, [[0, 0, 0], [0, 5, 0], [0, 6, 0]], atol=1e-15)
-
-
 def test_contacts_of_all_environments_are_one_array(sim):
     qpos = np.tile(sim.model.qpos0, (3, 1))
     qpos[:, 2] = [0.05, 5.0, 0.2]

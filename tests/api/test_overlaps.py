@@ -1,7 +1,5 @@
 """Overlaps at the reference pose: `stepper.load(..., overlaps="exclude")`."""
 
-from __future__ import annotations
-
 import math
 import re
 import warnings

@@ -5,8 +5,6 @@ After a change that is meant:
     PYTHONPATH=python:tests/helpers .venv/bin/python tests/api/test_public_names.py
 """
 
-from __future__ import annotations
-
 import difflib
 import importlib
 import inspect

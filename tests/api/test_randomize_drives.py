@@ -3,8 +3,6 @@
 Both sides read tables that come out of one function and do the same operations with them, so that not even rounding may differ.
 """
 
-import pickle
-
 import numpy as np
 import pytest
 import stepper
@@ -184,18 +182,6 @@ def test_randomized_is_what_randomize_takes():
         knee.kp.tolist() == np.where(np.arange(N) < 4, drawn(N, 1).named["*_knee"].servo.kp, drawn(N, 0).named["*_knee"].servo.kp).tolist()
     )
     assert sim.actuators == made()
-
-
-@pytest.mark.parametrize("num_envs", [None, N])
-def test_pickles_have_drives(num_envs):
-    sim, ctrl = sim_of(num_envs, made()), controls()
-    ctrl = ctrl if num_envs else ctrl[:, 0]
-    sim.randomize(actuators=drawn(num_envs or 1, 0))
-    roll(sim, ctrl[:9])
-    copy = pickle.loads(pickle.dumps(sim))
-    env = 3 if num_envs else None
-    assert read(roll(copy, ctrl[9:]), env) == read(roll(sim, ctrl[9:]), env)
-    assert copy.get_state() == sim.get_state()
 
 
 @pytest.mark.parametrize("num_envs", [None, N])

@@ -61,11 +61,3 @@ def test_every_change_is_seen():
             np.testing.assert_array_equal(now, getattr(other, name), err_msg=f"{name} after change {k}")
             assert name not in before or before[name] is not now
             before[name] = now
-
-
-def test_they_are_read_only_and_of_one_environment_without_an_axis():
-    sim = stepper.Stepper(stepper_model("gymnasium/humanoid", strict=False))
-    for name, width in (("xipos", 3), ("cinert", 10), ("cvel", 6), ("cfrc_ext", 6)):
-        assert getattr(sim, name).shape == (sim.model.nbody, width)
-        with pytest.raises(ValueError, match="read-only"):
-            getattr(sim, name)[0] = 1.0

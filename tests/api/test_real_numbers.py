@@ -25,6 +25,8 @@ CALLS = {
     "rollout": lambda sim, wrong: sim.rollout(wrong(np.ones((3, 2, 1)))),
     "rays": lambda sim, wrong: sim.rays(wrong(np.ones((1, 3))), np.ones((1, 3))),
     "replace": lambda sim, wrong: sim.model.replace(body_mass=wrong(np.array([0.0, 1.0]))),
+    "inverse_dynamics": lambda sim, wrong: sim.inverse_dynamics(wrong(np.ones((2, 1)))),
+    "randomize a selector": lambda sim, wrong: sim.randomize({"body_mass[a]": wrong(np.ones(2))}),
     "integrate_pos": lambda sim, wrong: sim.model.integrate_pos(wrong(np.zeros(1)), np.zeros(1)),
 }
 
@@ -45,10 +47,3 @@ def test_read_only_arrays_and_other_layouts_of_numbers_are_taken():
     sim.step(np.ones((1, 2), dtype=np.int8).T)
     sim.step([[True], [0.5]])
     assert sim.ctrl.tolist() == [[1.0], [0.5]]
-
-
-@pytest.mark.parametrize("name", ["get_state", "worst_row"])
-def test_a_negative_environment_is_refused(name):
-    """As by `envs=`, which takes indices from 0 on."""
-    with pytest.raises(IndexError, match="env is -1, must be below 2, and at least 0"):
-        getattr(stepper.Stepper(MODEL, 2), name)(env=-1)

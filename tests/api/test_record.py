@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import stepper
 from models import stepper_model
-from recordings import PENDULUM, edit_file, edit_header, joined
+from recordings import PENDULUM, edit_file, edit_header
 from stepper.recording.format import find_blocks, read_header
 
 ROBOT = "gymnasium/ant"
@@ -267,36 +267,6 @@ def test_failures_are_laid_to_action_or_physics(tmp_path):
     assert head["options"]["iterations"] == 1
 
 
-SENSORS = stepper.SensorModel(
-    {
-        "gyro": stepper.Transfer(limits=(-0.5, 0.5), noise_density=1e-3),
-        "acceleration": stepper.Transfer(bias_std=0.1, drift_std=0.1, drift_time=1.0, delay=0.005, jitter=0.001, dropout=0.2, period=0.004),
-    }
-)
-
-
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("num_envs", [1, 21])
-def test_noisy_readings_are_replayed_too(tmp_path, precision, num_envs):
-    """Everything that a transfer function has, from a moment in mid-episode, with resets of some environments and under another seed."""
-    sim = stepper.Stepper(stepper.load(PENDULUM), num_envs, precision=precision, threads=2, sensors=SENSORS, seed=5)
-    sim.step(nstep=9)
-    with sim.record(tmp_path / "run"):
-        for k in range(40):
-            sim.step(np.sin([0.1 * k]), nstep=1 + k % 3)
-            if k % 10 == 5:
-                sim.reset(np.arange(num_envs) % 2 == 0, seed=11 + np.arange(num_envs) if k == 25 else None)
-    for threads in (1, 3):
-        assert stepper.recording.verify(tmp_path / "run", threads=threads)
-    # The same environments in a larger batch read the same.
-    larger = stepper.Stepper(sim.model, num_envs + 9, precision=precision, sensors=SENSORS, seed=5)
-    larger.step(nstep=9)
-    rows = joined(tmp_path / "run")
-    for k in range(6):
-        larger.step(np.sin([0.1 * k]), nstep=1 + k % 3)
-        np.testing.assert_array_equal(larger.sensordata[:num_envs], rows["sensordata"][k])
-
-
 def test_failures_of_sensing_are_counted_by_sensor(tmp_path):
     """Saturation is known from the truth; lost samples from readings of the clock, which stand still."""
     text = PENDULUM.replace("</sensor>", '<clock name="clock"/></sensor>')
@@ -390,18 +360,6 @@ def test_what_sensors_lost_is_forgotten_at_a_reset():
     assert not sim.sensor_faults.any()
     sim.step(nstep=0)
     assert not sim.sensor_faults.any()
-
-
-def test_the_command_line_reports_and_replays(tmp_path, capsys):
-    from stepper.cli.replay import replay
-    from stepper.cli.report import report
-
-    run(tmp_path / "run")
-    report(tmp_path / "run")
-    replay(tmp_path / "run", None)
-    said = capsys.readouterr().out
-    assert "5 environments" in said
-    assert "bit for bit" in said
 
 
 def test_the_report_names_sensors(tmp_path, capsys):

@@ -1,9 +1,6 @@
 """`stepper.SensorModel`: what it takes, what it refuses, and that readings are the last step's, whoever reads them and how often."""
 
-from __future__ import annotations
-
 import json
-import pickle
 import re
 
 import mujoco
@@ -99,18 +96,6 @@ def test_observe_fills_an_array(model):
         sim.observe(out=np.empty(4))
 
 
-@pytest.mark.parametrize("settings", [{"threads": 2}, {"threads": 3}])
-def test_bits_do_not_depend_on_threads(model, settings):
-    np.testing.assert_array_equal(episode(noisy(model, 40, seed=5)), episode(noisy(model, 40, seed=5, **settings)))
-
-
-def test_bits_do_not_depend_on_the_batch(model):
-    """Environment 0 alone runs in scalars, with others in lanes; environment 9 is in another lane of another group."""
-    many, few, alone = (episode(noisy(model, n, seed=5)) for n in (13, 10, 1))
-    np.testing.assert_array_equal(many[:, :10], few)
-    np.testing.assert_array_equal(many[:, :1], alone)
-
-
 def test_seeds_episodes_and_environments_differ(model):
     sim = noisy(model, 3, seed=1)
     first = episode(sim)
@@ -123,46 +108,6 @@ def test_seeds_episodes_and_environments_differ(model):
     np.testing.assert_array_equal(episode(sim), first)
     sim.reset(seed=2)
     assert not np.array_equal(episode(sim), first)
-
-
-def test_a_masked_reset_leaves_the_others_alone(model):
-    sim, other = noisy(model, 10, seed=4), noisy(model, 10, seed=4)
-    episode(sim), episode(other)
-    mask = np.arange(10) % 3 == 0
-    sim.reset(mask)
-    for s in (sim, other):
-        s.step(np.ones(1), nstep=3)
-    np.testing.assert_array_equal(sim.sensordata[~mask], other.sensordata[~mask])
-    assert np.all(sim.time[mask] == pytest.approx(0.006))
-
-
-def test_a_masked_reset_leaves_nothing_behind(model):
-    """Under a seed of its own an environment reads what a new one does: nothing of a bias, drift or delay line is left."""
-    used, new = noisy(model, 10, seed=4), noisy(model, 10, seed=99)
-    episode(used)
-    mask = np.arange(10) % 3 == 0
-    for sim in (used, new):
-        sim.reset(mask, seed=7)
-    for k in range(20):
-        np.testing.assert_array_equal(used.sensordata[mask], new.sensordata[mask])
-        for sim in (used, new):
-            sim.step(np.full(1, np.sin(k)))
-
-
-def test_states_carry_bias_drift_and_delay_lines(model):
-    sim = noisy(model, 9, seed=8)
-    episode(sim)
-    state, twin = sim.get_state(), pickle.loads(pickle.dumps(sim))
-    # Nine environments in lanes of another width, where the CPU has it.
-    other = stepper.Stepper(model, 9, sensors=sim.sensors, seed=1, threads=2)
-    other.set_state(state)
-    assert other.get_state() == state
-    assert twin.sensors == sim.sensors
-    expected = episode(sim)
-    np.testing.assert_array_equal(episode(twin), expected)
-    np.testing.assert_array_equal(episode(other), expected)
-    sim.set_state(state)
-    np.testing.assert_array_equal(episode(sim), expected)
 
 
 def test_delay_lines_begin_with_the_first_reading(model):

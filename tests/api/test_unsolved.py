@@ -1,7 +1,5 @@
 """What a step that was not solved says: its worst row, the effort of the solver, and its problem as a file."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`stepper.load(urdf, actuators=...)`: servos and motors for the joints of a URDF."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Elements of a URDF: each is simulated, an error, or a line of `explain()`."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -11,6 +11,7 @@ import pytest
 import stepper
 import stepper.cli.view
 from models import SOURCES
+from rotations import matrix
 from stepper.cli import main
 from stepper.viewer import shapes
 from stepper.viewer.dragging import Drag, effective_mass
@@ -129,9 +130,7 @@ def test_instances_are_where_mujoco_has_the_geoms():
                 kind = model.geom(int(g)).type
                 if kind in ("plane", "mesh", "hfield"):
                     continue
-                rotation = np.zeros(9)
-                mujoco.mju_quat2Mat(rotation, quat[k])
-                points = part.mesh.vertices * scale[k] @ rotation.reshape(3, 3).T + place[k]
+                points = part.mesh.vertices * scale[k] @ matrix(quat[k]).T + place[k]
                 local = (points - data.geom_xpos[g]) @ data.geom_xmat[g].reshape(3, 3)
                 x, y, z = sizes[env, g]
                 outside = {

@@ -1,7 +1,5 @@
 """Meshes that collide as a convex hull much larger than they are are named, with the remedy."""
 
-from __future__ import annotations
-
 import math
 import warnings
 

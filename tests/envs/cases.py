@@ -1,7 +1,5 @@
 """What tests of environments have in common."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib.util import find_spec
 
@@ -29,6 +27,13 @@ def same(found, expected):
             same(one, other)
     else:
         np.testing.assert_array_equal(found, expected)
+
+
+def kolmogorov_smirnov(one, other):
+    """Largest distance between the distribution functions of two samples of one size."""
+    together = np.sort(np.concatenate([one, other]))
+    ranks = [np.searchsorted(np.sort(sample), together, side="right") for sample in (one, other)]
+    return np.abs(ranks[0] - ranks[1]).max() / len(one)
 
 
 SLIDER = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>

@@ -5,26 +5,12 @@ import gymnasium
 import numpy as np
 import pytest
 from envs.cases import same
-from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from stepper.envs import StepperVectorEnv
 from stepper.envs.basic import FallingBlock, Grasp
 from stepper.envs.basic.grasp import FORCE, FRICTION, GRAVITY, MASS, OPTIONS
 
 NAMES = ["stepper/FallingBlock-v0", "stepper/Grasp-v0"]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_gymnasium_accepts_it(name):
-    check_env(gymnasium.make(name, disable_env_checker=True).unwrapped, skip_render_check=True)
-    envs, alone = gymnasium.make_vec(name, num_envs=5), gymnasium.make(name)
-    first, single = envs.reset(seed=3), alone.reset(seed=5)
-    np.testing.assert_array_equal(first[0][2], single[0])
-    for action in np.random.default_rng(0).uniform(-1, 1, (50, *envs.action_space.shape)):
-        many, one = envs.step(action), alone.step(action[2])
-        np.testing.assert_array_equal(many[0][2], one[0])
-        assert (many[1][2], many[2][2], many[3][2]) == one[1:4]
-    assert many[3].all()
 
 
 def test_it_is_the_textbooks_recursion():

@@ -139,18 +139,3 @@ def test_the_rows_of_the_hints_work():
 def test_two_rows_of_one_name_are_an_error():
     with pytest.raises(ValueError, match=r"Own\.observations returns two rows with the name 'qpos': give one another name"):
         StepperVectorEnv(type("Own", (Slide,), {"observations": lambda self: (Observation("qpos"), Observation("qpos"))})(), 2)
-
-
-@pytest.mark.parametrize("method", ["terminated", "truncated"])
-@pytest.mark.parametrize(("values", "message"), [
-    (lambda now: now.qpos[:, 0], "returns an array of float64, must be of bool, as now.qpos[:, 0] < 0.2"),
-    (lambda now: np.zeros(2, dtype=int), "returns an array of int64, must be of bool"),
-    (lambda now: (now.qpos[:, 0] > 0, {}), "returns a tuple (ndarray, dict), must be an array (2,): one value for each environment"),
-    (lambda now: True, "returns an array of shape (), must be (2,): one value for each environment"),
-])  # fmt: skip
-def test_ends_of_episodes_are_bool(method, values, message):
-    envs = StepperVectorEnv(type("Own", (Slide,), {method: lambda self, now: values(now)})(), 2)
-    envs.reset(seed=0)
-    with pytest.raises(ValueError, match=rf"^Own\.{method} returns") as error:
-        envs.step(np.zeros((2, 1)))
-    assert message in str(error.value)

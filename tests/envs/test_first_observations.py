@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import stepper
 from envs.cases import same
+from envs.test_hooks import Levels
+from envs.test_terms import Robot
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.sensors import SensorModel, Transfer
@@ -16,15 +18,17 @@ from stepper.sensors import SensorModel, Transfer
 LIMIT = 3
 NEEDS = {"G1": "mjlab", "Go1": "mjlab", "dm_control": "dm_control"}
 """Packages that tasks need for their models, by a part of their names."""
-NAMES = sorted(name for name in gymnasium.registry if name.startswith("stepper/"))
+OWN = {"Levels": Levels, "Robot": Robot}
+"""Tasks whose episodes carry values on, and with all declared parts: terms, events, commands, servos with delays."""
+NAMES = [*OWN, *sorted(name for name in gymnasium.registry if name.startswith("stepper/"))]
 SEEN = ("ctrl", "time", "status", "qfrc_actuator", "qacc", "cfrc_ext", "qfrc_applied", "xfrc_applied")
 """Quantities of the stepper that a step leaves."""
 
 
 @functools.cache
 def watched(name):
-    """A registered task that observes all that a step could leave to the next episode, and the arguments of its environments."""
-    arguments = dict(gymnasium.spec(name).kwargs)
+    """A task that observes all that a step could leave to the next episode, and the arguments of its environments."""
+    arguments = {"task": OWN[name]} if name in OWN else dict(gymnasium.spec(name).kwargs)
     task = arguments.pop("task")
     kind = TASKS[task] if isinstance(task, str) else task
     options = {"options": arguments.pop("options")} if "options" in arguments else {}
@@ -50,16 +54,16 @@ def test_a_batch_says_what_single_environments_say(name, mode):
             pytest.skip(f"{package} is not installed")
     task, options = watched(name)
     # Errors of sensors follow from the place of an environment, too: the first of a batch has those of one alone.
-    n = 1 if task.sensors() is not None else 3
-    ours = StepperVectorEnv(task, n, autoreset_mode=mode, max_episode_steps=LIMIT, **options)
-    alone = [lambda: StepperEnv(task, max_episode_steps=LIMIT, **options)] * n
+    n, limit = 1 if task.sensors() is not None else 3, 3 * LIMIT if name in OWN else LIMIT
+    ours = StepperVectorEnv(task, n, autoreset_mode=mode, max_episode_steps=limit, **options)
+    alone = [lambda: StepperEnv(task, max_episode_steps=limit, **options)] * n
     theirs = SyncVectorEnv(alone, autoreset_mode=mode)
     same(ours.reset(seed=3), theirs.reset(seed=3))
     low, high = np.maximum(ours.action_space.low, -2.0), np.minimum(ours.action_space.high, 2.0)
     rng, over = np.random.default_rng(0), np.zeros(n, dtype=bool)
     # The second environment begins anew in the middle of the others, so that episodes do not all end at once.
     begins = {1: np.arange(n) == n // 2}
-    for k in range(2 * LIMIT + 2):
+    for k in range(2 * limit + 2):
         if mode == AutoresetMode.DISABLED and over.any():
             begins[k] = over | begins.get(k, over)
         if k in begins:

@@ -1,13 +1,12 @@
 """The velocity task of the G1: its servos, what is drawn, rough ground, and the policy."""
 
-import pickle
 from importlib.util import find_spec
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
-from stepper.envs import StepperEnv, StepperVectorEnv
+from stepper.envs import StepperVectorEnv
 from stepper.envs.locomotion import G1Velocity
 from stepper.policies import evaluate, load
 
@@ -76,21 +75,6 @@ def test_what_is_drawn_lies_within_its_ranges():
     stands = (envs.now.command() == 0.0).all(axis=1).mean()
     # One of ten of 200 commands; four standard deviations.
     assert abs(stands - 0.1) < 0.085
-
-
-def test_an_environment_is_the_same_alone_among_others_and_after_a_pickle(envs):
-    alone = StepperEnv(G1Velocity())
-    alone.reset(seed=3 + 4)
-    rng = np.random.default_rng(0)
-    for k in range(12):
-        actions = 0.5 * rng.normal(size=envs.action_space.shape)
-        if k == 6:
-            envs = pickle.loads(pickle.dumps(envs))
-        batch, reward, terminated, _, _ = envs.step(actions)
-        observation, own, over, _, _ = alone.step(actions[4])
-        assert not (over or terminated[4])
-        np.testing.assert_array_equal(observation, batch[4])
-        assert own == reward[4]
 
 
 def test_it_is_registered_and_ends_where_it_falls():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import stepper
 import stepper.envs
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AutoresetMode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.envs import Observation, Rng, StepperEnv, StepperVectorEnv, Task, contact_forces
@@ -53,27 +53,6 @@ class Levels(Task):
     def on_end(self, now, envs):
         now.episode_state["level"][envs] += 1.0
         now.episode_state["end"][envs] = now.qpos[envs, 0]
-
-
-@pytest.mark.parametrize("mode", AutoresetMode)
-def test_a_batch_says_what_single_environments_say(mode):
-    """Of levels and noise, too, however episodes begin."""
-    alone = [lambda: StepperEnv(Levels(), max_episode_steps=LIMIT)] * 3
-    ours, theirs = StepperVectorEnv(Levels(), 3, max_episode_steps=LIMIT, autoreset_mode=mode), SyncVectorEnv(alone, autoreset_mode=mode)
-    np.testing.assert_array_equal(ours.reset(seed=3)[0], theirs.reset(seed=3)[0])
-    one, over = np.ones((3, 1)), np.zeros(3, dtype=bool)
-    begins = {1: np.array([False, True, False])}
-    for k in range(3 * LIMIT):
-        if mode == AutoresetMode.DISABLED and over.any():
-            begins[k] = over | begins.get(k, over)
-        if k in begins:
-            options = {"reset_mask": begins[k]}
-            np.testing.assert_array_equal(ours.reset(options=options)[0], theirs.reset(options=dict(options))[0])
-        found, expected = ours.step(one), theirs.step(one)
-        for mine, others in zip(found[:4], expected[:4], strict=True):
-            np.testing.assert_array_equal(mine, others)
-        over = found[2] | found[3]
-    assert ours.now.episode_state["level"].min() >= 2.0
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
@@ -158,19 +137,6 @@ def test_noise_is_another_one_in_each_step_and_episode_and_is_uniform():
     # 4,800 numbers: their mean has a deviation of 0.004, their standard deviation one of 0.002.
     assert abs(uniform.mean()) < 0.02
     assert abs(uniform.std() - 1.0 / np.sqrt(12.0)) < 0.01
-
-
-def test_noise_and_levels_go_on_from_a_state():
-    envs = StepperVectorEnv(Levels(), 4, max_episode_steps=LIMIT)
-    envs.reset(seed=2)
-    for _ in range(LIMIT + 2):
-        envs.step(np.ones((4, 1)))
-    state = envs.get_state()
-    expected = [envs.step(np.ones((4, 1)))[0] for _ in range(LIMIT + 1)]
-    again = StepperVectorEnv(Levels(), 4, max_episode_steps=LIMIT)
-    again.set_state(state)
-    for row in expected:
-        np.testing.assert_array_equal(again.step(np.ones((4, 1)))[0], row)
 
 
 def test_a_carried_name_that_there_is_not_is_an_error():

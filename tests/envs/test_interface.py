@@ -1,7 +1,5 @@
 """Environments obey Gymnasium's interface, alone and in batches, and say what is wrong with a call."""
 
-import copy
-import pickle
 import subprocess
 import sys
 from dataclasses import dataclass, fields
@@ -14,7 +12,6 @@ import stepper
 from envs.cases import same
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.locomotion import Go1Velocity, VelocityTask
 from stepper.sensors import SensorModel, Transfer
@@ -22,9 +19,9 @@ from stepper.sensors import SensorModel, Transfer
 NAMES = sorted(TASKS)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*(f"{name}-v5" for name in NAMES), "FallingBlock-v0", "Grasp-v0"])
 def test_gymnasiums_checker_accepts_it(name):
-    check_env(gymnasium.make(f"stepper/{name}-v5", disable_env_checker=True).unwrapped, skip_render_check=True)
+    check_env(gymnasium.make(f"stepper/{name}", disable_env_checker=True).unwrapped, skip_render_check=True)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -50,31 +47,6 @@ def test_importing_stepper_imports_no_gymnasium():
 def test_gymnasium_finds_it_by_the_module_in_its_name():
     code = "import gymnasium; gymnasium.make('stepper.envs:stepper/HalfCheetah-v5')"
     subprocess.run([sys.executable, "-W", "ignore", "-c", code], check=True)
-
-
-def episode(envs, seed, actions):
-    """All that a batch says."""
-    said = [envs.reset(seed=seed)]
-    return [*said, *(envs.step(action) for action in actions)]
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_an_environment_alone_has_the_bits_of_one_in_a_batch(name, precision):
-    envs = StepperVectorEnv(name, 11, autoreset_mode=AutoresetMode.NEXT_STEP, precision=precision)
-    actions = np.random.default_rng(0).uniform(-1, 1, (12, *envs.action_space.shape))
-    batch = episode(envs, 5, actions)
-    for k in (0, 7, 10):
-        env = StepperEnv(name, precision=precision)
-        alone = episode(env, 5 + k, actions[:, k])
-        for one, many in zip(alone, batch, strict=True):
-            if len(many) == 5 and many[2][k]:
-                break
-            for found, expected in zip(one[:-1], many[:-1], strict=True):
-                np.testing.assert_array_equal(found, expected[k])
-            assert {key for key in many[-1] if not key.startswith("_")} == one[-1].keys()
-            for key, value in one[-1].items():
-                np.testing.assert_array_equal(value, many[-1][key][k])
 
 
 def test_the_start_of_an_environment_follows_from_its_seed_alone():
@@ -104,23 +76,6 @@ def test_some_environments_are_given_seeds_and_others_go_on():
     assert not np.any(second[[0, 2]] == first[[0, 2]])
 
 
-def test_a_mask_begins_some_and_leaves_the_rest():
-    envs = StepperVectorEnv("Walker2d", 4, max_episode_steps=7)
-    envs.reset(seed=0)
-    for _ in range(3):
-        before = envs.step(envs.action_space.sample() * 0)[0]
-    mask = np.array([False, True, False, True])
-    observation, info = envs.reset(options={"reset_mask": mask})
-    np.testing.assert_array_equal(observation[~mask], before[~mask])
-    assert not np.any(observation[mask] == before[mask])
-    np.testing.assert_array_equal(info["_x_position"], mask)
-    assert not info["x_position"][~mask].any()
-    np.testing.assert_array_equal(envs.episode_lengths, [3, 0, 3, 0])
-    for _ in range(4):
-        *_, truncated, _ = envs.step(envs.action_space.sample() * 0)
-    np.testing.assert_array_equal(truncated, ~mask)
-
-
 def test_indices_begin_some_and_leave_the_rest():
     """As a mask of them does; seeds are theirs alone, in their order."""
     by_ids, by_mask = StepperVectorEnv("Walker2d", 5), StepperVectorEnv("Walker2d", 5)
@@ -144,28 +99,6 @@ def test_the_dtype_of_observations_is_chosen():
         assert envs.single_observation_space.dtype == found
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_pickles_go_on_with_the_same_bits(name):
-    envs = StepperVectorEnv(name, 3, max_episode_steps=9, autoreset_mode="SameStep")
-    envs.reset(seed=0)
-    actions = np.random.default_rng(1).uniform(-1, 1, (20, *envs.action_space.shape))
-    for action in actions[:5]:
-        envs.step(action)
-    others = [pickle.loads(pickle.dumps(envs)), copy.deepcopy(envs)]
-    for action in actions[5:]:
-        expected = envs.step(action)
-        for other in others:
-            same(other.step(action), expected)
-
-
-def test_a_single_environment_pickles():
-    env = StepperEnv("Pusher")
-    env.reset(seed=0)
-    env.step(np.ones(7))
-    other = pickle.loads(pickle.dumps(env))
-    same(other.step(np.ones(7)), env.step(np.ones(7)))
-
-
 def test_statistics_are_those_of_gymnasiums_wrapper():
     own = StepperVectorEnv("Hopper", 5, max_episode_steps=12, episode_statistics=True)
     wrapped = gymnasium.wrappers.vector.RecordEpisodeStatistics(StepperVectorEnv("Hopper", 5, max_episode_steps=12))
@@ -186,11 +119,9 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
 @pytest.mark.parametrize(("make", "error", "said"), [
     (lambda: StepperVectorEnv("Cheetah", 2), ValueError, "there is no task 'Cheetah'; did you mean HalfCheetah"),
     (lambda: StepperVectorEnv("Hopper", 2, contact="soft"), ValueError, "contact is 'soft', must be"),
-    (lambda: StepperVectorEnv("Hopper", 2, dtype="float16"), ValueError, "dtype is .*float16.*, must be np.float64 or np.float32"),
     (lambda: StepperVectorEnv("Hopper", 2, max_episode_steps=0), ValueError, "max_episode_steps is 0"),
     (lambda: StepperVectorEnv("Hopper", 2, render_mode="human"), ValueError, "render_mode is 'human', must be"),
     (lambda: StepperVectorEnv("Hopper", 2, healthy=1), TypeError, "healthy"),
-    (lambda: StepperEnv(TASKS["Hopper"](), frame_skip=2), TypeError, "Hopper exists already"),
     (lambda: StepperEnv("Hopper", xml_file="none.xml"), FileNotFoundError, 'none.xml: pip install gymnasium'),
     (lambda: StepperEnv("Hopper", xml_file="/none.xml"), FileNotFoundError, "/none.xml: give the path"),
     (lambda: StepperVectorEnv("Hopper", 2).step(np.zeros((2, 3))), ResetNeeded, "call reset before step"),
@@ -206,8 +137,6 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
     (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_mask": np.zeros(2, bool)}), ValueError, "0 true entries"),
     (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_mask": np.arange(2) == 0}), ResetNeeded, "have no episode yet"),
     (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[0, 0]), ValueError, "envs has environment 0 more than once"),
-    (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[2]), IndexError, "envs has 2, there are environments 0 to 1"),
-    (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[0.5]), TypeError, "envs has 0.5"),
     (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[0], options={"reset_mask": 0}), ValueError, "give one of them"),
     (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[0]), ResetNeeded, "have no episode yet"),
     (lambda: StepperEnv("Hopper").reset(options={"x": 0}), ValueError, r"options is {'x': 0}, but this environment has no options"),
@@ -218,7 +147,6 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
     (lambda: StepperVectorEnv("Hopper", 2, healthy_z_range=0.7), TypeError, "healthy_z_range of Hopper is 0.7, must be two numbers"),
     (lambda: StepperVectorEnv("Hopper", 2, reset_noise_scale=np.nan), TypeError, "reset_noise_scale of Hopper is nan, must be a number"),
     (lambda: StepperEnv("Hopper", xml_file=3), TypeError, r"xml_file is 3 \(int\), must be a path"),
-    (lambda: StepperVectorEnv("Hopper", 2).step([["a"]]), TypeError, r"actions is \[\['a'\]\], must be an array of numbers"),
     (lambda: StepperVectorEnv("Hopper", 2).reset(options=3), TypeError, "options is 3, must be a dict such as"),
     (lambda: Go1Velocity(max_latency="8"), TypeError, "max_latency of Go1Velocity is '8', must be a whole number"),
     (lambda: Go1Velocity(roughness="8"), TypeError, "roughness of Go1Velocity is '8', must be a number"),
@@ -263,18 +191,6 @@ class Heard(Task):
 
     def reward(self, now):
         return np.zeros(now.sim.num_envs or 1), {}
-
-
-def test_errors_of_sensors_follow_from_the_seed():
-    first, second = StepperVectorEnv(Heard(), 4), StepperVectorEnv(Heard(), 4)
-    read = first.reset(seed=5)[0]
-    assert len(np.unique(read)) == 4
-    np.testing.assert_array_equal(second.reset(seed=5)[0], read)
-    later = first.reset()[0]
-    assert (later != read).all()
-    np.testing.assert_array_equal(first.reset(seed=5)[0], read)
-    assert (first.reset(seed=6)[0] != read).all()
-    assert (StepperVectorEnv(Heard(), 4).reset()[0] != StepperVectorEnv(Heard(), 4).reset()[0]).all()
 
 
 def test_errors_of_an_environments_sensors_follow_from_its_own_seed():

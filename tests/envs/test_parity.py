@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from envs.cases import needs_gymnasiums
+from envs.cases import kolmogorov_smirnov, needs_gymnasiums
 from stepper.envs import TASKS, StepperEnv
 
 pytestmark = needs_gymnasiums
@@ -148,10 +148,5 @@ def test_starts_are_drawn_from_gymnasiums_distribution(name):
     if theirs.model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
         expected[:, 3:7] /= np.linalg.norm(expected[:, 3:7], axis=1, keepdims=True)
     for one, other in zip(found.T, expected.T, strict=True):
-        together = np.sort(np.concatenate([one, other]))
-        distance = (
-            np.abs(np.searchsorted(np.sort(one), together, side="right") - np.searchsorted(np.sort(other), together, side="right")).max()
-            / 1000
-        )
         # Of two samples of one distribution it exceeds 0.1 once in 1e4 times.
-        assert distance < 0.1
+        assert kolmogorov_smirnov(one, other) < 0.1

@@ -127,22 +127,6 @@ def test_the_observation_is_that_after_the_step_if_advance_reads_before():
     np.testing.assert_array_equal(reward, -(envs.sim.qpos[:, 0] ** 2))
 
 
-def test_a_loop_over_substeps_sees_each_of_them():
-    seen = []
-
-    class Loop(Script):
-        def advance(self, now):
-            for _ in range(4):
-                seen.append((now.qpos[0, 0], tip(now)[0], now.time[0]))
-                now.sim.step(now.action)
-
-    envs = StepperVectorEnv(Loop(), N)
-    envs.reset(seed=0)
-    seen.clear()  # The constructor does not step, but may in a later version.
-    envs.step(np.full((N, 1), 1.0))
-    assert len({angle for angle, *_ in seen}) == len({height for _, height, _ in seen}) == len({time for *_, time in seen}) == 4
-
-
 def test_what_depends_on_episode_state_is_computed_anew_after_advance():
     """A function of `now` that reads `episode_state` is not kept from before `advance` changed it."""
 

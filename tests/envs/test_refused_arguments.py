@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import gymnasium
 import numpy as np
 import pytest
-import stepper
 from cases import Slide
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.spaces import Box
@@ -49,21 +48,6 @@ def test_an_array_is_converted_without_a_change_or_refused(values):
     else:
         with pytest.raises(TypeError, match=r"^x is "):
             array_of("x", values)
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda sim, wrong: sim.inverse_dynamics(wrong[0]),
-        lambda sim, wrong: sim.randomize({"body_mass[a]": wrong[:, 0]}),
-        lambda sim, wrong: sim.rays(np.zeros((1, 3)), wrong * np.ones((1, 3)), body=1),
-    ],
-)
-@pytest.mark.parametrize("kind", ["complex", "masked", "objects"])
-def test_other_arrays_are_refused(call, kind):
-    sim = stepper.Stepper(stepper.load('<mujoco><worldbody><body name="a"><joint/><geom size=".1"/></body></worldbody></mujoco>'), 1)
-    with pytest.raises(TypeError, match=r"masked array|complex numbers|array of numbers"):
-        call(sim, WRONG[kind])
 
 
 @dataclass(frozen=True, kw_only=True)

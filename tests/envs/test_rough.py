@@ -149,21 +149,6 @@ def test_commands_change_within_their_times_and_bounds():
         assert column.any()
 
 
-def test_commands_depend_on_the_seed_alone():
-    """Also those that are drawn during an episode."""
-    many, _ = made(3)
-    one = StepperVectorEnv(Go1Rough(), 1, max_episode_steps=1000, autoreset_mode="SameStep")
-    one.reset(seed=3 + 2)
-    for _ in range(170):
-        for each in (many, one):
-            qpos = np.array(each.sim.qpos)
-            qpos[:, 2] = 30.0  # In free flight nothing ends the episode.
-            each.set_state(qpos, each.sim.qvel)
-            each.step(standing(each))
-        for name, values in one.now.episode_state.items():
-            np.testing.assert_array_equal(values[0], many.now.episode_state[name][2], err_msg=name)
-
-
 def test_later_stages_are_faster():
     envs, _ = made(400)
     envs._batch.streams.ages[:] = 240_000

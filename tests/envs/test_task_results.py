@@ -13,10 +13,9 @@ CART = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><g
 
 
 class Cart(Task):
-    """A cart, with a target per episode and a switch for each mistake."""
+    """A cart, with a target per episode."""
 
     frame_skip = 1
-    mistake = ""
 
     def model(self):
         return stepper.load(CART)
@@ -28,49 +27,11 @@ class Cart(Task):
         return {"target": np.zeros((num_envs, 3))}
 
     def reset(self, reset):
-        drawn = reset.rng.uniform(-1, 1, 3)
-        reset.episode_state["target"] = drawn[:, 0] if self.mistake == "shape" else drawn
+        reset.episode_state["target"] = reset.rng.uniform(-1, 1, 3)
 
     def reward(self, now):
         reward = np.ones(now.sim.num_envs)
-        return {"scalar": (1.0, {}), "alone": reward, "row": reward[:, None], "list": (reward, [])}.get(
-            self.mistake, (reward, {"one": reward})
-        )
-
-    def terminated(self, now):
-        return True if self.mistake == "terminated" else now.qpos[:, 0] > 1e9
-
-    def truncated(self, now):
-        return np.zeros((now.sim.num_envs, 1), bool) if self.mistake == "truncated" else None
-
-
-def run(mistake):
-    task = Cart()
-    task.mistake = mistake
-    envs = StepperVectorEnv(task, 4, autoreset_mode="DISABLED", max_episode_steps=9)
-    envs.reset(seed=0)
-    for k in range(6):
-        if k == 1:
-            envs.reset(options={"reset_mask": np.array([True, False, False, False])})
-        envs.step(np.zeros((4, 1)))
-
-
-@pytest.mark.parametrize(("mistake", "message"), [
-    ("shape", r"episode_state\['target'\] of Cart is set to an array of shape \(4,\), must have the shape \(4, 3\): set rows in place"),
-    ("scalar", r"Cart\.reward returns an array of shape \(\), must be \(4,\)"),
-    ("row", r"Cart\.reward returns an array of shape \(4, 1\), must be \(4,\)"),
-    ("list", r"Cart\.reward returns a tuple \(ndarray, list\), must return rewards \(num_envs,\), or two values"),
-    ("terminated", r"Cart\.terminated returns an array of shape \(\), must be \(4,\)"),
-    ("truncated", r"Cart\.truncated returns an array of shape \(4, 1\), must be \(4,\)"),
-])  # fmt: skip
-def test_a_wrong_result_of_a_task_is_named(mistake, message):
-    with pytest.raises(ValueError, match=message):
-        run(mistake)
-
-
-@pytest.mark.parametrize("mistake", ["", "alone"])
-def test_right_results_are_accepted(mistake):
-    run(mistake)
+        return reward, {"one": reward}
 
 
 def cart(**methods):
@@ -116,6 +77,14 @@ def test_a_list_or_a_generator_of_observations_is_accepted():
 
 
 RESULTS = {
+    "reward returns an array of shape (), must be (4,)": {"reward": lambda self, now: (1.0, {})},
+    "reward returns an array of shape (4, 1), must be (4,)": {"reward": lambda self, now: np.ones((4, 1))},
+    "reward returns a tuple (ndarray, list), must return rewards (num_envs,), or two values":
+        {"reward": lambda self, now: (np.ones(4), [])},
+    "terminated returns an array of shape (), must be (4,): one value for each": {"terminated": lambda self, now: True},
+    "terminated returns an array of int64, must be of bool": {"terminated": lambda self, now: np.zeros(4, int)},
+    "truncated returns an array of shape (4, 1), must be (4,)": {"truncated": lambda self, now: np.zeros((4, 1), bool)},
+    "truncated returns a tuple (ndarray, dict), must be an array (4,)": {"truncated": lambda self, now: (now.qpos[:, 0] > 0, {})},
     "reset returns an array of shape (4, 1), must return nothing, because its result is ignored: write to arrays of reset, as":
         {"reset": lambda self, reset: reset.qpos + 1},
     "reset returns a tuple (ndarray, ndarray), must return nothing": {"reset": lambda self, reset: (reset.qpos, reset.qvel)},
@@ -141,6 +110,14 @@ RESULTS = {
 def test_a_wrong_result_of_each_other_method_is_named(message):
     with pytest.raises((ValueError, TypeError), match=r"Other\." + re.escape(message)):
         cart(**RESULTS[message])
+
+
+def test_episode_state_of_some_environments_has_its_shape():
+    def reset(self, reset):
+        reset.episode_state["target"] = reset.rng.uniform(-1, 1, 3)[:, 0]
+
+    with pytest.raises(ValueError, match=r"episode_state\['target'\] of Other is set to an array of shape \(4,\), must have .*: set rows"):
+        cart(reset=reset)
 
 
 def test_names_that_episode_state_does_not_return_suggest_those_it_does():
@@ -177,6 +154,7 @@ def test_a_method_with_other_arguments_is_named_with_its_signature(message):
 
 
 def test_methods_with_defaults_and_other_names_are_accepted():
+    cart(reward=lambda self, now: np.ones(4))
     cart(reset=lambda self, begins, *more, scale=1.0: None, reward=lambda self, *given: (np.ones(4), {}))
 
 

@@ -1,6 +1,5 @@
 """Declared parts of a task: reward terms, events, commands and actions."""
 
-import pickle
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -8,14 +7,10 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from stepper.envs import (
     Observation,
     Reward,
     Servo,
-    StepperEnv,
     StepperVectorEnv,
     Task,
     add,
@@ -311,41 +306,6 @@ def test_quantities_of_the_base_are_in_its_frame():
     np.testing.assert_allclose(joint_pos(envs.now)[0], [0.1, 0.0], atol=1e-12)
     np.testing.assert_allclose(joint_vel(envs.now)[0], [4.0, 5.0])
     np.testing.assert_allclose(in_base(envs.now, np.tile([0.0, 1.0, 0.0], (4, 1)))[0], [1.0, 0.0, 0.0], atol=1e-12)
-
-
-@pytest.mark.parametrize("mode", AutoresetMode)
-def test_a_batch_equals_single_environments(mode):
-    """Every declared part follows from the seed of its environment alone."""
-    alone = [lambda: StepperEnv(Robot(), max_episode_steps=4)] * 3
-    ours, theirs = StepperVectorEnv(Robot(), 3, max_episode_steps=4, autoreset_mode=mode), SyncVectorEnv(alone, autoreset_mode=mode)
-    np.testing.assert_array_equal(ours.reset(seed=3)[0], theirs.reset(seed=3)[0])
-    over = np.zeros(3, dtype=bool)
-    for k in range(14):
-        if mode == AutoresetMode.DISABLED and over.any():
-            np.testing.assert_array_equal(*(envs.reset(options={"reset_mask": over.copy()})[0] for envs in (ours, theirs)))
-        action = np.full((3, 2), 0.3 * (-1.0) ** k)
-        found, expected = ours.step(action), theirs.step(action)
-        for mine, others in zip(found[:4], expected[:4], strict=True):
-            np.testing.assert_array_equal(mine, others)
-        over = found[2] | found[3]
-
-
-@settings(deadline=None, max_examples=10)
-@given(st.integers(0, 12))
-def test_states_and_pickles_contain_all_parts(steps):
-    envs = made()
-    envs.reset(seed=5)
-    for _ in range(steps):
-        envs.step(np.full((4, 2), 0.2))
-    copied, other = pickle.loads(pickle.dumps(envs)), made()
-    other.set_state(envs.get_state())
-    for _ in range(12):
-        expected = envs.step(np.full((4, 2), -0.2))
-        for each in (copied, other):
-            found = each.step(np.full((4, 2), -0.2))
-            for mine, theirs in zip(found[:4], expected[:4], strict=True):
-                np.testing.assert_array_equal(mine, theirs)
-            assert found[4].keys() == expected[4].keys()
 
 
 @pytest.mark.parametrize(("given", "error", "message"), [

@@ -4,8 +4,6 @@ The scenes, with their right answers and sources, are in benches/atlas/scenes. K
 benches/atlas/known.py. `make atlas` runs the long sweep, and other engines.
 """
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -4,8 +4,6 @@ Every input is made of its kind and seed alone, and tried in a worker process wi
 an exception that is not documented is a finding: its seed and its input are kept in the folder `--out`.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import os

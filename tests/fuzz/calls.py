@@ -1,7 +1,5 @@
 """Misuse of every public call: arguments that are right, of a wrong shape or type, or out of all measure."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from collections.abc import Callable

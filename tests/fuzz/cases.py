@@ -1,7 +1,5 @@
 """Kinds of inputs: how one is made of random numbers, what is done with it, and which exceptions are documented for that."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import io

@@ -1,7 +1,5 @@
 """Kinds of inputs that go wrong on purpose, one time in four: what the runner has to find."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The process in which inputs are tried: `python -m fuzz.worker KIND FIRST END FOLDER`."""
 
-from __future__ import annotations
-
 import os
 import resource
 import shutil

@@ -1,7 +1,5 @@
 """The command of the golden trajectories: see `golden.test_golden`."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import pickle

@@ -1,7 +1,5 @@
 """The digests that are kept in the repository, those of this build, and what their difference means."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

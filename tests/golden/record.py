@@ -1,7 +1,5 @@
 """What a golden trajectory is, and the bytes of all that can be read while it runs."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 Numbers that this file computes are made of sums, products and quotients alone, so that they are the same on every machine.
 """
 
-from __future__ import annotations
-
 import actuators
 import numpy as np
 import stepper

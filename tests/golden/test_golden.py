@@ -9,8 +9,6 @@ next to them, so that a change tells how far the trajectory moved. After a chang
 What a build does otherwise than another, the same command says: `--save out/golden` with the one, `--against out/golden` with the other.
 """
 
-from __future__ import annotations
-
 import functools
 
 import pytest

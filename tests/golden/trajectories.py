@@ -4,8 +4,6 @@ Numbers of environments are odd, so that the last group of lanes has some that a
 the widest group of lanes has in double and in single precision.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Arrays in the docstrings of Python: shape and unit of each array that a public function takes or returns."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re

@@ -5,8 +5,6 @@ them. Euler's rule takes it all at the state before; the midpoint rule at q + h/
 depends on the velocity.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """A linkage with equalities of every kind, and their rows in NumPy from MuJoCo's Jacobians: error, Jacobian and curvature J' v."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

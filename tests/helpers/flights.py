@@ -1,7 +1,5 @@
 """Contact-free scenes with their converged motion: pendulums without damping, a tumbling body, a floating humanoid."""
 
-from __future__ import annotations
-
 import functools
 
 import mujoco

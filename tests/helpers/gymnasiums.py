@@ -7,8 +7,6 @@ Copies its tests, writes names of stepper's environments in the place of the cla
 have. What needs a package that is not installed (moviepy, pygame, Box2D) fails in Gymnasium's own hands, too, and is skipped here.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import re

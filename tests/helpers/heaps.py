@@ -1,7 +1,5 @@
 """Rigid bodies thrown on a floor: scenes for the laws that hold whatever the scene is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Failures that are known: a test expects an error above its tolerance, and within a bound."""
 
-from __future__ import annotations
-
 import pytest
 
 

@@ -1,7 +1,5 @@
 """Robots that others wrote, random states of them, and their MuJoCo counterparts."""
 
-from __future__ import annotations
-
 import functools
 from importlib.util import find_spec
 from pathlib import Path

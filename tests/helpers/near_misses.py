@@ -1,7 +1,5 @@
 """Scenes of bodies that pass close to each other without touching, and parts of floors made of tiles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Measures of error, orders of convergence, and trajectories by a method that shares nothing with the engine."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from models import BALL, FREE

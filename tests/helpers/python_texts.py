@@ -1,7 +1,5 @@
 """Texts of Python sources: docstrings, comments, and messages of errors, warnings and help."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import io

@@ -1,7 +1,5 @@
 """Comparison of the version of a release in every file that has it: `python tests/helpers/release_version.py v0.1.0` before a release."""
 
-from __future__ import annotations
-
 import re
 import sys
 import tomllib

@@ -1,7 +1,5 @@
 """Comments of Rust sources: their paragraphs and sentences."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

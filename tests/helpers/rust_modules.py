@@ -4,8 +4,6 @@ A file that declares others and hands on their names (`pub use`) is their face: 
 that defines it. Tests within a file do not count.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

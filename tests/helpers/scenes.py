@@ -1,7 +1,5 @@
 """What the failure scenes share: the settings that a user may choose, and single bodies on a plane."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """An arm with a motor and two sensors, and where a drive leaves it: what policies of all kinds are tried on."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

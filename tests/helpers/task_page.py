@@ -5,8 +5,6 @@
 It needs the packages that have the models: dm_control and mjlab.
 """
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 from typing import Any

@@ -90,19 +90,6 @@ def test_forces_of_contacts(name, low):
     assert seen >= 2
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_an_environment_alone_has_the_bits_of_one_among_others(precision):
-    sim, _ = batch("gymnasium/humanoid", precision=precision, options=stepper.Options(contact="mujoco"))
-    sim.step()
-    for env in range(ENVS):
-        alone = stepper.Stepper(sim.model, precision=precision, options=sim.options)
-        state = stepper.Stepper(sim.model, ENVS, precision=precision, options=sim.options)
-        state.set_state(sim.get_state())
-        alone.set_state(state.get_state(env=env))
-        for name in ("xipos", "cinert", "cvel", "cfrc_ext"):
-            np.testing.assert_array_equal(getattr(alone, name), getattr(sim, name)[env], err_msg=name)
-
-
 def test_parameters_of_environments_count():
     sim, source = batch("gymnasium/humanoid")
     rng = np.random.default_rng(1)

@@ -94,42 +94,6 @@ def test_a_torn_loop_closes_and_rests():
         assert np.abs(sim.qvel).max() < 1e-6
 
 
-LEG = """<body name="{0}" pos="{1} 0 .62"><freejoint/><geom type="box" size=".1 .1 .05" mass="3"/>
-  <body pos="0 0 -.05"><joint name="{0} hip" axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 .1 0 -.25" mass=".3"/>
-  <body pos=".1 0 -.25"><joint name="{0} knee" axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 -.1 0 -.25" mass=".2"/>
-  <body pos="-.1 0 -.25"><joint name="{0} ankle" axis="0 1 0"/><geom type="box" size=".06 .04 .01" mass=".1"/>
-  </body></body></body></body>"""
-COUPLED = f"""<mujoco><compiler angle="radian"/><worldbody><geom type="plane" size="9 9 1"/>
-  <body name="ball" pos=".7 0 .3"><freejoint/><geom size=".1" mass="1"/></body>
-  {LEG.format("a", 0)}{LEG.format("b", 1.5)}</worldbody>
-  <equality><joint joint1="a hip" joint2="a knee" polycoef="0 -.5 0 0 0"/><joint joint1="a ankle" joint2="a knee" polycoef="0 -.5 0 0 0"/>
-  <joint joint1="b hip" joint2="b knee" polycoef="0 -.5 .1 0 0"/></equality></mujoco>"""
-"""Two hoppers whose joints are coupled, and a ball that is tied to nothing."""
-
-
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("settings", [{}, {"integrator": "euler", "stabilization": "baumgarte"}])
-def test_an_environment_does_not_see_what_equalities_tie_in_its_neighbours(precision, settings):
-    """Slots hold the contact of a foot in one lane and that of the ball in the next: those of the ball keep every bit."""
-    model = mujoco.MjModel.from_xml_string(COUPLED)
-    rng = np.random.default_rng(5)
-    qpos = np.tile(model.qpos0, (24, 1))
-    qpos[:, [2, 9, 19]] += rng.uniform(-0.25, 0.4, (24, 3))
-    qvel = rng.normal(size=(24, model.nv))
-    many = simulate(model, num_envs=24, precision=precision, **settings)
-    many.set_state(qpos=qpos, qvel=qvel)
-    alone = [simulate(model, precision=precision, **settings) for _ in range(3)]
-    for sim, env in zip(alone, (0, 9, 23), strict=True):
-        sim.set_state(qpos=qpos[env], qvel=qvel[env])
-    for _ in range(150):
-        many.step(None)
-        for sim, env in zip(alone, (0, 9, 23), strict=True):
-            sim.step(None)
-            assert np.array_equal(sim.qpos, many.qpos[env])
-            assert np.array_equal(sim.qvel, many.qvel[env])
-            assert sim.residual == many.residual[env]
-
-
 def test_couplings_cost_no_sweeps():
     """They are taken out of every other row and solved once: sweeps of the quadruped go over contacts and limits alone."""
     model = mujoco.MjModel.from_xml_path(str(SOURCES["dm_control/quadruped"]))

@@ -1,7 +1,5 @@
 """Surfaces that give way: springs and dampers in N/m and N s/m, under both laws of contact, against closed forms."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

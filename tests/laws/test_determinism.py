@@ -1,6 +1,7 @@
-"""The same model, options, seed and actions give the same bits: comparisons are of raw bytes."""
+"""The same model, options, seed and actions give the same bits, however they are run: comparisons are of raw bytes."""
 
-import hashlib
+import dataclasses
+import functools
 import itertools
 import multiprocessing
 import os
@@ -12,123 +13,213 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
-from models import contact_bits, mujoco_model, random_state, stepper_model
+from golden import scenes
+from golden.record import READINGS, Random
+from golden.trajectories import HUMANOID, IMPLICIT, NEWTON, RK4, SOFT, TRAJECTORIES, robot, scene
+from jams import arms
+from models import contact_bits
+from reference.test_adhesion import text as adhesion
 from stepper.doctor import cpu_levels
 
-ROBOT = "dm_control/humanoid"
 # One thread steps groups of sixteen lanes, two threads groups of eight, and some lanes of the last group are none.
-ENVS, CALLS, NSTEP = 42, 32, 5
+N, CALLS, NSTEP = 19, 16, 3
+ELLIPTIC, NOSLIP = (scenes.document(scenes.PIT + scenes.loose(scenes.SHAPES), option=option) for option in (
+    'cone="elliptic"', 'cone="elliptic" noslip_iterations="5"'))  # fmt: skip
+GOLDEN = (
+    "humanoids humanoids-euler humanoids-rk4 humanoids-f32 humanoids-soft humanoids-soft-f32 ants-soft-rk4 stackers-f32 pile pile-newton "
+    "pile-f32 pile-soft pile-soft-f32 tower sprung sprung-soft bouncing elastic hills-f32 ravine gems gems-f32 shell belts marbles tendons "
+    "quadrupeds quadrupeds-f32 tendons-driven equalities equalities-soft equalities-soft-law fluid actuators actuators-bounded sensors "
+    "sensors-with-errors arm arm-implicit-f32 everything everything-soft meadow-within-an-error meadow-randomized meadow-randomized-f32"
+)
+CASES = {name: TRAJECTORIES[name] for name in GOLDEN.split()} | {
+    "arm-rk4-f32": dataclasses.replace(TRAJECTORIES["arm"], options=RK4, precision="f32"),
+    "meadow-randomized-rk4": dataclasses.replace(TRAJECTORIES["meadow-randomized"], options=RK4),
+    "servos-at-their-bounds": scene(scenes.ARM, offset=0.3, speed=20, control=3),
+    "jammed-arms": scene(arms(3), offset=2),
+    "pile-elliptic": scene(ELLIPTIC, options=SOFT, nstep=4),
+    "pile-elliptic-f32": scene(ELLIPTIC, options=SOFT, precision="f32", nstep=4),
+    "pile-noslip": scene(NOSLIP, options=SOFT, nstep=4),
+    "pile-noslip-f32": scene(NOSLIP, options=SOFT, precision="f32", nstep=4),
+    "humanoids-implicit-newton": robot(HUMANOID, options=IMPLICIT | NEWTON),
+    "adhesion": scene(adhesion(reach="margin and gap"), offset=0.01, control=2),
+    "adhesion-soft": scene(adhesion(reach="margin and gap"), options=SOFT, offset=0.01, control=2),
+}
+"""Scenes of the golden trajectories, and settings that these lack. Their starts and controls are those of `inputs`."""
+READ = (
+    *(name for name in READINGS if name != "status"), "substeps", "error_estimate", "qacc", "qacc_smooth", "qfrc_bias", "qfrc_constraint",
+    "actuator_force", "body_contact_force", "xipos", "cinert", "cvel", "cfrc_ext", "subtree_com", "site_xpos", "geom_xquat", "body_angvel",
+)  # fmt: skip
 
 
-def start(envs: int = ENVS):
-    """Different states and controls for every environment: in the air at first, on the floor and moving after 32 calls."""
-    model, rng = mujoco_model(ROBOT), np.random.default_rng(1)
-    qpos, qvel = map(np.array, zip(*(random_state(model, rng, 1.0) for _ in range(envs)), strict=True))
-    qpos[:, 2] = rng.uniform(0.9, 1.3, envs)
-    return qpos, qvel, rng.uniform(-1, 1, (CALLS, envs, model.nu))
+@functools.cache
+def model_of(name: str) -> stepper.Model:
+    return CASES[name].model()
 
 
-def roll(sim: stepper.Stepper, controls, nstep: int = NSTEP):
-    for ctrl in controls:
-        sim.step(ctrl, nstep=nstep)
+@functools.cache
+def inputs(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Configurations, velocities and controls, different ones for every environment."""
+    case, model, random = CASES[name], model_of(name), Random(17)
+    qpos = model.qpos0 + random.uniform(-case.offset, case.offset, (N, model.nq))
+    qvel = random.uniform(-case.speed, case.speed, (N, model.nv))
+    return qpos, qvel, random.uniform(-case.control, case.control, (CALLS, N, model.nu))
+
+
+@functools.cache
+def parameters(name: str) -> dict:
+    """Parameters of the environments of a case that randomizes them."""
+    sim = stepper.Stepper(model_of(name), N)
+    if CASES[name].prepare is not None:
+        CASES[name].prepare(sim, Random(5))
+    return sim.randomized
+
+
+def stepper_of(name: str, envs, **settings) -> stepper.Stepper:
+    """Environments `envs` of a case, or the single one of a stepper without a leading axis."""
+    case, single = CASES[name], isinstance(envs, int)
+    index = np.arange(case.num_envs or 1).repeat(N)[:N][envs if not single else [envs]]
+    own = {key: value.chosen(index) if hasattr(value, "chosen") else value for key, value in case.settings.items()}
+    sim = stepper.Stepper(
+        model_of(name), None if single else len(envs), options=stepper.Options(**case.options), precision=case.precision, **own | settings
+    )
+    sim.randomize(**{field: values[envs] for field, values in parameters(name).items()})
     return sim
 
 
-def bits(*arrays) -> str:
-    """Digest of raw bytes."""
-    return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
-
-
-def everything(sim: stepper.Stepper, env=slice(None)) -> str:
-    """Bits of all that a step leaves behind."""
-    return bits(*(np.asarray(x)[env] for x in (sim.qpos, sim.qvel, sim.time, sim.residual, sim.iterations)))
-
-
-def batch(envs=slice(None), *, integrator: str = "midpoint", precision: str = "f64", threads: int = 1) -> stepper.Stepper:
-    """The environments `envs` of the start, after all calls."""
-    qpos, qvel, controls = start()
-    options = stepper.Options(integrator=integrator)
-    sim = stepper.Stepper(stepper_model(ROBOT), len(qpos[envs]), options=options, precision=precision, threads=threads)
+def begin(sim: stepper.Stepper, name: str, envs) -> stepper.Stepper:
+    qpos, qvel, _ = inputs(name)
     sim.set_state(qpos[envs], qvel[envs])
-    return roll(sim, controls[:, envs])
+    return sim
 
 
-@pytest.fixture(scope="module", params=[("f64", "midpoint"), ("f64", "euler"), ("f64", "rk4"), ("f32", "midpoint")], ids="-".join)
-def whole(request):
-    """Precision, integrator and the whole batch."""
-    precision, integrator = request.param
-    sim = batch(precision=precision, integrator=integrator)
-    assert sum(len(sim.contacts(env)) > 0 for env in range(ENVS)) > ENVS // 2
-    return precision, integrator, sim
+def roll(sim: stepper.Stepper, name: str, envs, calls=slice(None), nstep: int = NSTEP) -> stepper.Stepper:
+    for ctrl in inputs(name)[2][calls]:
+        sim.step(ctrl[envs], nstep=nstep)
+    return sim
 
 
-@pytest.mark.parametrize("envs", [[0], [5, 31, 2], list(range(8)), list(range(20, 29)), list(range(ENVS))[::-1]], ids=len)
-def test_batch_size_and_place_in_the_batch(whole, envs):
-    precision, integrator, sim = whole
-    part = batch(envs, precision=precision, integrator=integrator)
-    for here, there in enumerate(envs):
-        assert everything(part, here) == everything(sim, there)
-        assert contact_bits(part.contacts(here)) == contact_bits(sim.contacts(there))
+def run(name: str, envs, calls=slice(None), **settings) -> stepper.Stepper:
+    return roll(begin(stepper_of(name, envs, **settings), name, envs), name, envs, calls)
 
 
-def test_one_environment_alone(whole):
-    precision, integrator, sim = whole
-    qpos, qvel, controls = start()
-    alone = stepper.Stepper(stepper_model(ROBOT), options=stepper.Options(integrator=integrator), precision=precision)
-    alone.set_state(qpos[7], qvel[7])
-    roll(alone, controls[:, 7])
-    assert bits(alone.qpos, alone.qvel) == bits(sim.qpos[7], sim.qvel[7])
-    assert contact_bits(alone.contacts()) == contact_bits(sim.contacts(7))
+def bits(sim: stepper.Stepper, env: int | None = None) -> dict[str, bytes]:
+    """Raw bytes of all that can be read of an environment; None is the only one."""
+    own = {read: np.asarray(getattr(sim, read)) for read in READ}
+    own |= {count: np.asarray(own[count], np.uint32) for count in ("iterations", "substeps")}
+    own |= {"mass_matrix": sim.mass_matrix()} | {f"energy {k}": np.asarray(part) for k, part in enumerate(sim.energy())}
+    if sim.options.error is not None:
+        del own["actuator_saturation"]  # Counts of substeps depend on the environments beside.
+    if any(sim.model.actuator(k).trntype == "body" for k in range(sim.model.nu)):
+        del own["qacc_smooth"]  # Adhesion pulls on the contacts of environments beside.
+    found = {read: (value if env is None else value[env]).tobytes() for read, value in own.items()}
+    return found | {"contacts": contact_bits(sim.contacts(env or 0))}
 
 
-def test_threads(whole):
-    precision, integrator, sim = whole
-    assert everything(batch(precision=precision, integrator=integrator, threads=2)) == everything(sim)
+ALL = list(range(N))
 
 
-def test_nstep_is_as_many_calls(whole):
-    precision, integrator, sim = whole
-    qpos, qvel, controls = start()
-    single = stepper.Stepper(stepper_model(ROBOT), ENVS, options=stepper.Options(integrator=integrator), precision=precision)
-    single.set_state(qpos, qvel)
-    roll(single, np.repeat(controls, NSTEP, axis=0), nstep=1)
-    assert everything(single) == everything(sim)
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    """Name of a case, and its whole batch after all calls."""
+    whole = run(request.param, ALL)
+    assert np.isfinite(whole.qpos).all()
+    return request.param, whole
 
 
-def continuing(copy, sim: stepper.Stepper):
-    """Goes on with a simulation and with a copy of it made by `copy`; both must end with the same bits."""
-    other = copy(sim)
-    more = start()[2][::-1]
-    assert everything(roll(other, more)) == everything(roll(sim, more))
+def test_an_environment_has_the_same_bits_alone_and_anywhere_in_a_batch(case):
+    """Errors of sensors depend on the environment's number: with these, smaller batches have the first environments."""
+    name, whole = case
+    errs = "sensors" in CASES[name].settings
+    for envs in [ALL[:1], ALL[:3], 0] if errs else [[5], [18, 7, 2], ALL[::-1], 7]:
+        part = run(name, envs)
+        if isinstance(envs, int):
+            assert bits(part) == bits(whole, envs)
+            continue
+        for here, there in enumerate(envs):
+            assert bits(part, here) == bits(whole, there), (envs, there)
 
 
-def from_state(sim: stepper.Stepper) -> stepper.Stepper:
-    other = stepper.Stepper(sim.model, sim.num_envs, options=sim.options, precision=sim.precision)
-    other.step(np.ones(sim.model.nu), nstep=20)
-    other.set_state(pickle.loads(pickle.dumps(sim.get_state())))
-    return other
+def test_threads_change_no_bit(case):
+    name, whole = case
+    for threads in (2, 3):
+        other = run(name, ALL, threads=threads)
+        assert other.get_state() == whole.get_state()
+        assert bits(other) == bits(whole)
 
 
-@pytest.mark.parametrize("copy", [from_state, lambda sim: pickle.loads(pickle.dumps(sim))], ids=["state", "pickle"])
-def test_a_copy_continues_with_the_same_bits(whole, copy):
-    precision, integrator, _ = whole
-    continuing(copy, batch(precision=precision, integrator=integrator))
+def test_a_call_of_many_steps_is_as_many_calls(case):
+    name, whole = case
+    other = begin(stepper_of(name, ALL), name, ALL)
+    for ctrl in inputs(name)[2]:
+        status = np.zeros(N, np.uint32)
+        for _ in range(NSTEP):
+            other.step(ctrl)
+            status |= other.status
+    assert status.tolist() == whole.status.tolist()
+    for read in ("qpos", "qvel", "act", "residual", "sensordata"):
+        assert getattr(other, read).tobytes() == getattr(whole, read).tobytes(), read
 
 
-def test_the_saved_state_is_all_that_a_step_reads(whole):
-    """Going back and repeating gives the same bits, and the same saved state."""
-    precision, integrator, _ = whole
-    sim, more = batch(precision=precision, integrator=integrator), start()[2][::-1]
-    saved = sim.get_state()
-    first = roll(sim, more).get_state()
-    sim.set_state(saved)
-    assert sim.get_state() == saved
-    assert roll(sim, more).get_state() == first
+def test_a_rollout_is_as_many_calls(case):
+    name, whole = case
+    other = begin(stepper_of(name, ALL), name, ALL)
+    out = other.rollout(inputs(name)[2], nstep=NSTEP, fields=["qvel", "sensordata"])
+    for read, rows in list(out.items())[:2]:
+        assert rows[-1].tobytes() == getattr(whole, read).tobytes(), read
+    last = slice(3)
+    assert roll(other, name, ALL, last).get_state() == roll(run(name, ALL), name, ALL, last).get_state()
+
+
+def test_a_saved_state_and_a_pickle_go_on_with_the_same_bits(case):
+    """The state is all that a step reads: also in a stepper that did something else before, and after going back."""
+    name, whole = case
+    first, rest = slice(CALLS // 2), slice(CALLS // 2, None)
+    sim = run(name, ALL, first)
+    state, copy = pickle.loads(pickle.dumps(sim.get_state())), pickle.loads(pickle.dumps(sim))
+    other = roll(stepper_of(name, ALL, threads=2), name, ALL, slice(3))
+    other.set_state(state)
+    assert other.get_state() == state
+    for one in (sim, copy, other):
+        assert bits(roll(one, name, ALL, rest)) == bits(whole)
+        assert one.get_state() == whole.get_state()
+    sim.set_state(state)
+    assert roll(sim, name, ALL, rest).get_state() == whole.get_state()
+
+
+def test_a_masked_reset_leaves_nothing_behind_and_others_alone(case):
+    """Under the same seed an environment goes on as a new one, and those that were not reset as if nothing had happened."""
+    name, whole = case
+    first, rest, mask = slice(CALLS // 2), slice(CALLS // 2, None), np.arange(N) % 3 == 1
+    sim, new = run(name, ALL, first), stepper_of(name, ALL)
+    for one in (sim, new):
+        one.reset(mask, qpos=inputs(name)[0], seed=7)
+    roll(sim, name, ALL, rest)
+    roll(new, name, ALL, rest)
+    for env in ALL:
+        assert bits(sim, env) == bits(new if mask[env] else whole, env), env
+
+
+def test_a_recording_replays_bit_for_bit(case, tmp_path):
+    """From the middle of an episode, with a reset of some environments and parameters that change."""
+    name, _ = case
+    sim, mask = run(name, ALL, slice(3)), np.arange(N) % 2 == 0
+    with sim.record(tmp_path / "run"):
+        roll(sim, name, ALL, slice(3, 6))
+        sim.reset(mask, seed=11)
+        if model_of(name).nbody > 1:
+            sim.randomize(mask, gravity=np.linspace(-9, 0, N)[:, None] * [0.0, 0.0, 1.0])
+        roll(sim, name, ALL, slice(6, 9))
+        sim.randomize()
+        roll(sim, name, ALL, slice(9, 11))
+    assert stepper.recording.verify(tmp_path / "run", threads=2).difference is None
+
+
+ROBOTS = "humanoids"
 
 
 def digest(threads: int) -> str:
     """What a child process answers."""
-    return everything(batch(threads=threads))
+    return run(ROBOTS, ALL, threads=threads).get_state().bytes.hex()
 
 
 @pytest.mark.parametrize("method", ["fork", "spawn"])
@@ -140,29 +231,28 @@ def test_other_processes(method):
 
 
 def test_a_simulation_with_a_running_pool_survives_a_fork():
-    sim, more = batch(threads=2), start()[2][::-1]
-    expected = everything(roll(pickle.loads(pickle.dumps(sim)), more))
+    sim = run(ROBOTS, ALL, threads=2)
+    expected = roll(pickle.loads(pickle.dumps(sim)), ROBOTS, ALL).qpos.tobytes()
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
         try:
-            os.write(writer, everything(roll(sim, more)).encode())
+            os.write(writer, b"same" if roll(sim, ROBOTS, ALL).qpos.tobytes() == expected else b"other")
         finally:
             os._exit(0)
     os.close(writer)
-    assert os.read(reader, 64).decode() == expected
+    assert os.read(reader, 64) == b"same"
     os.waitpid(child, 0)
-    assert everything(roll(sim, more)) == expected
+    assert roll(sim, ROBOTS, ALL).qpos.tobytes() == expected
 
 
 _HERE = Path(__file__).parent
 HELPERS = os.pathsep.join(map(str, (_HERE, _HERE.parent, _HERE.parent / "helpers")))
 """Search path of another process that imports this module."""
 LEVELS = """
-import stepper
-from test_determinism import batch, bits
-print(bits(*(x for p, i in [("f64", "midpoint"), ("f64", "rk4"), ("f32", "midpoint")]
-    for sim in [batch(precision=p, integrator=i)] for x in (sim.qpos, sim.qvel))))
+import hashlib
+from test_determinism import ALL, run
+print(*(hashlib.sha256(run(name, ALL).get_state().bytes).hexdigest() for name in ("humanoids", "humanoids-rk4", "humanoids-f32")))
 """
 
 
@@ -189,12 +279,12 @@ def test_an_unknown_cpu_level_is_refused():
 
 def test_f32_stays_near_f64():
     """A tenth of a second in the air: single precision rounds by 6e-8 of positions of order 1 m, 20 times."""
-    qpos, qvel, controls = start()
     ends = []
     for precision in ("f64", "f32"):
-        sim = stepper.Stepper(stepper_model(ROBOT), ENVS, precision=precision)
+        sim = stepper.Stepper(model_of(ROBOTS), N, precision=precision)
+        qpos, qvel, _ = inputs(ROBOTS)
         sim.set_state(qpos + np.eye(qpos.shape[1])[2] * 10, qvel)
-        ends.append(roll(sim, controls[:4]))
+        ends.append(roll(sim, ROBOTS, ALL, slice(4), nstep=5))
     assert ends[1].qpos.dtype == np.float32
     assert np.abs(ends[0].qpos - ends[1].qpos).max() < 1e-3
     assert not np.array_equal(ends[0].qpos, ends[1].qpos)

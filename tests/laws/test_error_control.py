@@ -70,33 +70,6 @@ def test_the_error_of_a_step_with_an_elastic_impact_is_kept():
     assert np.isnan(plain.error_estimate).all() and (plain.substeps == 0).all()
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_the_bits_of_an_environment_do_not_depend_on_its_neighbours(precision):
-    model, states = stepper.load(BOX.format(h=0.01, more="")), thrown(11)
-    options = Options(error=E)
-    batch = stepper.Stepper(model, 11, options=options, precision=precision)
-    batch.set_state(**states)
-    batch.step(nstep=120)
-    assert len(set(batch.substeps)) > 1
-    for env in range(11):
-        alone = stepper.Stepper(model, 1, options=options, precision=precision)
-        alone.set_state(**{name: rows[env] for name, rows in states.items()})
-        alone.step(nstep=120)
-        assert np.array_equal(alone.qpos, batch.qpos[env : env + 1]) and np.array_equal(alone.qvel, batch.qvel[env : env + 1])
-        assert (alone.substeps[0], alone.error_estimate[0]) == (batch.substeps[env], batch.error_estimate[env])
-
-
-def test_a_state_that_is_saved_goes_on_with_the_same_bits():
-    model, states = stepper.load(BOX.format(h=0.01, more="")), thrown(5)
-    one, other = (stepper.Stepper(model, 5, options=Options(error=E)) for _ in range(2))
-    one.set_state(**states)
-    one.step(nstep=60)
-    other.set_state(one.get_state())
-    for sim in (one, other):
-        sim.step(nstep=60)
-    assert np.array_equal(one.qpos, other.qpos)
-
-
 def test_forces_are_those_of_the_whole_step():
     """A box at rest presses on the floor with its weight, and a moving arm has the impulses of its limits, whatever the substeps."""
     model = stepper.load(BOX.format(h=0.01, more=""))

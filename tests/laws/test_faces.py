@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import stepper
 from models import random_quaternion
+from rotations import about, matrix, product
 from stepper import Options
 
 HALF = np.array([0.05, 0.04, 0.02])
@@ -14,29 +15,15 @@ MJCF = f"""<mujoco><option gravity="0 0 0"/><worldbody>
 </worldbody></mujoco>"""
 
 
-def rotation(quat: np.ndarray) -> np.ndarray:
-    """Rotation matrix of a unit quaternion (w, x, y, z)."""
-    w, v = quat[0], quat[1:]
-    cross = np.cross(v, np.eye(3), axisb=0, axisc=0)
-    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
-
-
-def spun(quat: np.ndarray, angle: float) -> np.ndarray:
-    """A unit quaternion (w, x, y, z), turned first by an angle (rad) about its own z axis."""
-    w, x, y, z = quat
-    c, s = np.cos(angle / 2), np.sin(angle / 2)
-    return np.array([w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s])
-
-
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_a_box_that_lies_on_a_box_touches_it_with_four_corners(precision):
     rng, n = np.random.default_rng(0), 256
     qpos, qvel = np.zeros((n, 14)), np.zeros((n, 12))
     for q, v in zip(qpos, qvel, strict=True):
         quat = random_quaternion(rng)
-        q[3:7], q[10:] = quat, spun(quat, rng.uniform(-0.3, 0.3))
-        q[7:10] = rotation(quat) @ [0.01, -0.005, 2 * HALF[2]]
-        v[6:9] = -0.1 * rotation(quat)[:, 2]
+        q[3:7], q[10:] = quat, product(quat, about([0, 0, 1], rng.uniform(-0.3, 0.3)))
+        q[7:10] = matrix(quat) @ [0.01, -0.005, 2 * HALF[2]]
+        v[6:9] = -0.1 * matrix(quat)[:, 2]
     sim = stepper.Stepper(stepper.load(MJCF), n, options=Options(timestep=1e-3), precision=precision)
     sim.set_state(qpos=qpos, qvel=qvel)
     sim.step()

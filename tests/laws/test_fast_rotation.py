@@ -95,23 +95,6 @@ def test_a_top_precesses_with_a_constant_spin(top, kind, turn, wobble, timestep,
     assert abs(np.hypot(w[0], w[1]) - wobble) < rounding
 
 
-@pytest.mark.parametrize("timestep, gap", [(5e-3, 1e-3), (1e-2, 1e-2)])
-def test_a_spinning_ball_flies_over_a_box(timestep, gap):
-    # With a touch at every large rotation: (3.705, 0, 1.042) and (3.98, 0, 0.724) m/s.
-    world = f'<geom type="box" size=".1 .1 .1" pos="0 0 -.1"/><body pos="-.5 0 {0.02 + gap}"><freejoint/><geom size=".02" mass="1"/></body>'
-    sim = stepper_of(world, timestep)
-    assert fly(sim, [4, 0, 0, 0, 200, 0], 1.0) < 1e-12  # Rounding.
-
-
-@pytest.mark.parametrize("gap", [1e-4, 2e-4, 4e-4])
-@pytest.mark.parametrize("other", ["sphere", "capsule"])
-@pytest.mark.parametrize("spin", [-50.0, 50.0])
-def test_a_spinning_ball_that_grazes_a_round_geom_keeps_its_velocity(gap, other, spin):
-    # With the contact point's velocity as that of the centre: (3.861, 0, 0.111) m/s.
-    world = OBSTACLES[other] + f'<body pos="-.2 0 {0.02 + gap}"><freejoint/><geom size=".02" mass="1"/></body>'
-    assert fly(stepper_of(world, 2e-3), [4, 0, 0, 0, spin, 0], 0.6) < 1e-12  # Rounding.
-
-
 def test_a_ball_that_grazes_a_conveyor_keeps_its_velocity():
     """The velocity of the conveyor's surface moves neither geom."""
     roller = '<geom type="capsule" size=".1 .2" pos=".1 0 -.1" euler="90 0 0" surfacevel="0 40 0 0 0 0"/>'

@@ -1,7 +1,5 @@
 """Contacts whose normal passes through a joint, so that no motion can open or close them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import stepper

@@ -444,56 +444,31 @@ SLIDE = '<body pos="0 0 .1"><joint name="x" type="slide" axis="{axis}" {more}/><
 MOTOR = '<actuator><motor joint="x"/></actuator>'
 
 
-def sliding(axis="1 0 0", more="", friction="", drive=MOTOR, **settings):
-    return scene(SLIDE.format(axis=axis, more=more, friction=friction), more=drive, **settings)
+def sliding(axis="1 0 0", more="", friction="", drive=MOTOR, body=SLIDE, **settings):
+    return scene(body.format(axis=axis, more=more, friction=friction), more=drive, **settings)
 
 
-def held(lin, name, kink):
-    """The flags of the only column of a block that are this kink, in every environment."""
+SERVO = '<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>'
+LIMITED, SMOOTH = 'range="-1 1" limited="true"', 'friction="0 0 0"'
+UPRIGHT = SLIDE.replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
+
+
+@pytest.mark.parametrize(("model", "options", "qpos", "ctrl", "name", "kink"), [
+    pytest.param(sliding(drive=SERVO), {}, None, [[0.05], [0.02]], "ctrl", Kink.SATURATION, id="servo that asks for its 5 N"),
+    pytest.param(sliding(more='frictionloss="1"'), {}, None, [[1.0], [0.5]], "ctrl", Kink.DRY_FRICTION, id="dry friction that just holds"),
+    pytest.param(sliding(more=LIMITED), {"contact": "mujoco"}, [[1 - 1e-7], [0.5]], None, "qpos", Kink.LIMIT, id="limit, inside"),
+    pytest.param(sliding(more=LIMITED), {"contact": "mujoco"}, [[1 + 1e-7], [0.5]], None, "qpos", Kink.LIMIT, id="limit, outside"),
+    pytest.param(sliding(body=UPRIGHT, friction='friction=".5 0 0"', floor=SMOOTH), AT_REST, None, [[0.5 * G], [1.0]], "qvel", Kink.SLIP,
+                 id="friction of half the weight that just sticks"),
+    pytest.param(sliding("0 0 1", friction=SMOOTH, floor=SMOOTH), AT_REST, None, [[G], [1.0]], "ctrl", Kink.CONTACT,
+                 id="contact that a motor takes all the weight from"),
+])  # fmt: skip
+def test_a_column_is_flagged_in_the_environment_that_is_at_the_kink(*, model, options, qpos, ctrl, name, kink):
+    sim = stepper.Stepper(model, 2, options=Options(integrator="euler", **options))
+    sim.set_state(qpos)
+    lin = sim.linearize(ctrl=ctrl)
     assert lin.kink_distance[0] <= 1.0
-    return (lin.kinks[name][:, 0] & int(kink)) != 0
-
-
-def test_a_saturated_actuator_is_a_kink():
-    servo = '<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>'
-    sim = stepper.Stepper(sliding(drive=servo), 2, options=Options(integrator="euler"))
-    # The bound of the force is where the servo asks for 5 N.
-    lin = sim.linearize(ctrl=[[0.05], [0.02]])
-    np.testing.assert_array_equal(held(lin, "ctrl", Kink.SATURATION), [True, False])
-    assert not lin.near_kink[1]
-
-
-def test_dry_friction_that_just_holds_is_a_kink():
-    sim = stepper.Stepper(sliding(more='frictionloss="1"'), 2, options=Options(integrator="euler"))
-    lin = sim.linearize(ctrl=[[1.0], [0.5]])
-    np.testing.assert_array_equal(held(lin, "ctrl", Kink.DRY_FRICTION), [True, False])
-    assert not lin.near_kink[1]
-
-
-@pytest.mark.parametrize("side", [1 - 1e-7, 1 + 1e-7])
-def test_a_limit_is_a_kink(side):
-    model = sliding(more='range="-1 1" limited="true"')
-    sim = stepper.Stepper(model, 2, options=Options(integrator="euler", contact="mujoco"))
-    sim.set_state([[side], [0.5]])
-    lin = sim.linearize()
-    np.testing.assert_array_equal(held(lin, "qpos", Kink.LIMIT), [True, False])
-    assert not lin.near_kink[1]
-
-
-def test_a_contact_that_just_sticks_is_a_kink():
-    body = SLIDE.format(axis="1 0 0", more="", friction='friction=".5 0 0"').replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
-    sim = stepper.Stepper(scene(body, floor='friction="0 0 0"', more=MOTOR), 2, options=Options(integrator="euler", **AT_REST))
-    # At the bound of friction: half the weight of 1 kg.
-    lin = sim.linearize(ctrl=[[0.5 * G], [1.0]])
-    np.testing.assert_array_equal(held(lin, "qvel", Kink.SLIP), [True, False])
-    assert not lin.near_kink[1]
-
-
-def test_a_contact_that_just_pushes_is_a_kink():
-    model = sliding("0 0 1", friction='friction="0 0 0"', floor='friction="0 0 0"')
-    # A motor that carries all of the weight, or a part.
-    lin = stepper.Stepper(model, 2, options=Options(integrator="euler", **AT_REST)).linearize(ctrl=[[G], [1.0]])
-    np.testing.assert_array_equal(held(lin, "ctrl", Kink.CONTACT), [True, False])
+    np.testing.assert_array_equal(lin.kinks[name][:, 0] & int(kink) != 0, [True, False])
     assert not lin.near_kink[1]
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from near_misses import ASSETS, MOVERS, OBSTACLES, ROUNDING, Floor, fly, scene_xml
 
@@ -51,25 +51,6 @@ def test_two_flying_bodies_pass_each_other(first, second, flyby):
     assert fly(stepper_of(world, timestep, solver), v, 0.4) < ROUNDING[solver[1]]
 
 
-HALF_CUBE = '<geom type="box" size=".5 .5 .5" pos=".5 0 -.5"/>'
-
-
-def test_a_ball_keeps_its_speed_a_millimetre_above_a_box():
-    # With the row of the nearest edge active: 2.71 m/s, and 0.57 m/s upwards.
-    world = HALF_CUBE + '<body pos="-.3 0 .021"><freejoint/><geom type="sphere" size=".02" mass="1"/></body>'
-    sim = stepper_of(world, 5e-3, ("midpoint", "f64"))
-    fly(sim, [4, 0, 0, 0, 0, 0], 1.2)
-    np.testing.assert_allclose(sim.qvel, [4, 0, 0, 0, 0, 0], atol=1e-12)  # Rounding.
-
-
-def test_a_box_does_not_turn_above_a_box():
-    # With the rows of the nearest edges active: 2.06 m/s and 72 rad/s.
-    world = HALF_CUBE + '<body pos="-.3 0 .0215"><freejoint/><geom type="box" size=".02 .02 .02" mass="1"/></body>'
-    sim = stepper_of(world, 1e-3, ("midpoint", "f64"))
-    fly(sim, [4, 0, 0, 0, 0, 0], 1.2)
-    np.testing.assert_allclose(sim.qvel, [4, 0, 0, 0, 0, 0], atol=1e-12)  # Rounding.
-
-
 Step = tuple[float, float, str]
 """Time step, s; first position, m; integrator."""
 
@@ -111,26 +92,12 @@ def test_a_body_slides_over_the_seams_of_tiles(mover, kind, timestep, speed):
     check_slide(Floor(kind), mover, speed, (timestep, 0.0, "midpoint"))
 
 
-@given(st.sampled_from(SLIDERS), st.sampled_from(KINDS), st.floats(0.5, 3.0), st.floats(-0.05, 0.05))
-def test_a_body_slides_over_the_seams_from_anywhere(mover, kind, speed, start):
-    check_slide(Floor(kind), mover, speed, (5e-3, start, "midpoint"))
-
-
-def test_a_lying_cylinder_is_not_stopped_by_the_error_of_the_prediction():
-    # The predicted motion sinks by 15 um, and so meets the edge of the next tile: 94 % of the speed was kept.
-    check_slide(Floor("mixed"), "lying cylinder", 0.5, (5e-3, 0.0, "midpoint"))
-
-
 floors = st.builds(Floor, st.sampled_from(KINDS), st.floats(0.03, 0.2), st.floats(-40.0, 40.0) | st.just(0.0))
 steps = st.tuples(st.sampled_from([1e-3, 2e-3, 5e-3, 1e-2]), st.floats(-0.05, 0.05), st.sampled_from(INTEGRATORS))
 
 
-@given(st.builds(Floor, st.just("mixed"), st.floats(0.03, 0.2)), steps, st.sampled_from([0.5, 1.0]))
-def test_a_lying_cylinder_slides_over_mixed_tiles(floor, step, speed):
-    check_slide(floor, "lying cylinder", speed, step)
-
-
 @given(floors, st.sampled_from(SLIDERS), steps, st.floats(0.5, 4.0))
+@example(Floor("mixed"), "lying cylinder", (5e-3, 0.0, "midpoint"), 0.5)  # The predicted motion sinks by 15 um: 94 % were kept.
 def test_a_body_slides_over_tiles_of_any_width_and_direction(floor, mover, step, speed):
     check_slide(floor, mover, speed, step)
 

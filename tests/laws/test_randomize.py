@@ -5,13 +5,10 @@ operations with them, so that not even rounding may differ.
 """
 
 import functools
-import pickle
 
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from meadow import FIELDS, MEADOW
 from models import contact_bits, stepper_model
 
@@ -81,23 +78,6 @@ def test_all_fields_together(scene, integrator, precision):
     for env in (3, N - 1):
         own = stepper.Stepper(model.replace(**{name: values[env] for name, values in fields.items()}), options=options, precision=precision)
         assert everything(sim, env) == everything(roll(own, env), None), env
-
-
-@functools.cache
-def whole() -> stepper.Stepper:
-    sim = stepper.Stepper(meadow(), N)
-    sim.randomize(**draw(meadow(), FIELDS))
-    return roll(sim)
-
-
-@settings(max_examples=25, deadline=None)
-@given(envs=st.lists(st.integers(0, N - 1), min_size=1, max_size=20), threads=st.integers(1, 3))
-def test_place_batch_and_threads_change_no_bit(envs, threads):
-    part = stepper.Stepper(meadow(), len(envs), threads=threads)
-    part.randomize(**{name: values[envs] for name, values in draw(meadow(), FIELDS).items()})
-    roll(part, envs)
-    for here, there in enumerate(envs):
-        assert everything(part, here) == everything(whole(), there)
 
 
 def test_a_crowd():
@@ -171,56 +151,6 @@ def test_none_gives_the_models_numbers_back():
     assert again() == plain
 
 
-def test_reset_and_set_state_leave_parameters():
-    model = meadow()
-    sim = stepper.Stepper(model, N)
-    sim.randomize(**draw(model, FIELDS))
-    fresh = sim.get_state()
-    roll(sim)
-    first = [everything(sim, env) for env in range(N)]
-    for again in (sim.reset, lambda: sim.set_state(fresh)):
-        again()
-        roll(sim)
-        assert [everything(sim, env) for env in range(N)] == first
-
-
-@pytest.mark.parametrize("num_envs", [None, N])
-def test_pickles_have_parameters(num_envs):
-    model = meadow()
-    fields = draw(model, FIELDS)
-    sim = stepper.Stepper(model, num_envs)
-    sim.randomize(**(fields if num_envs else {name: values[0] for name, values in fields.items()}))
-    sim.step(nstep=20)
-    other = pickle.loads(pickle.dumps(sim))
-    assert other.randomized.keys() == sim.randomized.keys()
-    for one in (sim, other):
-        one.step(nstep=20)
-    env = None if num_envs is None else 3
-    assert everything(sim, env) == everything(other, env)
-
-
-@pytest.mark.parametrize("num_envs", [None, N])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_recordings_have_parameters(tmp_path, num_envs, precision):
-    """Also those that were there before, and what changes on the way."""
-    model = meadow()
-    own = (lambda x: x) if num_envs else (lambda x: x[0])
-    fields, later = draw(model, FIELDS), draw(model, ["body_mass", "geom_friction"], seed=1)
-    sim = stepper.Stepper(model, num_envs, precision=precision)
-    sim.randomize(**{name: own(values) for name, values in fields.items()})
-    mask = np.arange(num_envs or 1) % 2 == 0
-    with sim.record(tmp_path / "run"):
-        for k in range(12):
-            sim.step(nstep=4)
-            if k == 3:
-                sim.randomize(mask, **{name: own(values) for name, values in later.items()})
-            if k == 6:
-                sim.randomize(gravity=None, body_mass=own(later["body_mass"]))
-            if k == 9:
-                sim.randomize()
-    assert stepper.recording.verify(tmp_path / "run", threads=2)
-
-
 def test_memory_is_that_of_what_differs():
     model = stepper_model("dm_control/humanoid")
     sim = stepper.Stepper(model, 64)
@@ -250,12 +180,8 @@ def test_frictions_ranges_and_gains_may_vanish():
     ("fields", "parts"),
     [
         ({"body_mass": np.ones((4, 3))}, ["body_mass has shape (4, 3), must be (4, 11)"]),
-        ({"gravity": np.ones(3)}, ["gravity has shape (3,), must be (4, 3)", "np.broadcast_to(value, (4, 3))"]),
-        ({"colour": np.ones(4)}, ["no field 'colour'", "help(stepper.Stepper.randomize)"]),
         ({"timestep": np.ones(4)}, ["no field 'timestep'", "all environments of a stepper share", "model.replace(timestep=...)"]),
         ({"timestep": None}, ["no field 'timestep'", "all environments of a stepper share"]),
-        ({"eq_active": True}, ["no field 'eq_active'", "a stepper.Stepper has it, as sim.eq_active"]),
-        ({"geom_friction": 0.3}, ["geom_friction is 0.3 (float), a single number, must be an array of shape (4, "]),
         ({"body_mass": ("body_mass", (2, 1), -1.0)}, ["environment 2", 'body "ball"', "mass is -1 kg"]),
         ({"body_mass": ("body_mass", (2, 1), 0.0)}, ["environment 2", 'body "ball"', "body_mass is 0 kg", "give a mass above 0"]),
         ({"gravity": ("gravity", (3, 2), np.nan)}, ["environment 3", "gravity", "NaN"]),
@@ -280,11 +206,6 @@ def test_errors_name_field_environment_and_remedy(fields, parts):
     for part in parts:
         assert part in str(error.value)
     assert sim.randomized == {}
-
-
-def test_a_mask_has_one_entry_per_environment():
-    with pytest.raises(ValueError, match=r"envs has shape \(3,\), must be \(4,\)"):
-        stepper.Stepper(meadow(), 4).randomize([True] * 3, gravity=np.zeros((4, 3)))
 
 
 def test_rows_without_the_mask_are_not_read():

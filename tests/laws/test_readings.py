@@ -3,8 +3,6 @@
 Bounds of statistics are five standard deviations of the estimator, which the seed's own draw stays within, once and for all.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import stepper

@@ -1,7 +1,5 @@
 """Contacts that no impulse can stop: slow approaches are at rest, faster ones and growing overlaps are reported."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import stepper

@@ -8,7 +8,6 @@ backward Euler's removes it. What is damped and not resolved dies out with eithe
 import numpy as np
 import pytest
 import stepper
-from golden import scenes
 from models import simulate
 from numerics import slope
 from scipy.linalg import expm
@@ -296,27 +295,6 @@ def test_ball_and_free_joint_springs_are_stable(stiffness, integrator):
             sim.step()
             # The rotation spring is linear to second order in the angle of a step.
             assert sum(sim.energy()) < start * 1.1
-
-
-def test_saturation_does_not_depend_on_other_environments():
-    """Servos of one environment that do not settle leave the record of the others as it is."""
-    model, n = stepper.load(scenes.ARM), 16
-    rng = np.random.default_rng(0)
-    qpos, qvel = 0.3 * rng.normal(size=(n, model.nq)), 20.0 * rng.normal(size=(n, model.nv))
-    controls = 3.0 * rng.normal(size=(20, n, model.nu))
-
-    def roll(envs):
-        sim = stepper.Stepper(model, len(envs))
-        sim.set_state(qpos[envs], qvel[envs])
-        for ctrl in controls:
-            sim.step(ctrl[envs])
-            yield sim.status, sim.actuator_saturation, sim.qvel
-
-    alone = [roll([env]) for env in range(n)]
-    for together in roll(list(range(n))):
-        for env, own in enumerate(alone):
-            for batch, single in zip(together, next(own), strict=True):
-                assert np.array_equal(batch[env], single[0])
 
 
 @pytest.mark.parametrize("integrator", ["midpoint", "euler", "implicit"])

@@ -1,10 +1,10 @@
 """The motion does not depend on where the scene stands, which way it faces, its mirror image, or the order of its bodies."""
 
-import mujoco
 import numpy as np
 import pytest
 from heaps import Heap, heap
 from models import simulate
+from rotations import about, matrix, product
 
 # Solved far below what is compared, so that only rounding is left of the order in which contacts are visited.
 SETTINGS = {"timestep": 2e-3, "iterations": 20_000, "tolerance": 1e-13}
@@ -13,29 +13,9 @@ SHAPES = [("sphere", 0.1, 1.0), ("capsule", 0.08, 0.5), ("sphere", 0.12, 2.0), (
 TILT = 0.1  # rad, of the floor about the y axis: heaps slide and roll.
 
 
-def rotation(axis: str, angle: float) -> np.ndarray:
-    """Quaternion about a world axis."""
-    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.array([axis == c for c in "xyz"]))])
-
-
-def turned(quat: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (n, 3) rotated."""
-    out = np.zeros_like(vectors)
-    for row, vector in zip(out, vectors, strict=True):
-        mujoco.mju_rotVecQuat(row, vector, quat)
-    return out
-
-
-def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Product of quaternions."""
-    out = np.zeros(4)
-    mujoco.mju_mulQuat(out, a, b)
-    return out
-
-
 def end_of(scene: Heap, qpos=None, qvel=None, *, order=None, floor: np.ndarray | None = None, origin=(0, 0, 0), steps=STEPS, **options):
     """The state after some steps on a tilted floor, (n, 7) and (n, 6); contacts have acted."""
-    tilt = rotation("y", TILT) if floor is None else floor
+    tilt = about([0, 1, 0], TILT) if floor is None else floor
     text = scene.xml(order, 'pos="{} {} {}" quat="{} {} {} {}"'.format(*origin, *tilt.tolist()))
     sim = simulate(text, **(SETTINGS | options))
     sim.set_state((scene.qpos if qpos is None else qpos).ravel(), (scene.qvel if qvel is None else qvel).ravel())
@@ -67,16 +47,16 @@ def assert_same(found, expected, tolerance=CLOSE):
 def test_turning_about_the_vertical(case):
     """Everything turned by 1 rad and moved: the end is turned and moved."""
     scene, integrator, (qpos, qvel) = case
-    turn, origin = rotation("z", 1.0), np.array([3.0, -2.0, 1.0])
+    turn, origin = about([0, 0, 1], 1.0), np.array([3.0, -2.0, 1.0])
 
     def move(q, v):
         q, v = q.copy(), v.copy()
-        q[:, :3] = turned(turn, q[:, :3]) + origin
+        q[:, :3] = q[:, :3] @ matrix(turn).T + origin
         q[:, 3:] = [product(turn, quat) for quat in q[:, 3:]]
-        v[:, :3] = turned(turn, v[:, :3])
+        v[:, :3] = v[:, :3] @ matrix(turn).T
         return q, v
 
-    floor = product(turn, rotation("y", TILT))
+    floor = product(turn, about([0, 1, 0], TILT))
     found = end_of(scene, *move(scene.qpos, scene.qvel), floor=floor, origin=origin.tolist(), integrator=integrator)
     assert_same(found, move(qpos, qvel))
 

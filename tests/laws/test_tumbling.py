@@ -6,29 +6,12 @@ Mechanics, section 37), so the flips are periodic. Explicit gyroscopic terms gai
 
 import numpy as np
 import pytest
+from atlas.scenes.flight import ENERGY, I1, I2, I3, L2, PERIOD, SPIN, TOUCH, omega
 from models import simulate
 from numerics import slope
-from scipy.special import ellipj, ellipk
 
-I1, I2, I3 = 0.010, 0.020, 0.026
-SPIN, TOUCH = 5.0, 0.05  # rad/s about the middle axis, and about the third
 BODY = f"""<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>
   <inertial pos="0 0 0" mass="1" diaginertia="{I1} {I2} {I3}"/></body></worldbody></mujoco>"""
-
-ENERGY = (I2 * SPIN**2 + I3 * TOUCH**2) / 2
-L2 = (I2 * SPIN) ** 2 + (I3 * TOUCH) ** 2
-RATE = np.sqrt((I3 - I2) * (L2 - 2 * ENERGY * I1) / (I1 * I2 * I3))
-M = (I2 - I1) * (2 * ENERGY * I3 - L2) / ((I3 - I2) * (L2 - 2 * ENERGY * I1))
-PERIOD = 4 * ellipk(M) / RATE
-
-
-def omega(t: float) -> np.ndarray:
-    """Angular velocity in the body's axes; at t = 0 it is (0, SPIN, TOUCH), a quarter of a period into the functions."""
-    sn, cn, dn, _ = ellipj(ellipk(M) + RATE * t, M)
-    a1 = np.sqrt((2 * ENERGY * I3 - L2) / (I1 * (I3 - I1)))
-    a2 = np.sqrt((2 * ENERGY * I3 - L2) / (I2 * (I3 - I2)))
-    a3 = np.sqrt((L2 - 2 * ENERGY * I1) / (I3 * (I3 - I1)))
-    return np.array([a1 * cn, a2 * sn, a3 * dn])
 
 
 def spun(dt: float, integrator: str, seconds: float):

@@ -1,7 +1,5 @@
 """Distances and normals of every pair of shapes against MuJoCo's, meshes and height fields included."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

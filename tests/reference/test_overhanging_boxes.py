@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from rotations import about, product
 
 SCENE = """
 <mujoco>
@@ -24,12 +25,9 @@ def poses(aside: float, tilt: float, count: int) -> np.ndarray:
     qpos = np.zeros((count, 14))
     qpos[:, 3] = 1.0
     for row in qpos:
-        axis, turn, inclined, both = rng.normal(size=2), np.zeros(4), np.zeros(4), np.zeros(4)
-        axis /= np.linalg.norm(axis)
-        mujoco.mju_axisAngle2Quat(turn, np.array([0.0, 0.0, 1.0]), rng.uniform(-0.3, 0.3))
-        mujoco.mju_axisAngle2Quat(inclined, np.array([*axis, 0.0]), tilt)
-        mujoco.mju_mulQuat(both, inclined, turn)
-        row[7:10], row[10:] = (0.003, aside, 0.025 - DEPTH), both
+        axis = rng.normal(size=2)
+        turn, inclined = about([0, 0, 1], rng.uniform(-0.3, 0.3)), about([*axis / np.linalg.norm(axis), 0], tilt)
+        row[7:10], row[10:] = (0.003, aside, 0.025 - DEPTH), product(inclined, turn)
     return qpos
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, forward, random_quaternion, random_state
+from rotations import matrix
 
 BOUND = 1e-9
 """m: what rounding makes of scenes of some metres, rays that nearly graze included, is below 1e-10."""
@@ -152,7 +153,7 @@ def test_range_finders_see_a_field():
     assert met > 30
     # The same rays asked of the batch.
     sites = [model.site(m.site(int(s)).name).id for s in m.sensor_objid[finders]]
-    z = np.array([[mujoco_matrix(quat)[:, 2] for quat in quats] for quats in np.asarray(sim.site_xquat)[:, sites]])
+    z = np.array([[matrix(quat)[:, 2] for quat in quats] for quats in np.asarray(sim.site_xquat)[:, sites]])
     asked, _ = sim.rays(np.asarray(sim.site_xpos)[:, sites], z, exclude=int(m.site_bodyid[m.sensor_objid[finders][0]]))
     np.testing.assert_allclose(asked, np.asarray(sim.sensordata_ideal)[:, columns], rtol=0, atol=BOUND)
 
@@ -197,7 +198,7 @@ def test_axes_around_a_body():
     sim, rays = crowd(4)
     quat, pos, at = np.asarray(sim.xquat)[:, 5], np.asarray(sim.xpos)[:, 5], 0.3 * rays
     assert sim.model.body("ball").id == 5
-    turn = np.array([mujoco_matrix(q) for q in quat])
+    turn = np.array([matrix(q) for q in quat])
     x = turn[:, :, 0]
     ahead = x * [1, 1, 0] / np.linalg.norm(x[:, :2], axis=1, keepdims=True)
     left = np.stack([-ahead[:, 1], ahead[:, 0], 0 * ahead[:, 0]], axis=1)
@@ -207,12 +208,6 @@ def test_axes_around_a_body():
         found = sim.rays(at, rays, body="ball", axes=axes)
         np.testing.assert_allclose(found[0], expected[0], rtol=0, atol=1e-11)
         np.testing.assert_array_equal(found[1], expected[1])
-
-
-def mujoco_matrix(quat):
-    out = np.empty(9)
-    mujoco.mju_quat2Mat(out, quat)
-    return out.reshape(3, 3)
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])

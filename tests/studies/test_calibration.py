@@ -1,7 +1,5 @@
 """`stepper calibrate`: known smallest sets, certificates that hold and that fail, and fits to recordings."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

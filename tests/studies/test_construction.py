@@ -46,6 +46,8 @@ def words(measure):
             ValueError,
             ["parameter 'm'", "body_mas", "did you mean body_mass"],
         ),
+        ({"seed": -1}, ValueError, ["seed is -1, must be a whole number of at least 0"]),
+        ({"precision": "f16"}, ValueError, ["did you mean"]),
         ({"parameters": {"d": Parameter("sensor.delay[angel]", low=0, high=1)}}, ValueError, ["parameter 'd'", "did you mean angle"]),
         ({"parameters": {"d": Parameter("actuator.delay[sevro]", low=0, high=1)}}, ValueError, ["parameter 'd'", "did you mean servo"]),
     ],
@@ -54,6 +56,10 @@ def test_what_is_wrong_is_named_at_once(given, kind, parts):
     for model in (ARM, stepper.load(ARM), lambda: ARM):
         with pytest.raises(kind) as error:
             Study(model=model, **given)
+        assert all(part in str(error.value) for part in parts), str(error.value)
+    if "outcome" not in given:
+        with pytest.raises(kind) as error:
+            replace(Study(model=ARM), **given)
         assert all(part in str(error.value) for part in parts), str(error.value)
 
 
@@ -115,27 +121,11 @@ def test_values_of_parameters_are_numbers(given, message):
         Parameter("gravity[2]", **({"low": -10.0, "high": -9.0} | given))
 
 
-def test_a_seed_is_not_negative():
-    with pytest.raises(ValueError, match="seed is -1, must be a whole number of at least 0"):
-        Study(model=ARM, seed=-1)
-
-
 def test_settings_of_mujoco_run():
     every = {"integrator": "implicitfast", "cone": "elliptic", "solver": "newton", "impratio": 2, "noslip_iterations": 0, "iterations": 9}
     study = Study(model=ARM, settings={"other": {"engine": "mujoco", "tolerance": 0, "timestep": 0.001} | every}, seconds=0.1)
     used = study.episode(setting="other")["settings"]
     assert {name: used[name] for name in every} == every
-
-
-def test_the_precision_of_a_study_is_checked():
-    with pytest.raises(ValueError, match="did you mean"):
-        Study(model=ARM, precision="f16")
-
-
-def test_a_copy_with_a_wrong_name_is_refused_too():
-    study = Study(model=ARM, **GIVEN)
-    with pytest.raises(ValueError, match=r"parameter 'm'.*did you mean arm"):
-        replace(study, parameters={"m": Parameter("body_mass[amr]", low=1, high=2)})
 
 
 def test_a_study_without_names_loads_nothing():

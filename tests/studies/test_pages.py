@@ -4,7 +4,6 @@ import html
 import math
 import subprocess
 import sys
-import textwrap
 import time
 from pathlib import Path
 
@@ -321,34 +320,6 @@ def test_progress_into_a_pipe_comes_before_the_end():
     assert child.stderr is not None
     assert child.stderr.readline() == "sweep: 50 %\n"
     child.communicate("\n")
-
-
-@pytest.mark.parametrize(("command", "words"), [
-    (["report", "nothing.toml"], "there is no study file 'nothing.toml' in "),
-    (["sweep", "nothing.py"], "there is no study file 'nothing.py' in "),
-    (["explain", "nothing.xml"], "there is no model file 'nothing.xml' in "),
-    (["identify", "{model}", "nothing.csv", "-p", "body_mass[block]"], "there is no log file 'nothing.csv' in "),
-    (["replay", "nothing"], "there is no recording file 'nothing/run.json' in "),
-    (["compare", "nothing.xml"], "there is no model file 'nothing.xml' in "),
-    (["view", "nothing.xml"], "there is no model file 'nothing.xml' in "),
-    (["sweep", "{study}", "--out", "{model}"], "cannot be used: "),
-])  # fmt: skip
-def test_files_that_are_not_there_are_named(tmp_path, capsys, monkeypatch, command, words):
-    """Without the number of the system's error, and with what to do."""
-    from stepper.cli.app import main
-
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "model.xml").write_text(BLOCK)
-    (tmp_path / "study.toml").write_text('model = "model.xml"\n[[outcomes]]\nname = "x"\nmeasure = "body block x"\n')
-    given_ = [part.format(model="model.xml", study="study.toml") for part in command]
-    monkeypatch.setattr(sys, "argv", ["stepper", *given_])
-    with pytest.raises(SystemExit) as end:
-        main()
-    told = textwrap.dedent(capsys.readouterr().err)
-    assert end.value.code == 1
-    assert words in told
-    assert "Errno" not in told
-    assert "give" in told
 
 
 @pytest.mark.parametrize("kind", [FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError, FileExistsError, OSError])

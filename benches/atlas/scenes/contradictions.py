@@ -1,7 +1,5 @@
 """Scenes 36, 37 and 39: constraints with unreachable position targets, or with large initial position errors."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -54,9 +52,6 @@ def hinge_in_a_ball(joint: str) -> str:
     """MJCF of scene 37: a pendulum whose joint is inside a ball.
 
     The contact normal passes through the joint: no motion reduces the overlap.
-
-    Args:
-        joint: MJCF of the joint: a hinge or a ball joint.
     """
     rod = f'<geom type="capsule" size=".02" fromto="0 0 0 {ROD} 0 0" mass="{ROD_MASS}" condim="1"/>'
     return document(f'<geom size=".05" condim="1"/><body name="rod">{joint}{rod}</body>')
@@ -71,11 +66,8 @@ def pendulum_gain(joint: str):
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(hinge_in_a_ball(joint), dt)
-        start, most = float(world.energy()[0]), 0.0
-        for _ in range(20):
-            world.run(0.1)
-            most = max(most, float(world.energy()[0]) - start)
-        return most / (ROD_MASS * 9.81 * ROD)
+        start = world.energy()[0]
+        return world.worst(lambda: world.energy()[0] - start, 20, 0.1) / (ROD_MASS * 9.81 * ROD)
 
     return measure
 

@@ -1,7 +1,5 @@
 """Scene 38: a ball glides over surfaces of triangles. The shape of the surface affects its motion, seams between triangles do not."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -25,15 +23,7 @@ Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float6
 
 
 def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float], kind: str) -> World:
-    """Environment with a frictionless ball on a surface of triangles or a height field, 1 um above it.
-
-    Args:
-        engine: The engine.
-        dt: Time step, s.
-        heights: Function from x and y to the height of the surface, m.
-        at: Initial x and y of the ball, m.
-        kind: Kind of surface: "hfield" or "mesh".
-    """
+    """Environment with a frictionless ball on a surface of triangles or a height field, 1 um above it."""
     line = np.linspace(-HALF, HALF, POINTS)
     x, y = np.meshgrid(line, line)
     z = heights(x, y)
@@ -48,13 +38,7 @@ def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float],
 
 
 def _share(world: World, velocity: tuple[float, float], seconds: float) -> float:
-    """Energy that a moving ball keeps, as a fraction: 1 plus the change of its total energy divided by its initial kinetic energy.
-
-    Args:
-        world: Environment with the ball at rest.
-        velocity: Initial velocity in x and y, m/s.
-        seconds: Simulated time, s.
-    """
+    """Energy that a moving ball keeps, as a fraction: 1 plus the change of its total energy divided by its initial kinetic energy."""
     world.set(qvel=[*velocity, 0, 0, 0, 0])
     before = float(world.energy()[0])
     kinetic = float(world.kinetic()[0])
@@ -108,12 +92,8 @@ def bowl(kind: str):
         world = _start(engine, dt, lambda x, y: BOWL * (x**2 + y**2 + sign * x * y), (0.25, 0.0), kind)
         # Initial height of the ball's centre above its rest position, which is RADIUS above the lowest point of the bowl.
         height = float(world.qpos[0, 2]) - RADIUS
-        before = float(world.energy()[0])
-        worst = 0.0
-        for _ in range(10):
-            world.run(0.1)
-            worst = max(worst, abs(float(world.energy()[0]) - before) / (G * height))
-        return worst
+        before = world.energy()[0]
+        return world.worst(lambda: abs(world.energy()[0] - before) / (G * height), 10, 0.1)
 
     return measure
 

@@ -1,7 +1,5 @@
 """Scenes 8 to 11: motion without contact. Energy and momentum are constant; right states are closed forms or converged solutions."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 
@@ -52,31 +50,23 @@ def tumbling(engine: Engine, dt: float) -> float:
     """
     world = engine.start(TUMBLER, dt)
     world.set(qvel=START)
-    spin, worst = np.array([0, I2 * SPIN, I3 * TOUCH]), 0.0
-    for _ in range(1000):
-        world.run(PERIOD / 10)
-        worst = max(worst, abs(float(world.energy()[0]) / ENERGY - 1.0), float(np.linalg.norm(world.momentum()[1] - spin)) / math.sqrt(L2))
-    return worst
+    spin = np.array([0, I2 * SPIN, I3 * TOUCH])
+
+    def error() -> float:
+        return max(abs(world.energy()[0] / ENERGY - 1.0), np.linalg.norm(world.momentum()[1] - spin) / math.sqrt(L2))
+
+    return world.worst(error, 1000, PERIOD / 10)
 
 
 def flips(engine: Engine, dt: float) -> float:
     """Error of scene 8, a tumbling body: largest error of the angular velocity, relative to SPIN, at ten instants within one period."""
     world = engine.start(TUMBLER, dt)
     world.set(qvel=START)
-    worst = 0.0
-    for _ in range(10):
-        world.run(PERIOD / 10)
-        worst = max(worst, float(np.linalg.norm(world.qvel[0, 3:] - omega(world.seconds))) / SPIN)
-    return worst
+    return world.worst(lambda: np.linalg.norm(world.qvel[0, 3:] - omega(world.seconds)) / SPIN, 10, PERIOD / 10)
 
 
 def second_order(rate: float, factor: float = 1.0):
-    """Function from the time step h (s) to a tolerance, `factor` times (rate h)^2: the error of a second-order integrator.
-
-    Args:
-        rate: Angular rate of the motion, rad/s.
-        factor: Factor on (rate h)^2.
-    """
+    """Function from the time step h (s) to a tolerance, `factor` times (rate h)^2: the error of a second-order integrator."""
     return lambda dt: factor * (rate * dt) ** 2
 
 
@@ -210,11 +200,8 @@ def pendulum_energy(links: int):
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(chain(links), dt)
         world.set(_released(links), np.zeros(links))
-        start, worst = float(world.energy()[0]), 0.0
-        for _ in range(250):
-            world.run(0.02)
-            worst = max(worst, abs(float(world.energy()[0]) - start))
-        return worst / (links * 0.25 * G * LENGTH)
+        start = world.energy()[0]
+        return world.worst(lambda: abs(world.energy()[0] - start), 250, 0.02) / (links * 0.25 * G * LENGTH)
 
     return measure
 

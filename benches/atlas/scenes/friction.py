@@ -1,7 +1,5 @@
 """Scenes 3 to 6 and 32: Coulomb friction of one body on a plane or a tray."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -81,12 +79,7 @@ STOP = SPEED**2 / (2 * MU_BOX * G)
 
 
 def extrapolated(way: Array, half: Array) -> Array:
-    """Richardson extrapolation 2 x(h/2) - x(h) of distances, which removes the error of order h.
-
-    Args:
-        way: Distances with the time step h, m.
-        half: Distances with the time step h/2, m.
-    """
+    """Richardson extrapolation 2 x(h/2) - x(h) of distances, which removes the error of order h."""
     return 2 * half - way
 
 
@@ -154,14 +147,7 @@ LOAD = 2.0
 
 
 def _tray(mu: float, factor: float, engine: Engine, dt: float) -> World:
-    """Environment of scene 32: a body at rest on a tray, pushed by `factor` times the force at which it slides.
-
-    Args:
-        mu: Friction.
-        factor: Ratio of the force to the threshold.
-        engine: The engine.
-        dt: Time step, s.
-    """
+    """Environment of scene 32: a body at rest on a tray, pushed by `factor` times the force at which it slides."""
     mass = LOAD / (mu * G)
     world = engine.start(document(FLOOR + free("body", box((0.1, 0.1, 0.02), mass), (0, 0, 0.02)), friction=mu), dt)
     world.step(SETTLE)

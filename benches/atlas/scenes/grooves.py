@@ -1,7 +1,5 @@
 """Scene 42: a ball in a groove touches both sides at once."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -19,15 +17,7 @@ SLOPE, SPEED, SECONDS = 0.2, 0.5, 1.0
 
 
 def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) -> World:
-    """Environment with a ball in a groove along x.
-
-    Args:
-        engine: The engine.
-        dt: Time step, s.
-        kind: Kind of groove: "planes", "hfield" or "mesh".
-        friction: Friction of ball and groove.
-        slope: Angle by which gravity is tilted, so that +x is downhill, rad.
-    """
+    """Environment with a ball in a groove along x. Gravity is tilted by `slope` (rad), so that +x is downhill."""
     if kind == "planes":
         turn = (math.pi / 2 - OPENING) / 2
         sides = [(math.cos(turn), sign * math.sin(turn), 0, 0) for sign in (1, -1)]
@@ -62,10 +52,6 @@ def downhill(kind: str, rolls: bool):
 
     Half the opening angle of the groove is a, and the ball's radius is r. Both contacts are at the distance r sin(a) from the rotation
     axis. Rolling with angular velocity w gives the speed w r sin(a), and the acceleration g sin(slope) / (1 + 2/5 / sin^2(a)).
-
-    Args:
-        kind: Kind of groove: "planes", "hfield" or "mesh".
-        rolls: Whether friction makes the ball roll.
     """
 
     def measure(engine: Engine, dt: float) -> float:

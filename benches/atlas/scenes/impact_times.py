@@ -1,7 +1,5 @@
 """Scenes 34 and 35: impacts at any time within a step."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

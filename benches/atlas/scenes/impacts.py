@@ -1,7 +1,5 @@
 """Scenes 1, 2, 7 and 26: impacts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -90,13 +88,7 @@ def cradle(gap: float) -> str:
 
 
 def _strike(engine: Engine, dt: float, gap: float) -> np.ndarray:
-    """Velocities of the balls of Newton's cradle along their line after all impacts, (BALLS,) m/s.
-
-    Args:
-        engine: The engine.
-        dt: Time step, s.
-        gap: Distance between neighbours, m.
-    """
+    """Velocities of the balls of Newton's cradle along their line after all impacts, (BALLS,) m/s."""
     world = engine.start(cradle(gap), dt, restitution=1.0)
     qvel = np.zeros((1, 6 * BALLS))
     qvel[0, 0] = V

@@ -1,7 +1,5 @@
 """Scenes 18 to 20 and 31: jamming by friction and geometry: a wedge, Painleve's rod, two hinged boxes, a pinch grasp."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -204,14 +202,7 @@ def pinch(mu: float, shape: str) -> str:
 
 
 def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], factor: float) -> tuple[float, float]:
-    """Motion of scene 31's object relative to the hand from 0.25 s to 0.5 s: slip, m, and mean downward acceleration, m/s^2.
-
-    Args:
-        engine: The engine.
-        dt: Time step, s.
-        case: Friction, shape of the object, iterations of the solver.
-        factor: Ratio of the finger force to the required one.
-    """
+    """Motion of scene 31's object relative to the hand from 0.25 s to 0.5 s: slip, m, and mean downward acceleration, m/s^2."""
     mu, shape, iterations = case
     world = engine.start(pinch(mu, shape), dt, iterations=iterations)
     force = OBJECT * (G + LIFT) / (2 * mu) * factor

@@ -1,7 +1,5 @@
 """Scenes 13 and 22 to 24: a ball on a chain, stiff servos, loops, joint limits."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -187,11 +185,8 @@ def gain(engine: Engine, dt: float) -> float:
     """
     world = engine.start(limited(), dt)
     world.set([1.5, 0.2, -0.2, 0.2, -0.2], np.zeros(LIMITED))
-    start, worst = float(world.energy()[0]), 0.0
-    for _ in range(1000):
-        world.step(10)
-        worst = max(worst, float(world.energy()[0]) - start)
-    return worst / (0.2 * LIMITED * G * 0.3 * LIMITED)
+    start = world.energy()[0]
+    return world.worst(lambda: world.energy()[0] - start, 1000, 10 * dt) / (0.2 * LIMITED * G * 0.3 * LIMITED)
 
 
 CONSERVED = "conservation laws"

@@ -1,7 +1,5 @@
 """Scenes 43 and 44: bodies that pass close to others, and bodies that slide over the seams of small tiles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -34,11 +32,7 @@ def near_miss(flyer: str) -> Callable[[Engine, float], float]:
         world = engine.start(document(BLOCK + free("flyer", geom, (-0.2, 0, height + GAP)), gravity=(0, 0, 0)), dt)
         start = np.array([FAST, 0, 0, 0, 0, 0])
         world.set(qvel=start)
-        worst = 0.0
-        for _ in range(math.ceil(1.0 / FAST / dt)):
-            world.step()
-            worst = max(worst, float(np.abs(world.qvel[0] - start).max()))
-        return worst
+        return world.worst(lambda: np.abs(world.qvel[0] - start).max(), math.ceil(1.0 / FAST / dt), dt)
 
     return measure
 

@@ -1,7 +1,5 @@
 """Scenes 29 and 30: rolling of Euler's disc, a coin, a wheel and a caster, and a rope around a capstan."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -145,13 +143,7 @@ def rope() -> str:
 
 
 def _pulled(engine: Engine, dt: float, factor: float) -> float:
-    """Displacement of the strongly pulled end of scene 30's rope in half a second, m, in the direction of the pull.
-
-    Args:
-        engine: The engine.
-        dt: Time step, s.
-        factor: Ratio of the pull to that at which the rope slips.
-    """
+    """Displacement of the strongly pulled end of scene 30's rope in half a second, m, in the direction of the pull."""
     world = engine.start(rope(), dt)
     world.push("bead0", (0, 0, -HOLD))
     world.push(f"bead{BEADS + 1}", (0, 0, -HOLD * gripping() * factor))

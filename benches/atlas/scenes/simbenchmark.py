@@ -6,8 +6,6 @@ github.com/leggedrobotics/SimBenchmark (benchmark/include, benchmark/res/yaml), 
 SimBenchmark: mean squares over all steps.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

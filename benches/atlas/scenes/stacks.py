@@ -1,7 +1,5 @@
 """Scenes 12, 14, 15 and 17: stacks of boxes, a table with four legs, and a pyramid of overlapping boxes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -153,11 +151,8 @@ def pops(engine: Engine, dt: float) -> float:
     The energy is relative to the work of lifting all ten boxes by the depth of one overlap. The error is infinite if the boxes do not
     separate within three seconds.
     """
-    world = engine.start(pyramid(), dt)
-    worst = 0.0
-    for _ in range(max(1, round(3.0 / max(dt, 5e-3)))):
-        world.run(max(dt, 5e-3))
-        worst = max(worst, float(world.kinetic()[0]))
+    world, every = engine.start(pyramid(), dt), max(dt, 5e-3)
+    worst = world.worst(lambda: world.kinetic()[0], max(1, round(3.0 / every)), every)
     return worst / (10 * G * 2 * PYRAMID * OVERLAP) if _apart(world) else math.inf
 
 

@@ -1,7 +1,5 @@
 """Scene 16: structures: a house of cards, an arch of 17 blocks, a row of 15 dominoes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scene 41: a tall box tips over its edge iff the applied torque about the edge exceeds the torque of its weight."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 
@@ -59,11 +57,8 @@ def stays(start):
 
     def measure(engine: Engine, dt: float) -> float:
         world = start(BELOW, engine, dt)
-        upright, worst = _upright(world), 0.0
-        for _ in range(20):
-            world.run(SECONDS / 20)
-            worst = max(worst, _tilt(world, upright))
-        return worst
+        upright = _upright(world)
+        return world.worst(lambda: _tilt(world, upright), 20, SECONDS / 20)
 
     return measure
 
@@ -95,10 +90,6 @@ def tips(start, kind: str):
     """Create the function that measures scene 41, a box at 1.001 of the threshold at which it tips.
 
     The created function returns the relative error of the tilt at the time at which the exact tilt is `TILT`.
-
-    Args:
-        start: Function that creates the environment: `_pushed` or `_leaning`.
-        kind: Name of the load: "pushed" or "leaning".
     """
 
     def measure(engine: Engine, dt: float) -> float:

@@ -1,7 +1,5 @@
 """Scene 40: heavy symmetric top with a fixed point. Landau & Lifshitz, Mechanics, section 35; Goldstein, section 5.7."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scene 33: a ball rolls on a turntable."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from atlas.mjcf import ball, document, free

@@ -1,7 +1,5 @@
 """Scenes 21, 25, 27 and 28: walls, seams, fast bodies at thin walls, scenes far from the origin, extreme time steps."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -22,11 +20,7 @@ def flicker(engine: Engine, dt: float) -> float:
     world = engine.start(document(FLOOR + wall + free("cube", CUBE, (0, 0, 0.1)), friction=0.0), dt)
     world.push("cube", (PUSH, 0, 0))
     world.run(1.0)
-    worst = 0.0
-    for _ in range(200):
-        world.step()
-        worst = max(worst, abs(world.normal_force(("world", "cube"), (-1, 0, 0)) / PUSH - 1.0))
-    return worst
+    return world.worst(lambda: abs(world.normal_force(("world", "cube"), (-1, 0, 0)) / PUSH - 1.0), 200, dt)
 
 
 TILES = '<geom type="box" size=".1 .5 .05" pos="{x!r} 0 -.05"/>'
@@ -114,18 +108,15 @@ def far_away(engine: Engine, dt: float) -> float:
     return float(np.abs(_final_positions(engine, dt, FAR) - _final_positions(engine, dt, 0.0)).max())
 
 
-# Scene 28: the smallest and the largest time step. tests/laws/test_senseless_input.py also tests input that makes no sense.
+# Scene 28: the smallest and the largest time step. tests/api/test_stepper.py has input that makes no sense.
 
 
 def extreme(engine: Engine, dt: float) -> float:
     """Error of scene 28, a falling box at an extreme time step: largest gain of energy in 2000 steps, relative to its initial energy."""
     world = engine.start(document(FLOOR + free("cube", CUBE, (0, 0, 0.5), (0.9, 0.2, 0.3, 0.1)), friction=0.5), dt)
     world.set(qvel=[0.5, 0, -1.0, 1.0, 2.0, 0.5])
-    start, worst = float(world.energy()[0]), 0.0
-    for _ in range(200):
-        world.step(10)
-        worst = max(worst, float(world.energy()[0]) - start)
-    return worst / (G * 0.5)
+    start = world.energy()[0]
+    return world.worst(lambda: world.energy()[0] - start, 200, 10 * dt) / (G * 0.5)
 
 
 SCENES = (

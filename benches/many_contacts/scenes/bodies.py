@@ -1,7 +1,5 @@
 """Scenes with lying humanoids, and with a robot that stands on flat feet."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Scenes with a Sawyer arm that opens a drawer (metaworld), and with two arms that push a peg and a socket (gym-aloha)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco

@@ -1,7 +1,5 @@
 """Scenes in which two fingers lift a box of 0.05 to 2 kg, with the same grip force."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -5,8 +5,6 @@ The models are those of gymnasium-robotics 1.4.2. An action is a random target i
 that has fallen off the hand (below 4 cm, as in `manipulate.py`) is put above the palm again.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

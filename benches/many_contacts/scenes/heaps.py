@@ -1,7 +1,5 @@
 """Scenes with a heap of boxes, a wall of bricks, and balls on a plate."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -5,8 +5,6 @@ of its task Lift (`environments/manipulation/lift.py`, `models/assets/arenas/tab
 code. This model has servos instead, with libfranka's gains for joint impedance, so that both engines get the same controls.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco

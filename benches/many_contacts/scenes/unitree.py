@@ -5,8 +5,6 @@ Parameters are those of mjlab 1.6.0: `asset_zoo/robots/unitree_*/*_constants.py`
 because mjlab needs torch. The MJCF comes from the package.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import re
@@ -187,13 +185,6 @@ def script(walker: Walker, model: mujoco.MjModel, num_envs: int, rng: np.random.
     """Initial states and controls of an episode (a `Script`) of a walking robot with random actions.
 
     Robots that have fallen are reset.
-
-    Args:
-        walker: The robot.
-        model: Compiled model of the scene.
-        num_envs: Number of environments.
-        rng: Random number generator.
-        noise: Standard deviation of the actions (mjlab's `init_std` is 1).
     """
     qpos = home(walker, model)
     starts = np.tile(qpos, (DRAWS + 1, num_envs, 1))
@@ -220,13 +211,7 @@ def fallen(qpos: Array) -> NDArray[np.bool_]:
 
 
 def _scene(name: str, walker: Walker, about: str) -> Scene:
-    """Scene with a robot of mjlab's walking tasks.
-
-    Args:
-        name: Name of the scene.
-        walker: The robot.
-        about: Description of the scene for the page of results.
-    """
+    """Scene with a robot of mjlab's walking tasks."""
     return Scene(
         name,
         about,

@@ -107,10 +107,6 @@ def bits(sim: stepper.Stepper, env: int | None = None) -> dict[str, bytes]:
     own = {read: np.asarray(getattr(sim, read)) for read in READ}
     own |= {count: np.asarray(own[count], np.uint32) for count in ("iterations", "substeps")}
     own |= {"mass_matrix": sim.mass_matrix()} | {f"energy {k}": np.asarray(part) for k, part in enumerate(sim.energy())}
-    if sim.options.error is not None:
-        del own["actuator_saturation"]  # Counts of substeps depend on the environments beside.
-    if any(sim.model.actuator(k).trntype == "body" for k in range(sim.model.nu)):
-        del own["qacc_smooth"]  # Adhesion pulls on the contacts of environments beside.
     found = {read: (value if env is None else value[env]).tobytes() for read, value in own.items()}
     return found | {"contacts": contact_bits(sim.contacts(env or 0))}
 

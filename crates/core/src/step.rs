@@ -51,6 +51,9 @@ pub fn step<R: Real>(
         });
         s.evaluation.substep = Substep::whole(options);
         s.evaluation.divided = R::Mask::splat(false);
+        if let Some(buffers) = &mut s.substep_buffers {
+            buffers.is_current = false;
+        }
         let solved = match options.contact {
             ContactLaw::Hard => options.error.is_none().then(|| solve_step(compiled, options, s, probe)),
             // Stages 1 to 7 with MuJoCo's contact law. The law has no stage 8, because it includes overlaps and errors of closed loops.

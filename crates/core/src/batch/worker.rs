@@ -268,7 +268,8 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             if quantities.iter().all(|q| q.is_of_last_step() != of_last_step) {
                 continue;
             }
-            let contacts = quantities.contains(&DerivedQuantity::BodyForce);
+            // Actuators may pull on contacts.
+            let contacts = quantities.contains(&DerivedQuantity::BodyForce) || self.step.compiled.adhesion.is_some();
             reader.load_to_derive(group, &mut self.step.workspace, of_last_step, contacts);
             self.derivation.begin(&self.step.compiled, &mut self.step.workspace);
             for (&quantity, out) in quantities.iter().zip(&mut *out).filter(|(q, _)| q.is_of_last_step() == of_last_step) {
@@ -428,7 +429,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
 fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
     kernel!(R, || {
         for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
-            count(s.free_motion.actuator_forces.is_saturated(compiled, actuator).and(s.alive).bits(), counts);
+            count(s.saturated(compiled, actuator).and(s.alive).bits(), counts);
         }
     })
 }

@@ -4,6 +4,7 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::separation_cache::SeparationCache;
+use crate::compile::LaneModel;
 use crate::dynamics::kinematics::select_into;
 use crate::integrators::state::State;
 use crate::integrators::workspace::Workspace;
@@ -30,6 +31,10 @@ pub(crate) struct Buffers<R: Real> {
     pub(super) summed: Contacts<R>,
     /// Velocity, configuration and activations at the beginning of the step.
     pub(super) before: [Vec<R>; 3],
+    /// Lanes in which a part clamped the force of each actuator.
+    pub(crate) saturated: Vec<R::Mask>,
+    /// Whether the last step of the workspace was divided into parts.
+    pub(crate) is_current: bool,
     /// Lanes in which impacts touch each mechanism.
     pub(super) touched: Vec<R::Mask>,
     /// Separating planes of the lanes that reach the end of the step in the first pass.
@@ -125,6 +130,8 @@ impl<R: Real> Buffers<R> {
             total: new(),
             summed: s.state.contacts.clone(),
             before: motion(),
+            saturated: vec![R::Mask::splat(false); s.free_motion.actuator_forces.found_saturated.len()],
+            is_current: false,
             touched: vec![R::Mask::splat(false); mechanisms],
             planes: s.evaluation.collision.narrow_phase.new_planes.clone(),
         })
@@ -141,7 +148,19 @@ impl<R: Real> Buffers<R> {
         self.start.store((&s.state, &s.velocity.scalar_impulse), h, all);
         self.total.clear(all);
         self.touched.fill(R::Mask::splat(false));
+        self.saturated.fill(R::Mask::splat(false));
+        self.is_current = true;
         self.parts.clear(all);
+    }
+
+    /// Notes the actuators whose force the last part clamped in the lanes `lanes`.
+    pub(super) fn note_saturated(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: R::Mask) {
+        kernel!(R, || {
+            let flights = lanes.and_not(s.evaluation.substep.is_impact);
+            for (actuator, saturated) in self.saturated.iter_mut().enumerate() {
+                *saturated = saturated.or(flights.and(s.free_motion.actuator_forces.is_saturated(compiled, actuator)));
+            }
+        });
     }
 
     /// Keeps the separating planes that the lanes `lanes` (bits) found, and clears those of the other lanes.

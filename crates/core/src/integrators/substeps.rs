@@ -108,6 +108,7 @@ pub(crate) fn step_in_parts<R: Real>(
         }
         let (made, keeping) = make(s, solved.take());
         parts.add(&made, R::Mask::from_bits(active));
+        buffers.note_saturated(compiled, s, R::Mask::from_bits(active));
         let lanes = [active, keeping];
         let completed = end_parts(compiled, s, &mut buffers, options, (&intervals, &mut progress), lanes, &mut span);
         if std::mem::take(&mut is_first_pass) {

@@ -108,6 +108,15 @@ impl<R: Real> Workspace<R> {
         workspace
     }
 
+    /// Lanes in which the last step clamped the force of an actuator, in any of its parts.
+    #[inline(always)]
+    pub(crate) fn saturated(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
+        match &self.substep_buffers {
+            Some(buffers) if buffers.is_current => buffers.saturated[actuator],
+            _ => self.free_motion.actuator_forces.is_saturated(compiled, actuator),
+        }
+    }
+
     /// Fills with NaN the vectors that a step must compute before it reads them.
     ///
     /// A test then detects reads of results of the last step. Kinematics, contacts, mass matrix, actuator forces and constraint rows are

@@ -112,13 +112,7 @@ def _randomized() -> frozenset[str]:
 
 
 def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeError:
-    """Error for an attribute that a class does not have, with a hint: its replacement, the class that has it, or similar names.
-
-    Args:
-        owner: The class.
-        name: The unknown name.
-        more: Names of further attributes, which only the instances have.
-    """
+    """Error for an attribute that a class does not have, with a hint: its replacement, the class that has it, or similar names."""
     own = {*dir(owner), *more}
     other, instance = {Model: (Stepper, "sim"), Stepper: (Model, "sim.model")}.get(owner, (owner, ""))
     hint = hint_of(owner, name)
@@ -174,13 +168,7 @@ def _public_name(owner: type) -> str:
 
 
 def no_name(module: str, name: str, known: Iterable[str]) -> AttributeError:
-    """Error for a name that a module does not have, with a hint: its replacement, the loaded submodule that has it, or similar names.
-
-    Args:
-        module: Name of the module, such as "stepper.envs".
-        name: The absent name.
-        known: Names that the module has.
-    """
+    """Error for a name that a module does not have, with a hint: its replacement, the loaded submodule that has it, or similar names."""
     hint = "" if name.startswith("_") else replacement(module, name)
     if not hint and name[:1] != "_":
         loaded = [each for each in sys.modules if each.startswith(f"{module}.") and name in getattr(sys.modules[each], "__all__", ())]
@@ -263,13 +251,7 @@ class WrongArgumentError(TypeError):
 
 
 def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
-    """Error message for an unknown keyword argument, with a hint: its replacement, similar names, or all keywords.
-
-    Args:
-        call: Name of the call, such as "Stepper.reset".
-        name: The unknown keyword.
-        known: Keywords that the call takes.
-    """
+    """Error message for an unknown keyword argument, with a hint: its replacement, similar names, or all keywords."""
     present = replacements("keywords").get(name, "")
     hint = replacement(f"{call}()", name)[1:] or (f" use {present}" if present.partition("=")[0] in known else "")
     hint = hint or ("" if known else " it has no arguments")
@@ -277,14 +259,7 @@ def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
 
 
 def _lacking(call: str, signature: inspect.Signature, args: int, keywords: Collection[str]) -> str:
-    """Error message for required arguments that a call lacks, with a hint; "" if it lacks none.
-
-    Args:
-        call: Name of the call, such as "stepper.Recorder".
-        signature: Signature of the call.
-        args: Number of positional arguments.
-        keywords: Names of the keyword arguments.
-    """
+    """Error message for required arguments that a call lacks, with a hint; "" if it lacks none."""
     positional = [name for name, one in signature.parameters.items() if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
     required = [name for name, one in signature.parameters.items() if one.default is one.empty and one.kind not in _VARIABLE]
     missing = [name for name in required if name not in positional[:args] and name not in keywords]
@@ -293,11 +268,7 @@ def _lacking(call: str, signature: inspect.Signature, args: int, keywords: Colle
 
 
 def hint_keywords(call: str) -> Callable[[C], C]:
-    """Decorator of a class or a function, which raises TypeError with a hint for an unknown keyword, and for a missing argument.
-
-    Args:
-        call: Name of the class or function in the message.
-    """
+    """Decorator of a class or a function, which raises TypeError with a hint for an unknown keyword, and for a missing argument."""
 
     def with_hints(target: C) -> C:
         signature = inspect.signature(target)
@@ -355,24 +326,13 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
 
 
 def unknown_quantity(name: str, known: Collection[str]) -> str:
-    """Error message for an unknown quantity of `Stepper.read`, with a hint: its place, similar names, or all quantities.
-
-    Args:
-        name: The unknown name.
-        known: Names of the quantities.
-    """
+    """Error message for an unknown quantity of `Stepper.read`, with a hint: its place, similar names, or all quantities."""
     hint = f"; use sim.{name}" if hasattr(Stepper, name) else hint_of(Stepper, name)
     return f"there is no quantity {name!r}{hint or did_you_mean_or_all(name, sorted(known))}"
 
 
 def unknown(kind: str, name: str, names: list[str]) -> str:
-    """Error message for a name that no element of the model has.
-
-    Args:
-        kind: Kind of element, such as "joint".
-        name: The unknown name.
-        names: Names of all elements of this kind. Elements without a name are "".
-    """
+    """Error message for a name that no element of the model has."""
     known = [other for other in names if other]
     if not known:
         return f"no {kind} {name!r}: " + (f"none of the {len(names)} has a name, give an index" if names else f"this model has no {kind}")

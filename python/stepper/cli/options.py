@@ -64,11 +64,6 @@ def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
     """Argument `source` of a command, with the options --ray and --values applied.
 
     Without these options, the result is `source` itself. With them, it is a study.
-
-    Args:
-        source: Path of a model or study.
-        ray: Whether the study runs on Ray, a library for parallel tasks.
-        values: Nominal values of parameters, texts of the form NAME=VALUE.
     """
     if not ray and not values:
         return source

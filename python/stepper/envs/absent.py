@@ -14,13 +14,7 @@ from stepper.envs.hooks import IN_PLACE
 
 
 def missing_from_task(task: object, name: str, names_of_moment: Collection[str]) -> AttributeError:
-    """Error for an attribute that a task does not have, with a hint: the attribute of `now`, or the method of `Task` to use.
-
-    Args:
-        task: The task.
-        name: Name of the attribute.
-        names_of_moment: Names of the attributes of a `TaskView` that are not quantities.
-    """
+    """Error for an attribute that a task does not have, with a hint: the attribute of `now`, or the method of `Task` to use."""
     if name in names_of_moment or inspect.isdatadescriptor(getattr(Stepper, name, None)):
         hint = f"; now has it, as now.{name}, in methods that take now"
     elif name in RENAMED["Task"]:
@@ -31,26 +25,14 @@ def missing_from_task(task: object, name: str, names_of_moment: Collection[str])
 
 
 def missing_from_now(name: str, moment: type, names_of_moment: Collection[str]) -> AttributeError:
-    """Error for an attribute that a `TaskView` does not have, with a hint: the quantity to use, or similar names.
-
-    Args:
-        name: Name of the attribute.
-        moment: The class `TaskView`.
-        names_of_moment: Names of its attributes that are not quantities.
-    """
+    """Error for an attribute that a `TaskView` does not have, with a hint: the quantity to use, or similar names."""
     hint = hint_of(moment, name) or re.sub(r"(?<![\w.])sim\.", "now.sim.", hint_of(Stepper, name))
     hint = hint or did_you_mean(name, {*dir(Stepper), *dir(moment), *names_of_moment})
     return AttributeError(f"now, a stepper.envs.TaskView, has no attribute {name!r}{hint}")
 
 
 def missing_from_environment(owner: type, env: Any, name: str) -> AttributeError:
-    """Error for an attribute that an environment does not have, with a hint: its task, stepper, model or view that has the attribute.
-
-    Args:
-        owner: `StepperEnv` or `StepperVectorEnv`.
-        env: The environment, whose constructor may have failed.
-        name: Name of the attribute.
-    """
+    """Error for an attribute that an environment does not have, with a hint: its task, stepper, model or view that has the attribute."""
     if "_batch" in vars(env) and name[0] != "_" and name not in NEW_NAMES[owner.__name__]:
         for place, thing in (("task", env.task), ("sim", env.sim), ("sim.model", env.sim.model), ("now", env.now)):
             if name in vars(type(thing)) or name in dir(thing):
@@ -67,13 +49,7 @@ def _takes_now(value: Any) -> bool:
 
 
 def check_assignment(env: Any, name: str, value: Any) -> None:
-    """Raises AttributeError if an argument or the frame_skip of the task is assigned to an environment, which would change nothing.
-
-    Args:
-        env: The environment.
-        name: Name of the attribute.
-        value: The new value.
-    """
+    """Raises AttributeError if an argument or the frame_skip of the task is assigned to an environment, which would change nothing."""
     if "_batch" not in vars(env) or hasattr(type(env), name):
         return
     task, text = type(env.task).__name__, f"{name} of a {type(env).__name__} cannot be assigned"

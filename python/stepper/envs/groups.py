@@ -92,14 +92,7 @@ class ObservationGroups:
         return out
 
     def _read_group(self, now: TaskView, group: str, table: Table, out: Array) -> None:
-        """Writes the observations of a group to an array, (num_envs, n).
-
-        Args:
-            now: View of the batch.
-            group: Name of the group.
-            table: Its rows.
-            out: The array.
-        """
+        """Writes the observations of a group to an array, (num_envs, n)."""
         for row, columns in table:
             memory = self._memories.get(f"{group}.{row.name}") if self._memories else None
             value = row.read(now) if memory is None else row.read(now, memory.bias if row.bias else None)

@@ -106,11 +106,6 @@ class EpisodeState(dict[str, Array]):
 def episode_state_of(task: Any, num_envs: int, carried: Collection[str]) -> EpisodeState:
     """Initial per-episode arrays of a task, from its method `episode_state`.
 
-    Args:
-        task: The task.
-        num_envs: Number of environments.
-        carried: Names of arrays that keep their values between episodes.
-
     Raises:
         ValueError: The method returns no mapping, or an array without num_envs rows, or a name in `carried` is not among the arrays.
     """

@@ -92,14 +92,7 @@ def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 def _unknown(kind: type[Task], name: str, task_arguments: list[str], *, vector: bool) -> str:
-    """Error message for an argument that neither an environment nor its task has.
-
-    Args:
-        kind: Class of the task.
-        name: The unknown argument.
-        task_arguments: Names of the arguments of the task's constructor.
-        vector: Whether the environment is a vector environment.
-    """
+    """Error message for an argument that neither an environment nor its task has."""
     call = "StepperVectorEnv" if vector else "StepperEnv"
     if remedy := _remedy_of(kind, name, task_arguments) or no_dataclass(kind, name):
         return f"{call}() takes no {name!r}{remedy}"
@@ -114,13 +107,7 @@ def _unknown(kind: type[Task], name: str, task_arguments: list[str], *, vector: 
 
 
 def _remedy_of(kind: type[Task], name: str, task_arguments: list[str]) -> str:
-    """End of an error message for an argument that belongs elsewhere, such as into a method of the task; "" for other arguments.
-
-    Args:
-        kind: Class of the task.
-        name: The unknown argument.
-        task_arguments: Names of the arguments of the task's constructor.
-    """
+    """End of an error message for an argument that belongs elsewhere, such as into a method of the task; "" for other arguments."""
     settings = (*SETTINGS, *VECTOR_SETTINGS)
     if name in VECTOR_SETTINGS or NEW_KEYWORDS.get(name, "").partition("=")[0] in settings:
         return ""
@@ -138,13 +125,7 @@ def _remedy_of(kind: type[Task], name: str, task_arguments: list[str]) -> str:
 
 
 def _remedy_of_field(kind: type[Task], field: str, task_arguments: list[str]) -> str:
-    """Advice on how to set the field "xml_file" or "frame_skip" of a task; "" for other fields, and for a task without a file.
-
-    Args:
-        kind: Class of the task.
-        field: Name of the field.
-        task_arguments: Names of the arguments of the task's constructor; empty if the task exists already.
-    """
+    """Advice on how to set the field "xml_file" or "frame_skip" of a task; "" for other fields, and for a task without a file."""
     if field in task_arguments:
         return f"use {field}"
     if field in inspect.signature(kind).parameters:

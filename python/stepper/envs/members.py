@@ -49,12 +49,7 @@ class TaskType(ABCMeta):
 
 
 def no_dataclass(task: type, name: str) -> str:
-    """End of an error message about an argument that is a field of a class of tasks without `@dataclass`; "" for other arguments.
-
-    Args:
-        task: The class.
-        name: Name of the argument.
-    """
+    """End of an error message about an argument that is a field of a class of tasks without `@dataclass`; "" for other arguments."""
     for kind in _undecorated(task):
         if name in _annotations(kind):
             own, field = (task, f", with the field {name}") if _is_abstract(kind) else (kind, "")
@@ -68,10 +63,6 @@ def check_members(task: type, base: type) -> None:
     They are methods with another library's name for a method of `Task`, methods whose name is one edit away from a method of `Task`, and
     values such as `decimation`. Members that a base class already has or that the class itself uses are accepted, and all members of
     stepper's own tasks.
-
-    Args:
-        task: The class.
-        base: The class `Task`.
     """
     if task.__module__.startswith("stepper."):
         return
@@ -82,12 +73,7 @@ def check_members(task: type, base: type) -> None:
 
 
 def check_environment(env: type, base: type) -> None:
-    """Warns of methods of a class of environments that belong into a task.
-
-    Args:
-        env: The class.
-        base: The class `Task`.
-    """
+    """Warns of methods of a class of environments that belong into a task."""
     inherited = {name for kind in env.__mro__[1:] for name in _names_of(kind)}
     for name, member in vars(env).items():
         method = name if name in _methods_of(base) else RENAMED["Task"].get(name)
@@ -145,13 +131,7 @@ def _signature(base: type, method: str) -> str:
 
 
 def _advice(name: str, value: Any, base: type) -> str:
-    """Advice on a member of a task that environments ignore, or "" if the member may be the task's own.
-
-    Args:
-        name: Name of the member.
-        value: Its value in the body of the class, or None.
-        base: The class `Task`.
-    """
+    """Advice on a member of a task that environments ignore, or "" if the member may be the task's own."""
     if inspect.isfunction(value):
         method = (
             RENAMED["Task"].get(name)

@@ -85,10 +85,6 @@ def _pair_in_words(found: Any) -> str:
 def tables_of(task: Task, now: TaskView) -> dict[str, Table]:
     """Tables of the observed quantities of a task by name of the observation group; "policy" for a task without groups.
 
-    Args:
-        task: The task.
-        now: View of the batch, from which the quantities are read to find their numbers of columns.
-
     Raises:
         ValueError: `task.observations` does not return one or more `Observation`, or the value of a row is no array (num_envs, ...).
         AttributeError: A row without a function names no quantity of the stepper.
@@ -111,13 +107,7 @@ POLICY = "policy"
 
 
 def _table_of(kind: str, given: Any, now: TaskView) -> Table:
-    """Rows of a table of observations, each with the slice of its columns in the observation.
-
-    Args:
-        kind: Name of the task's class, for error messages.
-        given: The table.
-        now: View of the batch.
-    """
+    """Rows of a table of observations, each with the slice of its columns in the observation."""
     if isinstance(given, Observation):
         raise ValueError(f"{kind}.observations returns a single Observation, must return a tuple of them: return (Observation(...),)")
     if isinstance(given, str | Mapping | np.ndarray) or not isinstance(given, Iterable):
@@ -165,13 +155,7 @@ def _row_like(row: Any) -> str:
 
 
 def _width(kind: str, row: Observation, now: TaskView) -> int:
-    """Number of columns that a row of the observation table has in the observation.
-
-    Args:
-        kind: Name of the task's class, for error messages.
-        row: The row of the table.
-        now: View of the batch, from which the row is read.
-    """
+    """Number of columns that a row of the observation table has in the observation."""
     expected = len(now.qpos)
     if row.func is None:
         try:

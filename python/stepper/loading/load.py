@@ -268,13 +268,7 @@ def _mujoco() -> Any:
 
 
 def _compile(read: Callable[[Any], Any], source: Any, place: str) -> Any:
-    """Calls a function that makes a `mujoco.MjModel` and returns the model; MuJoCo's errors become `ModelError`.
-
-    Args:
-        read: The function, such as `mujoco.MjModel.from_xml_string`.
-        source: Its argument: a path, text or `mujoco.MjSpec`.
-        place: Name of the source in messages.
-    """
+    """Calls a function that makes a `mujoco.MjModel` and returns the model; MuJoCo's errors become `ModelError`."""
     try:
         with _warnings_of_mujoco(place):
             return read(source)

@@ -99,14 +99,7 @@ def _folders_of_environment() -> Iterator[Path]:
 
 
 def _find_mesh(name: str, folders: _SearchFolders, place: str, link: str) -> Path:
-    """Path of an existing file for a mesh of a URDF; a ModelError if there is none.
-
-    Args:
-        name: Name of the mesh in the URDF.
-        folders: Folders to search.
-        place: Name of the URDF in messages.
-        link: Name of the link with the mesh.
-    """
+    """Path of an existing file for a mesh of a URDF; a ModelError if there is none."""
     searched = list(dict.fromkeys(_candidates(name, folders)))
     for candidate in searched:
         # Unlike `Path.is_file`, this function is False for names that are too long for the file system.

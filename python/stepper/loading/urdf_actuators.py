@@ -92,15 +92,7 @@ def _mass_matrix(compiled: Any) -> np.ndarray[Any, Any]:
 
 
 def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, names: list[str], name: str) -> float:
-    """Effective inertia of a joint, kg m^2 or kg. Joints that follow the joint (`mimic`) move too; all others are held.
-
-    Args:
-        mass: Mass matrix, nv x nv.
-        compiled: The `mujoco.MjModel`.
-        urdf: The URDF.
-        names: Names of all joints, in the order of the model.
-        name: Name of the joint.
-    """
+    """Effective inertia of a joint, kg m^2 or kg. Joints that follow the joint (`mimic`) move too; all others are held."""
     motion = np.zeros(compiled.nv)
     motion[compiled.jnt_dofadr[names.index(name)]] = 1.0
     for other, element in urdf.joints.items():

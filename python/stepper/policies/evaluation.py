@@ -275,14 +275,7 @@ def compare(
 
 
 def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tuple[Array, Array]:
-    """Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s, of episodes that stepper simulates.
-
-    Args:
-        env: Id of the environment.
-        episodes: Number of episodes.
-        seed: Seed of the comparison.
-        settings: Arguments of the environment.
-    """
+    """Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s, of episodes that stepper simulates."""
     envs = make(env, episodes, **settings)
     envs.reset(seed=seeds(seed, episodes))
     return envs.unwrapped.sim.qpos.astype(np.float64), envs.unwrapped.sim.qvel.astype(np.float64)

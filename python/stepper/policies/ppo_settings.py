@@ -214,10 +214,6 @@ def check_bounds(env: str, space: Any) -> None:
 def copy_learner(source: Path, file: Path) -> None:
     """Copies the source file of the learner, and prints how to run the copy (option --copy).
 
-    Args:
-        source: Source file of the learner.
-        file: Path of the copy.
-
     Raises:
         ValueError: `file` exists already.
     """

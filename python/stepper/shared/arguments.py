@@ -20,13 +20,6 @@ MAX_FILE_NAME = 200
 def check_number(name: str, value: Any, *, least: float = -math.inf, above: float = -math.inf, most: float = math.inf) -> None:
     """Raises an error unless a value is a finite number in a range.
 
-    Args:
-        name: Name of the argument, for the message.
-        value: The value.
-        least: Smallest accepted number.
-        above: Number that the value must exceed.
-        most: Largest accepted number.
-
     Raises:
         TypeError: The value is no number.
         ValueError: The number is out of its range, or not finite.
@@ -39,11 +32,6 @@ def check_number(name: str, value: Any, *, least: float = -math.inf, above: floa
 
 def check_fraction(name: str, value: Any, meaning: str = "") -> None:
     """Raises an error unless a value is a number between 0 and 1, both excluded; `name` is the name of the argument.
-
-    Args:
-        name: Name of the argument, for the message.
-        value: The value.
-        meaning: End of the message: a colon, and a text on the quantity of which the value is a fraction.
 
     Raises:
         TypeError: The value is no number.
@@ -148,11 +136,6 @@ def path_of(name: str, value: Any) -> Path:
 
 def check_file_name(name: str, value: Any, what: str) -> None:
     """Raises an error unless a text can be the name of a file or folder on every system, in the folder that the program chooses.
-
-    Args:
-        name: Name of the argument, for the message.
-        value: The text.
-        what: File or folder that gets the name, for the message: "the folder of the results".
 
     Raises:
         TypeError: The value is no text.

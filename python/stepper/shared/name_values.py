@@ -28,10 +28,6 @@ def literal(text: str) -> object:
 def argument_values(texts: Sequence[str], option: str) -> dict[str, object]:
     """Arguments by name from texts NAME=VALUE. A name with a point belongs to a dictionary: rewards.upright=2 gives {"rewards": {...}}.
 
-    Args:
-        texts: Texts of the option, which may be given several times.
-        option: Name of the option, for error messages.
-
     Raises:
         ValueError: A text does not have this form, or a name has two values.
     """
@@ -50,11 +46,6 @@ def argument_values(texts: Sequence[str], option: str) -> dict[str, object]:
 
 def name_values(texts: Sequence[str], option: str, convert: Callable[[str], T]) -> dict[str, T]:
     """Dictionary of values by name from texts NAME=VALUE of a command-line option.
-
-    Args:
-        texts: Texts of the option, which may be given several times.
-        option: Name of the option, for error messages.
-        convert: Function from the text of a value to the value.
 
     Raises:
         ValueError: A text does not have this form, or a name has two values.

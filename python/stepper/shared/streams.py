@@ -128,11 +128,7 @@ class Streams:
 
 
 def _with_arguments(example: str) -> Callable[[Callable[P, Array]], Callable[P, Array]]:
-    """Decorator of a draw: other arguments than those of the function raise TypeError with an example.
-
-    Args:
-        example: Call with the right arguments.
-    """
+    """Decorator of a draw: other arguments than those of the function raise TypeError with an example."""
 
     def checked(draw: Callable[P, Array]) -> Callable[P, Array]:
         signature = inspect.signature(draw)

@@ -94,13 +94,7 @@ def fitting(named: Mapping[str, T], default: T | None, name: str) -> T | None:
 
 
 def check_names(named: Mapping[str, T], names: Sequence[str], kind: str) -> None:
-    """Raises ValueError if a name or pattern in `named` matches none of the elements of a model.
-
-    Args:
-        named: Mapping whose keys are checked.
-        names: Names of all elements.
-        kind: Kind of the elements, such as "sensor", for the error message.
-    """
+    """Raises ValueError if a name or pattern in `named` matches none of the elements of a model."""
     for name in named:
         if name not in names and not fnmatch.filter(names, name):
             raise ValueError(f"no {kind} fits {name!r}, there are: {', '.join(names) or 'none'}")

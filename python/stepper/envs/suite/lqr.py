@@ -75,11 +75,6 @@ class LQR(SuiteTask):
 def _scene(bodies: int, driven: int, seed: int) -> Model:
     """Model of masses in a row. dm_control's tendons, which only draw the springs, are left out.
 
-    Args:
-        bodies: Number of masses.
-        driven: Number of masses with an actuator: the first ones in the row.
-        seed: Seed of the random stiffnesses.
-
     Raises:
         ValueError: `driven` is not from 1 to `bodies`, or the seed is out of range.
     """

@@ -96,25 +96,14 @@ def lines(study: Study, *, quick: bool) -> list[Line]:
 
 
 def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
-    """Time steps around that of the study, s, ascending by factors of about two. Each divides the control period.
-
-    Args:
-        study: The study.
-        coarser: Number of longer time steps.
-        finer: Number of shorter time steps.
-    """
+    """Time steps around that of the study, s, ascending by factors of about two. Each divides the control period."""
     own = steps_of(study, study.options.timestep or float(study.loaded[0].timestep))
     counts = {max(1, round(own * 2.0**k)) for k in range(-coarser, finer + 1)}
     return sorted(study.control_period / count for count in counts)
 
 
 def pareto(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """Indices of the Pareto front, by ascending cost: candidates for which no other is both cheaper and more accurate.
-
-    Args:
-        costs: Cost of each candidate.
-        errors: Error of each candidate, in the same order.
-    """
+    """Indices of the Pareto front, by ascending cost: candidates for which no other is both cheaper and more accurate."""
     front: list[int] = []
     best = math.inf
     for k in sorted(range(len(costs)), key=lambda k: (costs[k], errors[k])):

@@ -54,11 +54,6 @@ def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
     The interval of a mean is Student's, for paired differences. The interval of the fraction of successes combines two Wilson intervals
     (R. G. Newcombe's tenth method, Statistics in Medicine 17, 1998). This interval assumes independent samples, and is too wide if the two
     runs correlate. An episode that was not finite counts as a failure.
-
-    Args:
-        study: The study.
-        own: The run, with the settings to be assessed.
-        converged: Reference run of the same episodes.
     """
     if own.stopped or converged.stopped:
         return [Shift(name, math.nan, math.nan, math.nan, 0) for name in names(study)]
@@ -76,14 +71,7 @@ def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
 
 
 def newcombe(one: int, two: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Confidence interval of a difference of two success rates, one / trials - two / trials, by Newcombe's method.
-
-    Args:
-        one: Number of successes in the first sample.
-        two: Number of successes in the second sample.
-        trials: Number of trials in each sample.
-        confidence: Probability that the interval contains the difference.
-    """
+    """Confidence interval of a difference of two success rates, one / trials - two / trials, by Newcombe's method."""
     p, q = one / trials, two / trials
     (a, b), (c, d) = wilson(one, trials, confidence), wilson(two, trials, confidence)
     return p - q - math.hypot(p - a, d - q), p - q + math.hypot(b - p, q - c)

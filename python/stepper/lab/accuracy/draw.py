@@ -80,11 +80,6 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
 def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
     """Draws the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from those of the reference.
 
-    Args:
-        study: The study.
-        dots: Points of the chart.
-        path: The PNG file.
-
     Returns:
         Path of the file; None if there is nothing to draw.
     """
@@ -162,13 +157,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
 
 
 def _scale(panel: Axes, axes: str, *, there: bool) -> None:
-    """Sets logarithmic axes, or writes a note into a panel without points.
-
-    Args:
-        panel: The panel.
-        axes: Axes to set: "x", "y" or "xy".
-        there: Whether the panel has points.
-    """
+    """Sets logarithmic axes, or writes a note into a panel without points."""
     if not there:
         panel.text(0.5, 0.5, "nothing was measured: see the notes of the rows", transform=panel.transAxes, ha="center", fontsize=11)
         return
@@ -191,15 +180,7 @@ def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) 
 
 
 def _causes_panel(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
-    """Draws bars for the parts of the error (solver, time step, model) at the study's time step.
-
-    Args:
-        panel: The panel.
-        study: The study.
-        dots: Points of the chart.
-        labels: Labels (engine and settings) that get bars.
-        colours: Unused, because the parts of the error have fixed colours.
-    """
+    """Draws bars for the parts of the error (solver, time step, model) at the study's time step."""
     own = study.options.timestep or float(study.loaded[0].timestep)
     chosen = [min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own)) for label in labels]
     place, there = np.arange(len(chosen)), False
@@ -218,14 +199,7 @@ def _causes_panel(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequen
 
 
 def _invariant_panel(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draws the largest error of an invariant against the time step, with a line for each engine and settings.
-
-    Args:
-        panel: The panel.
-        name: Name of the invariant.
-        dots: Points of the chart.
-        colours: Colour of each line, by label (engine and settings).
-    """
+    """Draws the largest error of an invariant against the time step, with a line for each engine and settings."""
     for label, colour in colours.items():
         own = [dot for dot in dots if dot.label == label and math.isfinite(dot.invariants[name])]
         x, y = [1e3 * dot.timestep for dot in own], [max(dot.invariants[name], _FLOOR) for dot in own]
@@ -242,15 +216,7 @@ def _invariant_panel(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[
 
 
 def _outcome_panel(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draws differences of an outcome from that of the reference, with confidence intervals, at the study's time step.
-
-    Args:
-        panel: The panel.
-        name: Name of the difference (`Shift.name`).
-        study: The study.
-        dots: Points of the chart.
-        colours: Colour of each engine with its settings, by label.
-    """
+    """Draws differences of an outcome from that of the reference, with confidence intervals, at the study's time step."""
     own = study.options.timestep or float(study.loaded[0].timestep)
     labels = list(colours)
     for k, label in enumerate(labels):

@@ -147,13 +147,7 @@ class Invariants:
         return found
 
     def _episode(self, trace: Trace, e: int, count: int) -> dict[Invariant, float]:
-        """Largest error of every invariant in one episode.
-
-        Args:
-            trace: Recorded run.
-            e: Index of the episode in the run.
-            count: Number of control periods to evaluate, from the start.
-        """
+        """Largest error of every invariant in one episode."""
         path = [(trace.qpos[e], trace.qvel[e]), *zip(trace.path[0][:count, e], trace.path[1][:count, e], strict=True)]
         errors: dict[Invariant, float] = {}
         if NORM in self.kinds:
@@ -284,11 +278,6 @@ class Invariants:
 
         The entries are for the start and for the end of each of the T control periods in `seen`. The work does not include the energy that
         the damping of actuators removes.
-
-        Args:
-            trace: Recorded run.
-            e: Index of the episode in the run.
-            seen: Measurements of the states at these times.
         """
         m, done, off = self._model, [0.0], self._mujoco.mjtDisableBit
         if m.nu == 0 or m.opt.disableflags & int(off.mjDSBL_ACTUATION):

@@ -161,11 +161,6 @@ def measure(
 def _laws(basis: ChartBasis, lines: Sequence[Line], progress: Callable[[float], None]) -> dict[str, Reference | str]:
     """Converged run of each contact law that occurs in some lines of a chart, or the reason why there is none.
 
-    Args:
-        basis: Data that all points of the chart share.
-        lines: Lines of the chart.
-        progress: Called with the fraction done.
-
     Returns:
         Converged runs, or reasons as texts, by the text with which `_law` identifies a contact law.
     """

@@ -78,10 +78,6 @@ class Bench:
         """Largest change of the motion with each of some smaller models in place of the study's model, m or rad.
 
         A change is infinite if the controller or a measure of an outcome reads a removed part.
-
-        Args:
-            smaller: Models without some parts of the scene.
-            progress: Called with the fraction done.
         """
         found: dict[int, float] = {}
         for number, error in each(self.study, smaller, self._error):
@@ -108,10 +104,6 @@ class Bench:
         """Change of the motion and saved time if the settings `after` replace the settings `before`.
 
         The runs that are compared have `self.settings` with one of these two sets added.
-
-        Args:
-            before: Settings by name that are replaced.
-            after: Settings by name that replace them.
 
         Returns:
             Largest change of the motion (m or rad), saved fraction of the time, and its lower bound.
@@ -192,12 +184,7 @@ def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
 
 
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
-    """Model without some parts of the scene.
-
-    Args:
-        whole: Description of the scene, which does not change.
-        cuts: Functions that remove parts from a description in place.
-    """
+    """Model without some parts of the scene."""
     # Meshes and height fields stay shared, because no cut changes them.
     description = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
     for cut in cuts:
@@ -210,12 +197,6 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
 
     The first entry excludes pairs of bodies that may collide but never came near enough to touch, and removes their explicit contact pairs.
     The second entry removes unused explicit contact pairs of other bodies.
-
-    Args:
-        model: The model.
-        compiled: The scene's `mujoco.MjModel`.
-        seen: Statistics of the contacts in the episodes.
-        whole: Description of the scene.
     """
     bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
     may = pairs_that_may_touch(model, compiled)
@@ -274,11 +255,6 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
     """Friction that a scene does not need, with the function that removes it from a description of the scene.
 
     It is the friction of geoms and explicit pairs whose contacts have no tangential forces. The list is empty if there is none.
-
-    Args:
-        model: The model.
-        seen: Statistics of the contacts in the episodes.
-        whole: Description of the scene.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     idle = {key for key, pair in pressed.items() if pair.used <= _NO_FRICTION and pair.twists <= _NO_FRICTION * pair.peak}
@@ -304,11 +280,6 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
     A contact that stays inside its cone would move in the same way without a bound on friction. There are two tests: the used fraction of
     each contact's cone, and the change of the motion with a wider cone. The function serves only as a test: every contact of the engine
     needs a bound on friction, so that no cone can be removed.
-
-    Args:
-        model: The model.
-        seen: Statistics of the contacts in the episodes.
-        whole: Description of the scene.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _MAX_CONE_USE and pair.twists <= _NO_FRICTION * pair.peak}

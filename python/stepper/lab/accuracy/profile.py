@@ -126,12 +126,7 @@ def profile(source: Any, *, episodes: int = 4, progress: ProgressCallback | None
 
 
 def _uses(study: Study, seen: Touching) -> Iterator[Use]:
-    """Yields rows of the table of used elements: kinds of elements of the scene, and how many of each a run used.
-
-    Args:
-        study: The study.
-        seen: Statistics of the run.
-    """
+    """Yields rows of the table of used elements: kinds of elements of the scene, and how many of each a run used."""
     model, options = study.loaded[0], study.options
     pressed = [pair for pair in seen.pairs if pair.impulse > 0]
     rubbed = [pair for pair in pressed if pair.cone > _USED_FRICTION or pair.twists > _USED_FRICTION * pair.peak]
@@ -159,13 +154,7 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
 
 
 def _uses_section(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
-    """Section of the document with the table of used elements of the scene.
-
-    Args:
-        uses: Rows of the table.
-        seen: Statistics of the run.
-        episodes: Number of episodes of the run.
-    """
+    """Section of the document with the table of used elements of the scene."""
     words = [
         f"{counted(seen.steps, 'step')} of {counted(episodes, 'episode')} at the nominal point. `stepper tune` removes unused parts, and "
         "measures on other episodes what that changes."
@@ -304,13 +293,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
 
 
 def _costs(study: Study, episodes: range, progress: ProgressCallback) -> Iterator[Part]:
-    """Yields the costs of the whole scene, of each removable part, and of the remaining scene without these parts.
-
-    Args:
-        study: The study.
-        episodes: Numbers of the episodes from which steps are timed.
-        progress: Progress callback.
-    """
+    """Yields the costs of the whole scene, of each removable part, and of the remaining scene without these parts."""
     compiled = study.loaded[1]
     if compiled is None:
         return

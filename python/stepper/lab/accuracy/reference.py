@@ -238,15 +238,7 @@ def converge(
 
 
 def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
-    """Runs with another integrator at the time steps of given runs; None if one takes too long or the time budget ends.
-
-    Args:
-        integrator: Name of the integrator.
-        runs: Given runs.
-        again: Function that runs the episodes with some settings.
-        stage: Stage of the computation, which limits the time of the runs.
-        study: The study.
-    """
+    """Runs with another integrator at the time steps of given runs; None if one takes too long or the time budget ends."""
     made: list[Trace] = []
     for of in runs:
         settings = _FIRST_METHOD | TIGHT | {"integrator": integrator, "timestep": of.timestep}

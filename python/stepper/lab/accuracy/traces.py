@@ -284,11 +284,6 @@ def _between(a: Array, b: Array) -> Array:
 def quantity(given: str | float, *, name: str, units: Sequence[str]) -> tuple[float, str]:
     """Parses a quantity: "1 mm" gives its value in the base unit, and the base unit: (1e-3, "m").
 
-    Args:
-        given: Text, or a number if there is only one base unit.
-        name: Name of the argument in error messages.
-        units: Allowed base units, some of "m", "rad", "s".
-
     Raises:
         ValueError: The text has another form or unit, or the number is not positive.
     """

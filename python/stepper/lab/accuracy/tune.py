@@ -588,12 +588,7 @@ def _compared(found: Tuning, cost: str) -> str:
 
 
 def _usual_error(usual: Candidate, unit: str) -> str:
-    """Sentence on the error of the study's own settings, or on the reason why it is not known.
-
-    Args:
-        usual: Result of these settings.
-        unit: Unit of the error, "m" or "rad".
-    """
+    """Sentence on the error of the study's own settings, or on the reason why it is not known."""
     if usual.stopped:
         return "With the study's own settings, episodes were stopped: they took far longer than the reference, as diverging motions do."
     if not math.isfinite(usual.error):

@@ -222,14 +222,7 @@ def _space(study: Study, names: Sequence[str]) -> Space:
 
 
 def _certified(search: Search, seed: int, worlds: int, tries: int) -> tuple[list[int], Array, list[Certificate]]:
-    """Set, tolerances and certificates of all tries, of which the last one holds unless all fail.
-
-    Args:
-        search: The search.
-        seed: Seed of the study.
-        worlds: Number of worlds of each certificate.
-        tries: Largest number of tries.
-    """
+    """Set, tolerances and certificates of all tries, of which the last one holds unless all fail."""
     certificates: list[Certificate] = []
     for number in range(1, tries + 1):
         chosen = search.smallest()

@@ -166,9 +166,6 @@ class Search:
     def widest(self, chosen: Sequence[int]) -> Array:
         """Widest tolerances of a set that passes, (parameters,), as fractions of the ranges: powers of 2 up to 1/2.
 
-        Args:
-            chosen: Indices of the parameters, in descending order of importance.
-
         Raises:
             ValueError: The finest tolerance, 1/1024 of each range, fails.
         """

@@ -43,12 +43,6 @@ class _Batch:
 def run_points(study: Study, points: Sequence[Point], journal: Journal, progress: Callable[[float], None] | None = None) -> list[Row]:
     """Results of all episodes at some points. Episodes whose results are already in the journal are not run again.
 
-    Args:
-        study: The study.
-        points: Points, each with values of the parameters and a name of settings.
-        journal: Journal of the study. The rows (results) of new episodes are added to it.
-        progress: Progress callback with the fraction done.
-
     Returns:
         Rows of all episodes: those of the first point, then those of the second, and so on.
 
@@ -104,12 +98,7 @@ def together(study: Study) -> bool:
 
 
 def group_of(study: Study, point: Point) -> str:
-    """Text that is equal for two points of a study if their episodes can be stepped in one batch.
-
-    Args:
-        study: The study.
-        point: Parameter values and name of the settings.
-    """
+    """Text that is equal for two points of a study if their episodes can be stepped in one batch."""
     shared = {name: value for name, value in point.values.items() if study.parameters[name].kind == "options"}
     fields = model_fields(study.parameters, study.loaded[0], [point.values])
     engine, _, options, _ = options_of(study, point.setting, point.values)
@@ -245,12 +234,6 @@ def steps_of(study: Study, timestep: float) -> int:
 def running(study: Study, world: World, episodes: Sequence[int], *, by_step: bool = False) -> Iterator[bool]:
     """Runs episodes to their end, as a generator that pauses after every step or control period.
 
-    Args:
-        study: The study.
-        world: Environments, one for each episode.
-        episodes: Numbers of the episodes.
-        by_step: Whether to pause after every time step; otherwise after every control period.
-
     Yields:
         Whether outcomes must be measured now: at the start and after every control period.
 
@@ -278,13 +261,7 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
 
 
 def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
-    """Raises ValueError if controls have a wrong shape, or are not finite in an episode whose state is finite.
-
-    Args:
-        controller: The controller that returned the controls, for the message.
-        world: The environments.
-        ctrl: The controls.
-    """
+    """Raises ValueError if controls have a wrong shape, or are not finite in an episode whose state is finite."""
     if ctrl is None:
         return
     n, nu = world.num_envs, world.model.nu
@@ -346,15 +323,7 @@ def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], ep
 
 
 def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
-    """Runs a batch of episodes in given environments, and returns their results as rows, without the keys of rows in the journal.
-
-    Args:
-        world: Environments, one for each episode.
-        study: The study.
-        setting: Name of the settings.
-        values_by_env: Values of the parameters by name, for each episode.
-        episodes: Numbers of the episodes.
-    """
+    """Runs a batch of episodes in given environments, and returns their results as rows, without the keys of rows in the journal."""
     seen: list[Watch] = []
 
     def record(now: World) -> None:

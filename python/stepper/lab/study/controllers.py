@@ -351,13 +351,7 @@ class _Digest:
                 self._part("imported module", module.read_bytes())
 
     def _sequence(self, kind: str, values: Collection[Any], where: str) -> None:
-        """Adds a sequence to the digest: a text that names its type, and its values.
-
-        Args:
-            kind: Text that names the type of the sequence.
-            values: The sequence.
-            where: Name of the sequence in error messages.
-        """
+        """Adds a sequence to the digest: a text that names its type, and its values."""
         self._part(kind, str(len(values)).encode())
         for number, own in enumerate(values):
             self.take(own, f"{where}[{number}]")
@@ -446,10 +440,6 @@ class _Digest:
 
         The contents are the attribute `digest`, if the object has one. Otherwise they are the numbers of a tensor or of an object that
         NumPy can convert, and the attributes of any other object.
-
-        Args:
-            value: The object.
-            where: Name of the object in error messages.
         """
         self.take(type(value), where)
         digest = getattr(value, "digest", None)
@@ -467,10 +457,6 @@ class _Digest:
 
     def _attributes(self, value: Any, where: str) -> None:
         """Adds the attributes of an object to the digest, except those that begin with an underscore.
-
-        Args:
-            value: The object.
-            where: Name of the object in error messages.
 
         Raises:
             TypeError: The object has no attributes.

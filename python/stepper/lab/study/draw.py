@@ -195,12 +195,6 @@ def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
     """Writes the value of a cliff next to its line in a panel, on the side of the failures.
 
     If that side is narrower than the text, the text is on the side of the successes.
-
-    Args:
-        panel: The panel.
-        sweep: The sweep.
-        cliff: The cliff.
-        number: Index of the cliff's settings, which determines the colour.
     """
     values = [float(level.value or 0) for level in sweep.points(cliff.parameter, cliff.setting)]
     middle, width = (cliff.low + cliff.high) / 2, max(values) - min(values)
@@ -247,11 +241,7 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, outcome: Outcome 
 
 
 def _axis_values(levels: Sequence[Level]) -> list[Any]:
-    """Values of a parameter for an axis of Matplotlib: texts or numbers.
-
-    Args:
-        levels: Statistics at each value of the parameter.
-    """
+    """Values of a parameter for an axis of Matplotlib: texts or numbers."""
     return [level.value if isinstance(level.value, str) else float(level.value or 0) for level in levels]
 
 
@@ -267,12 +257,7 @@ def _wrapped(setting: str) -> str:
 
 
 def _legend_columns(labels: Sequence[str], width: float) -> int:
-    """Number of columns of a legend that fit into a picture. A character needs 0.08 inches, a marker with its margin 0.7 inches.
-
-    Args:
-        labels: Texts of the legend.
-        width: Width of the picture, inches.
-    """
+    """Number of columns of a legend that fit into a picture. A character needs 0.08 inches, a marker with its margin 0.7 inches."""
     longest = max(len(line) for label in (*labels, "where success ends") for line in label.split("\n"))
     return max(1, min(4, int(width / (0.08 * longest + 0.7))))
 

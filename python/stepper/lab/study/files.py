@@ -52,13 +52,7 @@ if TYPE_CHECKING:
 
 
 def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None:
-    """Raises ValueError for unknown entries of a table in a study file; the message has similar known entries.
-
-    Args:
-        given: Names of the entries.
-        known: Names that the table may have.
-        place: Name of the table in the message.
-    """
+    """Raises ValueError for unknown entries of a table in a study file; the message has similar known entries."""
     unknown = sorted(set(given) - set(known))
     if unknown:
         guesses = "".join(did_you_mean(name, known) for name in unknown[:1])
@@ -85,13 +79,7 @@ def read_study(path: Path, kind: type[Study]) -> Study:
 
 
 def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
-    """Study from the contents of a TOML file.
-
-    Args:
-        data: Contents of the file.
-        path: Path of the file.
-        kind: Class `Study`.
-    """
+    """Study from the contents of a TOML file."""
     folder, given = path.resolve().parent, dict(data)
     known = {field.name for field in fields(kind) if not field.name.startswith("_")} | {"policy"}
     check_keys(given, known, "the study")
@@ -159,12 +147,7 @@ def _controller(source: str, folder: Path) -> Callable[[Any], Any]:
 
 
 def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Copy of the table of an outcome in a study file, with the measure function instead of its name "file.py:function".
-
-    Args:
-        table: The table.
-        folder: Folder of the study, to which paths of files are relative.
-    """
+    """Copy of the table of an outcome in a study file, with the measure function instead of its name "file.py:function"."""
     measure = table.get("measure", "")
     return table | {"measure": find(measure, folder)} if ":" in measure else table
 
@@ -177,13 +160,7 @@ def _parameters(tables: Any) -> dict[str, Parameter]:
 
 
 def _part(kind: type[Any], table: Any, place: str) -> Any:
-    """Object of a dataclass, from a table of a study file.
-
-    Args:
-        kind: The class, such as `Outcome`.
-        table: Attributes of the object, by name.
-        place: Name of the table in error messages.
-    """
+    """Object of a dataclass, from a table of a study file."""
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table")
     known = {field.name for field in fields(kind)}

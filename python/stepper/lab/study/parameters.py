@@ -203,12 +203,7 @@ def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: M
 
 
 def _with_range(text: str, parameters: Mapping[str, Parameter]) -> tuple[str, Parameter]:
-    """Name and parameter from a selector with its range, such as "geom_friction[floor][0]=0.2..1".
-
-    Args:
-        text: The selector with its range.
-        parameters: Parameters of the study, for the error message.
-    """
+    """Name and parameter from a selector with its range, such as "geom_friction[floor][0]=0.2..1"."""
     selector, bounds = parse_range(text, "parameters") if _selects(text) else (None, None)
     if selector is None or bounds is None:
         raise ValueError(_no_parameter(text, parameters, "give a selector with its range, as 'geom_friction[floor][0]=0.2..1'"))
@@ -232,13 +227,7 @@ def _set_numbers(parameter: Parameter, model: Model) -> frozenset[tuple[str, int
 
 
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
-    """Error message for a text that is neither the name of a parameter nor a selector.
-
-    Args:
-        text: The text.
-        parameters: Parameters of the study.
-        otherwise: Remedy at the end of the message, such as "give a selector".
-    """
+    """Error message for a text that is neither the name of a parameter nor a selector."""
     field = text.partition("=")[0].partition("[")[0].strip()
     head, dot, _ = field.partition(".")
     word, words = (head, _HEADS[:3]) if dot else (field, [*FIELDS, *COMPOUNDS])
@@ -438,14 +427,7 @@ def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
 def sensor_model(
     parameters: Mapping[str, Parameter], base: SensorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> SensorModel | None:
-    """Sensor model in which parameters of sensors have one value per environment; None for ideal sensors.
-
-    Args:
-        parameters: Parameters of the study by name.
-        base: Sensor model of the study.
-        model: The model.
-        values_by_env: Values of the parameters by name, for each environment.
-    """
+    """Sensor model in which parameters of sensors have one value per environment; None for ideal sensors."""
     given = {name: p for name, p in parameters.items() if p.kind == "sensor" and any(name in values for values in values_by_env)}
     if not given:
         return base
@@ -477,12 +459,6 @@ def actuator_model(
     parameters: Mapping[str, Parameter], base: ActuatorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> ActuatorModel | None:
     """Actuator model in which parameters of actuators have one value per environment; None for ideal actuators.
-
-    Args:
-        parameters: Parameters of the study by name.
-        base: Actuator model of the study.
-        model: The model.
-        values_by_env: Values of the parameters by name, for each environment.
 
     Raises:
         ValueError: A parameter belongs to a servo or motor that the drive does not have.

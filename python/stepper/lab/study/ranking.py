@@ -256,10 +256,6 @@ def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Poin
 def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
     """Mean outcome over the episodes of each point of a ranking, (points,).
 
-    Args:
-        study: The study.
-        rows: Results of all episodes, in the order of the points.
-
     Raises:
         ValueError: A mean outcome is not finite, or all are equal.
     """

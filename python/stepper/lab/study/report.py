@@ -286,13 +286,7 @@ def _drives(study: Study) -> list[Section]:
 
 
 def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
-    """Section with the contact pairs: durations, impulses and friction.
-
-    Args:
-        study: The study.
-        seen: Statistics of the contacts.
-        episodes: Number of episodes of these statistics.
-    """
+    """Section with the contact pairs: durations, impulses and friction."""
     model, _ = study.loaded
     head = (
         *("pair", "pressed, share of time", "impulse, N s", "peak, N", "friction in force", "largest ratio used", "impulse at that bound"),
@@ -334,10 +328,6 @@ def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
     """Text with the options that differ between some settings and those of the study, such as "iterations 5".
 
     "no NAME" marks an option that the engine does not have. Without differences the text is "the same".
-
-    Args:
-        own: All options of the settings, by name.
-        usual: All options of the study, by name.
     """
     names = list(dict.fromkeys((*usual, *own)))
     changed = [name for name in names if own.get(name) != usual.get(name)]
@@ -433,13 +423,7 @@ def _picture(found: Sweep, folder: Path) -> Path | None:
 
 
 def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Section]:
-    """Sections on cliffs, the values of parameters at which success ends.
-
-    Args:
-        found: The sweep.
-        folder: Folder of the picture.
-        searched: Whether the sweep searched for cliffs.
-    """
+    """Sections on cliffs, the values of parameters at which success ends."""
     if found.study.success_outcome is None:
         return []
     (folder / "cliffs.png").unlink(missing_ok=True)
@@ -463,11 +447,7 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
 
 
 def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:
-    """Row of the report's table of cliffs for a parameter at whose values success does not end. Without levels there is no row.
-
-    Args:
-        levels: Statistics at the values of the parameter, with one of the settings.
-    """
+    """Row of the report's table of cliffs for a parameter at whose values success does not end. Without levels there is no row."""
     if not levels:
         return []
     numbers = not any(isinstance(level.value, str) for level in levels)
@@ -551,11 +531,6 @@ def settings_sections(study: Study, count: int, table: str = "table") -> list[Se
     """Section "In force" of a document: digests (SHA-256), versions and seed on which the study's results depend.
 
     It also names the files in which the settings of each episode and all digests and versions are stored.
-
-    Args:
-        study: The study.
-        count: Number of rows of the table of episodes.
-        table: Name of the files with this table, without their endings.
     """
     used = study.resolved_settings()
     rows = [

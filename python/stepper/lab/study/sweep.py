@@ -242,12 +242,7 @@ def run_sweep(
 
 
 def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
-    """Point of a study: a given value of one parameter, and nominal values of all others.
-
-    Args:
-        study: The study.
-        cell: Name of the settings, name of the parameter ("" for the nominal point), and value.
-    """
+    """Point of a study: a given value of one parameter, and nominal values of all others."""
     setting, name, value = cell
     chosen = nominal_of(study, setting)
     if value is not None:
@@ -296,13 +291,7 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
 
 
 def _statistics(outcome: str, rows: Sequence[Row], nominal: Sequence[Row]) -> Statistics:
-    """Statistics of an outcome over episodes.
-
-    Args:
-        outcome: Name of the outcome.
-        rows: Rows of the episodes.
-        nominal: Rows of the same episodes at the nominal point.
-    """
+    """Statistics of an outcome over episodes."""
     pairs = [
         (row["outcomes"][outcome], was["outcomes"][outcome], diverged(was))
         for row, was in zip(rows, nominal, strict=True)
@@ -321,10 +310,6 @@ def _different(study: Study, rows: Sequence[Row]) -> int:
     """Number of episodes that differ from one another.
 
     With random initial states or controls, all episodes count as different. Otherwise, episodes with equal results count once.
-
-    Args:
-        study: The study.
-        rows: Results of the episodes.
     """
     if study.qpos_noise or study.qvel_noise or (study.controller == "random" and study.loaded[0].nu):
         return len(rows)
@@ -365,11 +350,6 @@ def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[
     """Intervals for bisections: pairs of neighbouring values of a parameter between which success ends, and width at which to stop.
 
     The list is empty if the values are counts or words.
-
-    Args:
-        study: The study.
-        levels: Statistics at the values of the parameter.
-        resolution: Width as a fraction of the parameter's range.
     """
     numeric = [level for level in levels if isinstance(level.value, int | float) and not isinstance(level.value, bool)]
     if not levels or study.parameters[levels[0].parameter].leaf in COUNTS:
@@ -380,13 +360,7 @@ def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[
 
 
 def _rounds(one: Level, other: Level, width: float) -> int:
-    """Number of rounds in which a bisection narrows the interval between two values of a parameter to a given width.
-
-    Args:
-        one: Statistics at one value.
-        other: Statistics at the other value.
-        width: Width at which the bisection stops, in the parameter's unit.
-    """
+    """Number of rounds in which a bisection narrows the interval between two values of a parameter to a given width."""
     apart = abs(float(other.value or 0) - float(one.value or 0))
     return max(1, math.ceil(math.log(apart / width) / math.log(_POINTS_PER_ROUND + 1) - 1e-9)) if apart > width else 0
 
@@ -403,13 +377,6 @@ def _bisect(
     study: Study, one: Level, other: Level, width: float, run: Callable[[Sequence[Point]], list[tuple[float, list[Row]]]]
 ) -> tuple[Cliff, Bisected]:
     """Locates the value of a parameter at which success ends (cliff), by bisection. Each round runs several values at once.
-
-    Args:
-        study: The study.
-        one: Statistics at the lower end of the interval.
-        other: Statistics at the upper end of the interval.
-        width: Largest width of the resulting interval, in the parameter's unit.
-        run: Function that runs some points and returns the fraction of successes and the rows of each.
 
     Returns:
         The cliff, and all values that were run, with their rows.

@@ -108,10 +108,6 @@ def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], f
     """Sliding friction of the explicit contact pairs of a model, by their geoms, the lower index first.
 
     Of two pairs of the same geoms the first is used.
-
-    Args:
-        model: The model.
-        friction: Friction coefficients of the explicit pairs.
     """
     found: dict[tuple[int, int], float] = {}
     for k in range(model.npair):

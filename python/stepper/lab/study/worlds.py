@@ -594,11 +594,6 @@ def _ignore(_: str) -> None:
 def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
     """Copy of a `mujoco.MjModel` with other values of some fields.
 
-    Args:
-        mujoco: The module `mujoco`.
-        base: The `MjModel`.
-        fields: Values by name of the field, in the field's shape and unit.
-
     Raises:
         ModelError: MuJoCo does not have a field.
     """

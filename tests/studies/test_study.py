@@ -999,7 +999,7 @@ def test_the_command_records_an_episode(tmp_path, monkeypatch, capsys):
         assert stepper_command(monkeypatch, "view", file, *given) == 1
         assert said in capsys.readouterr().err
     assert stepper_command(monkeypatch, "view", tmp_path / "arm.xml", "--episode", "1") == 1
-    assert "--episode is for studies" in capsys.readouterr().err
+    assert "--episode has no effect on a model" in capsys.readouterr().err
 
 
 def test_an_interrupted_command_says_where_its_rows_are(capsys):

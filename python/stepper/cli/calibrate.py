@@ -3,32 +3,44 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import Annotated
 
-from stepper.cli.options import ONLY, OUT, RAY, SEED, STUDY, progress_kept_in, study_of_file
+import typer
+
+from stepper.cli.options import Out, Ray, Seed, Setting, StudyFile, Varied, progress_kept_in, show, study_of_file
 from stepper.lab.calibration import Calibration, RecordedCalibration, calibrate_on_recordings
 from stepper.lab.calibration import calibrate as run
-from stepper.lab.progress import show_files
 from stepper.lab.study.points import USUAL
-
-if TYPE_CHECKING:
-    from typer import Typer
 
 
 def calibrate(
-    study: Path,
-    out: Path,
+    study: StudyFile,
+    out: Out = Path("out"),
     *,
-    margin: float,
-    samples: int,
-    worlds: int,
-    tries: int,
-    recordings: int | None,
-    parameters: list[str],
-    setting: str,
-    ray: bool,
-    seed: int | None,
+    margin: Annotated[
+        float, typer.Option(help="Largest difference between world and model: of the fraction of successes, or of the outcome in its unit.")
+    ],
+    samples: Annotated[int, typer.Option(min=2, help="Number of base samples of the ranking, a power of 2; not with --recordings.")] = 64,
+    worlds: Annotated[
+        int,
+        typer.Option(
+            min=59,
+            help="Number of worlds of the search, of each certificate, and of the test of minimality; 80 or more with three tries.",
+        ),
+    ] = 208,
+    tries: Annotated[
+        int, typer.Option(min=1, help="Largest number of certificates that are tried; they share the probability of an error.")
+    ] = 3,
+    recordings: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Number of recordings to fit: the first episodes of a study whose episodes are recordings. The others check."
+        ),
+    ] = None,
+    parameter: Varied = None,
+    setting: Setting = USUAL,
+    seed: Seed = None,
+    ray: Ray = False,
 ) -> None:
     """Finds the smallest set of parameters that must be measured, so that the outcome is that of the true world to within a margin.
 
@@ -42,7 +54,7 @@ def calibrate(
     """
     found: Calibration | RecordedCalibration
     with progress_kept_in(out) as progress:
-        own, names = study_of_file(study, ray=ray, seed=seed), parameters or None
+        own, names = study_of_file(study, ray=ray, seed=seed), parameter or None
         if recordings is not None:
             found = calibrate_on_recordings(
                 own, out, fitted=recordings, margin=margin, parameters=names, setting=setting, progress=progress
@@ -51,50 +63,4 @@ def calibrate(
             found = run(
                 own, out, margin=margin, samples=samples, worlds=worlds, tries=tries, parameters=names, setting=setting, progress=progress
             )
-    print(found.document.markdown())
-    show_files(found.files)
-
-
-def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command `calibrate` to the Typer application; `typer` is the module."""
-    folder = typer.Option("out", "--out", help=OUT)
-    study_file = typer.Argument(help=STUDY)
-    on_ray = typer.Option(False, "--ray", help=RAY)
-    names = typer.Option([], "--parameter", help=ONLY)
-
-    @app.command("calibrate", help=calibrate.__doc__)
-    def _(
-        study: Path = study_file,
-        out: Path = folder,
-        *,
-        margin: float = typer.Option(
-            ..., help="Largest difference between world and model: of the fraction of successes, or of the outcome in its unit."
-        ),
-        samples: int = typer.Option(64, min=2, help="Number of base samples of the ranking, a power of 2; not with --recordings."),
-        worlds: int = typer.Option(
-            208,
-            min=59,
-            help="Number of worlds of the search, of each certificate, and of the test of minimality; 80 or more with three tries.",
-        ),
-        tries: int = typer.Option(3, min=1, help="Largest number of certificates that are tried; they share the probability of an error."),
-        recordings: int | None = typer.Option(
-            None, min=1, help="Number of recordings to fit: the first episodes of a study whose episodes are recordings. The others check."
-        ),
-        parameter: list[str] = names,
-        setting: str = typer.Option(USUAL, help="Name of the study's settings to run."),
-        seed: int | None = typer.Option(None, min=0, help=SEED),
-        ray: bool = on_ray,
-    ) -> None:
-        calibrate(
-            study,
-            out,
-            margin=margin,
-            samples=samples,
-            worlds=worlds,
-            tries=tries,
-            recordings=recordings,
-            parameters=parameter,
-            setting=setting,
-            ray=ray,
-            seed=seed,
-        )
+    show(found)

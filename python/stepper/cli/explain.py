@@ -6,10 +6,11 @@ import json
 import warnings
 from dataclasses import asdict
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import Annotated
 
-from stepper.cli.options import OUT
+import typer
+
+from stepper.cli.options import Source
 from stepper.lab.accuracy import CostProfile, profile
 from stepper.lab.progress import show_files, show_progress
 from stepper.lab.study import Study
@@ -19,11 +20,17 @@ from stepper.loading.findings import explained
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import provenance
 
-if TYPE_CHECKING:
-    from typer import Typer
 
-
-def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
+def explain(
+    source: Source,
+    run: Annotated[
+        bool,
+        typer.Option(
+            "--run", help="Also run the model or study (a model with random controls), and list the parts that were used and their cost."
+        ),
+    ] = False,
+    out: Annotated[Path | None, typer.Option("--out", help="Output folder. Without it, no files are written.")] = None,
+) -> None:
     """Lists the parts of a model that are simulated, those that are left out, and effects that rigid bodies cannot model.
 
     With --run, the command also lists the parts that a run used and the time that they took.
@@ -60,20 +67,3 @@ def _save(study: Study, text: str, found: CostProfile | None, folder: Path) -> l
     plain = {"model": text, **numbers, "resolved_settings": study.resolved_settings(), "provenance": provenance()}
     text = json.dumps(plain, indent=2, default=str, allow_nan=False) + "\n"
     return [*document.save(folder, "explain"), write_text(folder / "explain.json", text)]
-
-
-def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command `explain` to the Typer application; `typer` is the module."""
-    folder = typer.Option(None, "--out", help=f"{OUT} Without it, no files are written.")
-
-    @app.command("explain", help=explain.__doc__)
-    def _(
-        source: str = typer.Argument(help="Model (MJCF, URDF, saved) or study (.toml, .py)."),
-        run: bool = typer.Option(
-            False,
-            "--run",
-            help="Also run the model or study (a model with random controls), and list the parts that were used and their cost.",
-        ),
-        out: Path | None = folder,
-    ) -> None:
-        explain(source, run=run, out=out)

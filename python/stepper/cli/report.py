@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
-from stepper.cli.options import OUT, RAY, RECORDING, STUDY, progress_kept_in, study_of_file
-from stepper.lab.progress import show_files
+import typer
+
+from stepper.cli.options import RECORDING, STUDY, Out, Ray, progress_kept_in, show, study_of_file
 from stepper.lab.study import report as run
 from stepper.recording.format import HEADER, end_of, find_blocks, read_header, reading
 
-if TYPE_CHECKING:
-    from typer import Typer
 
-
-def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
+def report(source: Annotated[Path, typer.Argument(help=f"{STUDY} Or: {RECORDING}")], out: Out = Path("out"), ray: Ray = False) -> None:
     """Writes the simulator report of a study: state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
 
     For a recording, the command prints the settings and the failures in physics, sensing or action.
@@ -27,8 +24,7 @@ def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
         return
     with progress_kept_in(out) as progress:
         found = run(study_of_file(source, ray=ray), out, progress=progress)
-    print(found.document.markdown())
-    show_files(found.files)
+    show(found)
 
 
 def report_recording(recording: Path) -> None:
@@ -67,13 +63,3 @@ def _report(recording: Path, head: dict[str, Any], end: str) -> None:
         )
     if not head["failures"]:
         print("no failures")
-
-
-def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command `report` to the Typer application; `typer` is the module."""
-    place = typer.Argument(help=f"{STUDY} Or: {RECORDING}")
-    folder = typer.Option("out", "--out", help=OUT)
-
-    @app.command("report", help=report.__doc__)
-    def _(source: Path = place, out: Path = folder, ray: bool = typer.Option(False, "--ray", help=RAY)) -> None:
-        report(source, out, ray=ray)

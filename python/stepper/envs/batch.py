@@ -16,11 +16,11 @@ from gymnasium.spaces import Box
 from stepper._options import Options, Precision, precision_of
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.envs.episode_state import EpisodeState, episode_state_of
 from stepper.envs.groups import ObservationGroups, Observed
-from stepper.envs.hooks import EpisodeState, call_hook, episode_state_of
 from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, with_zero_rows
-from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
+from stepper.envs.task_results import bounds_of, call_hook, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
 from stepper.envs.terms import TaskTerms
 from stepper.loading import ModelWarning
 from stepper.shared.arguments import check_fields, check_number, check_whole

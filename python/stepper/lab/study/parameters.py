@@ -231,7 +231,7 @@ def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str
     field = text.partition("=")[0].partition("[")[0].strip()
     head, dot, _ = field.partition(".")
     word, words = (head, _HEADS[:3]) if dot else (field, [*FIELDS, *COMPOUNDS])
-    hint = did_you_mean(text, parameters) or ("" if word in words else did_you_mean(word, words, text=text))
+    hint = did_you_mean(text, parameters) or ("" if word in words else did_you_mean(word, words))
     return f"there is no parameter {text!r}{hint or ','} there are: {', '.join(parameters) or 'none'}; or {otherwise}"
 
 

@@ -1,70 +1,17 @@
-"""Checks of a task's hooks (`reset`, `advance` and others), which return nothing and change arrays in place."""
+"""Data of episodes that a task stores outside of the stepper (`Task.episode_state`)."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import FrozenInstanceError
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepper._hints import did_you_mean_or_all
+from stepper.shared.functions import in_words
 
 Array = NDArray[Any]
-IN_PLACE = {
-    "reset": "write to arrays of reset, as in reset.qpos[:, :2] += reset.rng.uniform(-0.1, 0.1, 2)",
-    "on_end": "write rows of envs, as in now.episode_state[name][envs] = ...",
-    "advance": "step now.sim, and write to arrays of now.episode_state",
-}
-"""Remedies for error messages about hooks of a task that return a value: what the hook must change instead, by name of the hook."""
-
-_SHAPES = (
-    "rng.uniform(low, high, size) has the shape (n, size), a row for each environment that resets: for one number each, write "
-    "rng.uniform(low, high, 1)[:, 0]"
-)
-"""Note on errors of NumPy in hooks that draw random numbers: the shape of the draws."""
-NO_ASSIGNMENT = (
-    "attributes of a task cannot be assigned: for data of episodes, define episode_state(self, num_envs), which returns an array for each "
-    "name, and write to now.episode_state[name]"
-)
-"""Note on errors of a task that assigns to an attribute of the task."""
-
-
-def call_hook(task: Any, hook: str, *arguments: Any) -> None:
-    """Calls a hook of a task by name, and checks that it returns nothing.
-
-    Raises:
-        ValueError: The hook returns a value, which would be ignored.
-    """
-    try:
-        result = getattr(task, hook)(*arguments)
-    except ValueError as error:
-        if "broadcast" in str(error) and hook == "reset" and _SHAPES not in getattr(error, "__notes__", ()):
-            error.add_note(_SHAPES)
-        raise
-    except FrozenInstanceError as error:
-        error.add_note(NO_ASSIGNMENT)
-        raise
-    if result is not None:
-        raise ValueError(
-            f"{type(task).__name__}.{hook} returns {in_words(result)}, must return nothing, because its result is ignored: {IN_PLACE[hook]}"
-        )
-
-
-def in_words(value: Any) -> str:
-    """Description of a value in an error message: its type, with the shape of an array and the types in a tuple."""
-    if isinstance(value, np.ndarray):
-        return f"an array of shape {value.shape}"
-    if isinstance(value, tuple):
-        return f"a tuple ({', '.join(type(part).__name__ for part in value)})"
-    if value is None or isinstance(value, bool | int | float | str):
-        return repr(value)
-    if isinstance(value, type):
-        return f"the class {value.__name__}"
-    if callable(value):
-        return "a function"
-    return f"a value of type {type(value).__name__}"
 
 
 class EpisodeState(dict[str, Array]):

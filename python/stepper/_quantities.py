@@ -87,9 +87,6 @@ def around_body(sim: Stepper, points: ArrayLike, directions: ArrayLike, body: Ke
         body: Name or index of the body.
         axes: Axes of `points` and `directions`: "body", "world", or "heading" (world axes, turned about the vertical by the body's
             heading).
-
-    Raises:
-        ValueError: Unknown axes, or arrays of another shape.
     """
     if axes not in ("body", "heading", "world"):
         raise ValueError(f"axes is {axes!r}, must be 'body', 'heading' or 'world'")
@@ -170,11 +167,7 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
 
 
 def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
-    """Array in which the caller stores a result, (...) in any unit: `out` if it is given, otherwise a new uninitialised array.
-
-    Raises:
-        ValueError: `out` has another shape than `shape`, or another scalar type than `dtype`.
-    """
+    """Array in which the caller stores a result, (...) in any unit: `out` if it is given, otherwise a new uninitialised array."""
     if out is None:
         return np.empty(shape, dtype)
     if out.shape != shape or out.dtype != dtype:

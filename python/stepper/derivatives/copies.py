@@ -60,9 +60,6 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
         sim: The stepper.
         ctrl: Controls, (num_envs, nu) or (nu,); None uses the controls of the last step.
         blocks: Quantities with respect to which derivatives are computed. The snapshot contains the parameters among them.
-
-    Raises:
-        ValueError: Controls have a wrong shape, or the stepper has drives and precision f32.
     """
     model, n = sim.model, sim.num_envs or 1
     if sim.precision == "f32" and sim.actuators is not None:

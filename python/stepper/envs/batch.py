@@ -198,12 +198,7 @@ class Batch:
         return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()}, weights)
 
     def restore(self, state: EnvState, mask: Array) -> None:
-        """Restores the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings.
-
-        Raises:
-            ValueError: The state is from another model, task, precision or number of environments, or from other arguments of the task or
-                options of the step. Nothing is changed.
-        """
+        """Restores the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings."""
         check_settings(self.sim, self.task, state, self.terms.rewards.weights)
         mine, theirs = self._episodes(), state.episodes
         for name, values in mine.items():

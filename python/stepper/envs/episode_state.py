@@ -51,11 +51,7 @@ class EpisodeState(dict[str, Array]):
 
 
 def episode_state_of(task: Any, num_envs: int, carried: Collection[str]) -> EpisodeState:
-    """Initial per-episode arrays of a task, from its method `episode_state`.
-
-    Raises:
-        ValueError: The method returns no mapping, or an array without num_envs rows, or a name in `carried` is not among the arrays.
-    """
+    """Initial per-episode arrays of a task, from its method `episode_state`."""
     kind, values = type(task).__name__, task.episode_state(num_envs)
     if not isinstance(values, Mapping):
         raise ValueError(

@@ -274,11 +274,7 @@ class Events:
 
 
 def _parts(model: Model, event: Event, where: str) -> list[list[Part]]:
-    """Selected numbers of an event: for each selector a list with one `Part` per field; none for a function.
-
-    Raises:
-        ValueError: A selector is unknown, or selectors that share random numbers select different numbers of values.
-    """
+    """Selected numbers of an event: for each selector a list with one `Part` per field; none for a function."""
     if callable(event.target):
         return []
     texts = [event.target] if isinstance(event.target, str) else list(event.target)

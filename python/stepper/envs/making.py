@@ -31,10 +31,6 @@ def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vecto
         task: Task, class of tasks, or name in `stepper.envs.TASKS`.
         arguments: Arguments of the task's constructor; must be empty if `task` is a task.
         vector: Whether the task is for a vector environment; it selects the arguments that error messages list.
-
-    Raises:
-        TypeError: `task` has another type, its constructor does not have one of the arguments, or arguments are given with a task.
-        ValueError: The name is unknown, or the value of a number or bool is a text.
     """
     if isinstance(task, Task):
         known = inspect.signature(type(task)).parameters
@@ -64,11 +60,7 @@ def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vecto
 
 
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
-    """Gymnasium's `AutoresetMode` from the argument `mode`: an `AutoresetMode`, or its name or value as text, in upper or lower case.
-
-    Raises:
-        ValueError: The mode is unknown.
-    """
+    """Gymnasium's `AutoresetMode` from the argument `mode`: an `AutoresetMode`, or its name or value as text, in upper or lower case."""
     text = (mode.name if isinstance(mode, AutoresetMode) else str(mode)).lower()
     found = next((each for each in AutoresetMode if text in (each.name.lower(), each.value.lower())), None)
     if found is None:

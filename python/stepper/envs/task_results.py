@@ -46,11 +46,7 @@ POLICY = "policy"
 
 
 def call_hook(task: Any, hook: str, *arguments: Any) -> None:
-    """Calls a hook of a task by name, and checks that it returns nothing.
-
-    Raises:
-        ValueError: The hook returns a value, which would be ignored.
-    """
+    """Calls a hook of a task by name, and checks that it returns nothing."""
     try:
         result = getattr(task, hook)(*arguments)
     except ValueError as error:
@@ -203,11 +199,7 @@ def _width(kind: str, row: Observation, now: TaskView) -> int:
 
 
 def rewards_of(task: Task, now: TaskView, num_envs: int) -> tuple[Array, Terms]:
-    """Rewards (num_envs,) and entries for the info dict from `Task.reward`, after a check.
-
-    Raises:
-        ValueError: `Task.reward` returns neither rewards nor a pair of rewards and entries, or the shape of an array is wrong.
-    """
+    """Rewards (num_envs,) and entries for the info dict from `Task.reward`, after a check."""
     try:
         result: Any = task.reward(now)
     except FrozenInstanceError as error:
@@ -259,11 +251,7 @@ def check_terms(task: Task, method: str, terms: Mapping[str, Any], num_envs: int
 
 
 def rows_of(task: Task, method: str, values: Any, dtype: Any, num_envs: int) -> Array:
-    """Converts a result of the task's method `method` to a new array (num_envs,) of type `dtype`, float64 or bool.
-
-    Raises:
-        ValueError: The result has another shape, or `dtype` is bool and the result is not.
-    """
+    """Converts a result of the task's method `method` to a new array (num_envs,) of type `dtype`, float64 or bool."""
     kind = type(task).__name__
     try:
         array = np.array(values, dtype=None if dtype is bool else dtype)

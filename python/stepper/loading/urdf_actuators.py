@@ -46,9 +46,6 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
         compiled: The `mujoco.MjModel` that was compiled from the URDF.
         description: Description to which the actuators are added.
         free_base: Whether the root link has a free joint.
-
-    Raises:
-        ModelError: No joint can be driven, or the limits cannot be read.
     """
     if urdf.root is None:
         raise ModelError(f"{urdf.place}: actuators={kind!r} needs the joint limits, and the XML is not well-formed; correct the file")

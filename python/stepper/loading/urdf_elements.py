@@ -111,11 +111,7 @@ class Urdf:
         return {} if self.root is None else {joint.get("name", ""): joint for joint in self.root.findall("joint")}
 
     def number(self, joint: str, path: str, attribute: str) -> float | None:
-        """Value of an attribute of a joint's child element `path`; None if it is absent.
-
-        Raises:
-            ModelError: The value is not a number.
-        """
+        """Value of an attribute of a joint's child element `path`; None if it is absent."""
         element = self.joints[joint].find(path)
         given = None if element is None else element.get(attribute)
         if given is None:

@@ -36,12 +36,7 @@ _LARGEST_RATIO = 1032
 
 
 def existing(path: str | os.PathLike[str], what: str) -> Path:
-    """Checks that a file exists, and returns its path.
-
-    Raises:
-        FileNotFoundError: The file does not exist; the message names the file, the working folder and the remedy.
-        IsADirectoryError: The path is a folder.
-    """
+    """Checks that a file exists, and returns its path."""
     file = Path(path)
     # Unlike `Path.exists`, this function is False for names that are too long for the file system.
     if not os.path.exists(file):

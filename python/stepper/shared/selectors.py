@@ -180,11 +180,7 @@ class Part:
 
 
 def parts_of(model: Model, selector: Selector, where: str = "selector") -> list[Part]:
-    """Numbers that a selector selects, as one `Part` per field. A compound parameter (`COMPOUNDS`) can have numbers in several fields.
-
-    Raises:
-        ValueError: An unknown field, element or column.
-    """
+    """Numbers that a selector selects, as one `Part` per field. A compound parameter (`COMPOUNDS`) can have numbers in several fields."""
     if (compound := COMPOUNDS.get(selector.field)) is None:
         return [Part(selector.field, places(model, selector, where))]
     if selector.columns is not None:
@@ -207,9 +203,6 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
     """Indices in the flattened field of the numbers that a selector selects, with the axes (elements, columns).
 
     For single names, indices and columns, axes are absent as described at the head of this module.
-
-    Raises:
-        ValueError: An unknown field, element or column.
     """
     field, columns = selector.field, selector.columns
     if field not in FIELDS:

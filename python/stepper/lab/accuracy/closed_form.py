@@ -67,11 +67,7 @@ def reference_of(
 
 
 def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
-    """Trace of episodes from the study's closed form, after every control period, with outcomes.
-
-    Raises:
-        ValueError: The closed form returns wrong shapes, numbers that are not finite, or an initial state that differs from the episodes.
-    """
+    """Trace of episodes from the study's closed form, after every control period, with outcomes."""
     assert study.exact is not None
     world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
     assert isinstance(world, StepperWorld)

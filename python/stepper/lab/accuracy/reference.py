@@ -186,9 +186,6 @@ def converge(
         progress: Progress callback with the fraction done.
         until: Simulated time of the runs, s.
         stage: Stage of the time budget; None sets no time limit.
-
-    Raises:
-        ValueError: The budget ended the first run within its first control period.
     """
     base, stage = _FIRST_METHOD if law is None else law, stage or Stage()
     tight = TIGHT if base.get("engine", "stepper") == "stepper" else {}

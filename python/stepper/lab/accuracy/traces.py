@@ -282,11 +282,7 @@ def _between(a: Array, b: Array) -> Array:
 
 
 def quantity(given: str | float, *, name: str, units: Sequence[str]) -> tuple[float, str]:
-    """Parses a quantity: "1 mm" gives its value in the base unit, and the base unit: (1e-3, "m").
-
-    Raises:
-        ValueError: The text has another form or unit, or the number is not positive.
-    """
+    """Parses a quantity: "1 mm" gives its value in the base unit, and the base unit: (1e-3, "m")."""
     known = [unit for unit, (base, _) in _UNITS.items() if base in units]
     if isinstance(given, int | float | np.number) and not isinstance(given, bool) and len(units) == 1:
         if 0 < given < np.inf:

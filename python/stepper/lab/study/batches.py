@@ -202,11 +202,7 @@ def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, 
 
 
 def _started(made: Any, world: World) -> tuple[Array, Array]:
-    """Positions and velocities that the study's function `start` has returned, as arrays (num_envs, ...) after a check.
-
-    Raises:
-        ValueError: The function has not returned two arrays with one row per environment.
-    """
+    """Positions and velocities that the study's function `start` has returned, as arrays (num_envs, ...) after a check."""
     shapes = (world.num_envs, world.model.nq), (world.num_envs, world.model.nv)
     parts = [np.array(part, float) for part in made] if isinstance(made, tuple | list) and len(made) == 2 else []
     if [part.shape for part in parts] != list(shapes):
@@ -216,11 +212,7 @@ def _started(made: Any, world: World) -> tuple[Array, Array]:
 
 
 def steps_of(study: Study, timestep: float) -> int:
-    """Number of time steps (timestep in s) per control period.
-
-    Raises:
-        ValueError: The time step does not divide the control period.
-    """
+    """Number of time steps (timestep in s) per control period."""
     count = round(study.control_period / timestep)
     if count < 1 or abs(count * timestep - study.control_period) > 1e-6 * study.control_period:
         near = " or ".join(f"{study.control_period / n:g}" for n in sorted({max(1, count - 1), max(1, count), max(1, count + 1)}))

@@ -249,9 +249,6 @@ def digest_of(thing: Any) -> str:
     * Other object: its class, its `state_dict()` if it has one, and its attributes, recursively. Attributes whose names begin with an
       underscore are internal state and are left out.
     * Number, text, array and others: what `pickle` stores of them.
-
-    Raises:
-        TypeError: A part of the object has no digest; the message has the remedy.
     """
     content = io.BytesIO()
     try:

@@ -22,9 +22,6 @@ def _trial(successes: int, trials: int, alternative: str) -> Any:
         successes: Number of successes.
         trials: Number of trials.
         alternative: Alternative hypothesis, as in SciPy: "two-sided", "greater" or "less".
-
-    Raises:
-        ValueError: There is no trial, or there are more successes than trials.
     """
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes of {trials} trials: there must be a trial, and no more successes than trials")

@@ -242,11 +242,7 @@ def _selects(text: str) -> bool:
 
 
 def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value]) -> dict[str, Parameter]:
-    """Parameters with new nominal values, by name or selector.
-
-    Raises:
-        ValueError: A text is neither a name nor a selector, or a value is invalid.
-    """
+    """Parameters with new nominal values, by name or selector."""
     found = dict(parameters)
     for text, value in values.items():
         if text not in parameters and not _selects(text):
@@ -283,10 +279,6 @@ def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], mod
         names: Names of the varied parameters.
         parameters: All parameters of the study by name, in the order in which they apply.
         model: The model.
-
-    Raises:
-        ValueError: All numbers that a varied parameter changes are overwritten by later parameters with operation="set" and a nominal
-            value. The message has the names of these parameters.
     """
     order = list(parameters)
     applied = {name: _set_numbers(p, model) for name, p in parameters.items() if p.nominal is not None}

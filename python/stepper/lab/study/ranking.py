@@ -254,11 +254,7 @@ def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Poin
 
 
 def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
-    """Mean outcome over the episodes of each point of a ranking, (points,).
-
-    Raises:
-        ValueError: A mean outcome is not finite, or all are equal.
-    """
+    """Mean outcome over the episodes of each point of a ranking, (points,)."""
     name = measured(study)
     if study.success_outcome is not None:
         values = np.array([row["success"] for row in rows], float)

@@ -200,10 +200,6 @@ def run_sweep(
 
     Returns:
         Statistics at each value of a parameter (levels), and the values at which success ends (cliffs).
-
-    Raises:
-        ValueError: The study has no outcome, a parameter is unknown, `resolution` is out of range, or a later parameter overwrites the
-            numbers that a varied parameter changes.
     """
     check_fraction("resolution", resolution, ": the width of a cliff's bracket over the range")
     if not study.all_outcomes:

@@ -313,9 +313,6 @@ def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
 
     Returns:
         Model with the shared values; and the values of the other fields by name, (num_envs, *shape) each.
-
-    Raises:
-        ValueError: A field has different values, and stepper needs one value for all environments.
     """
     shared, varying, may_vary = {}, {}, own_fields(plan.options)
     for field, rows in plan.fields.items():
@@ -592,11 +589,7 @@ def _ignore(_: str) -> None:
 
 
 def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
-    """Copy of a `mujoco.MjModel` with other values of some fields.
-
-    Raises:
-        ModelError: MuJoCo does not have a field.
-    """
+    """Copy of a `mujoco.MjModel` with other values of some fields."""
     model = base.__copy__()
     for field, value in fields.items():
         if hasattr(model.opt, field):
@@ -617,9 +610,6 @@ def check_mujoco(settings: Mapping[str, Any], mujoco: Any = None) -> None:
     Args:
         settings: Values by name, without "engine".
         mujoco: The module `mujoco`, to check words such as "elliptic"; None leaves them unchecked.
-
-    Raises:
-        ValueError: MuJoCo does not have a setting, or not with this value. The message has the name and similar ones.
     """
     for name, value in settings.items():
         if name not in MUJOCO_SETTINGS:

@@ -60,7 +60,7 @@ _TAKEN = {
     "a model": ("contact", "keyframe", "seed"),
     "an environment": ("contact", "actions", "seed", "values"),
 }
-"""Those of the options that a kind of source takes."""
+"""Options among `_OPTIONAL` that each kind of source takes."""
 
 
 def view(

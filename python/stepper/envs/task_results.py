@@ -30,7 +30,7 @@ _IN_PLACE = {
     "on_end": "write rows of envs, as in now.episode_state[name][envs] = ...",
     "advance": "step now.sim, and write to arrays of now.episode_state",
 }
-"""What a hook of a task changes in place of a result, by name of the hook, for error messages."""
+"""Remedies for error messages about hooks of a task that return a value, by name of the hook: changes in place."""
 _SHAPES = (
     "rng.uniform(low, high, size) has the shape (n, size), a row for each environment that resets: for one number each, write "
     "rng.uniform(low, high, 1)[:, 0]"

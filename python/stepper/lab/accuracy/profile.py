@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.study.batches import run_batch, world_of
+from stepper.lab.study.batches import running, world_of
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.touching import Touching, pairs_that_may_touch, touching
-from stepper.lab.study.worlds import StepperWorld, World
+from stepper.lab.study.worlds import StepperWorld
 from stepper.lab.timing import Timed
 from stepper.loading import describe
 from stepper.shared.arguments import check_whole
@@ -280,11 +280,9 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
     assert isinstance(world, StepperWorld)
     sim = world.sim
     rows: list[_States] = []
-
-    def record(_: World) -> None:
-        rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
-
-    run_batch(study, world, episodes, record)
+    for is_end in running(study, world, episodes):
+        if is_end:
+            rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
     # Controls are recorded after the steps in which they act: row k of the controls acts on the state of row k - 1.
     every = [np.concatenate([row[k] for row in (rows[1:] if k == 3 else rows[:-1])]) for k in range(4)]
     chosen = np.random.default_rng(0).permutation(np.resize(np.arange(len(every[0])), max(BATCH, min(len(every[0]), _BATCHES * BATCH))))

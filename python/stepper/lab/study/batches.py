@@ -282,23 +282,20 @@ def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
     return {name: np.where(world.diverged, np.nan, value) for name, value in watch.values(world).items()}
 
 
-def run_batch(
-    study: Study, world: World, episodes: Sequence[int], on_control: Callable[[World], None], on_step: Callable[[World], None] | None = None
-) -> None:
-    """Runs episodes to their end.
+def run_batch(study: Study, world: World, episodes: Sequence[int], on_step: Callable[[World], None] | None = None) -> dict[str, Array]:
+    """Runs episodes to their end, one in each environment, and returns their outcomes as `outcomes_of`.
 
-    Args:
-        study: The study.
-        world: Environments, one for each episode.
-        episodes: Numbers of the episodes.
-        on_control: Function that is called at the start and after every control period.
-        on_step: Function that is called after every time step; None calls nothing.
+    The function `on_step` is called after every time step.
     """
+    watch: Watch | None = None
     for number, looks in enumerate(running(study, world, episodes, by_step=on_step is not None)):
         if on_step is not None and number:
             on_step(world)
-        if looks:
-            on_control(world)
+        if looks and watch is not None:
+            watch.record(world)
+        watch = watch or Watch(tuple(study.all_outcomes), world)
+    assert watch is not None
+    return outcomes_of(watch, world)
 
 
 def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int], **changed: Any) -> list[Row]:
@@ -316,16 +313,8 @@ def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], ep
 
 def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
     """Runs a batch of episodes in given environments, and returns their results as rows, without the keys of rows in the journal."""
-    seen: list[Watch] = []
-
-    def record(now: World) -> None:
-        if seen:
-            seen[0].record(now)
-        else:
-            seen.append(Watch(tuple(study.all_outcomes), now))
-
-    run_batch(study, world, episodes, record)
-    return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes_of(seen[0], world))
+    outcomes = run_batch(study, world, episodes)
+    return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes)
 
 
 def _run(study: Study, batch: _Batch) -> list[Row]:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from stepper._status import Status
 from stepper._stepper import Model
 from stepper.lab.study.batches import run_batch, world_of
-from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import StepperWorld, World
@@ -295,15 +294,6 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     own = world.sim.randomized
     geoms, pairs = (own[name][0] if name in own else getattr(world.model, name) for name in ("geom_friction", "pair_friction"))
     ledger = _Ledger(world.model, len(episodes), np.asarray(geoms, np.float64), _friction_of_pairs(world.model, np.asarray(pairs)))
-    watches: list[Watch] = []
-
-    def record(now: World) -> None:
-        # Outcomes are measured too, to record whether they read sensors.
-        if watches:
-            watches[0].record(now)
-        else:
-            watches.append(Watch(tuple(study.all_outcomes), now))
-
-    run_batch(study, world, episodes, record, ledger.record)
-    watches[0].values(world)
+    # Outcomes are measured too, to record whether they read sensors.
+    run_batch(study, world, episodes, ledger.record)
     return ledger.result(senses=world.senses)

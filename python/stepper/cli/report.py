@@ -37,13 +37,7 @@ def report_recording(recording: Path) -> None:
 
 
 def _report(recording: Path, head: dict[str, Any], end: str) -> None:
-    """Prints the settings and failures of a recording.
-
-    Args:
-        recording: Folder of the recording.
-        head: Contents of its file run.json.
-        end: Text on the end of a recording that was not closed; "" for a closed one.
-    """
+    """Prints the settings and failures of a recording."""
     envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
     print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}')
     if end:

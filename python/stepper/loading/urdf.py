@@ -77,13 +77,7 @@ class _SearchFolders:
 
 
 def _search_folders(file: Path | None, meshdir: str, package_dirs: Sequence[str | os.PathLike[str]] | None) -> _SearchFolders:
-    """Folders to search for meshes of a URDF.
-
-    Args:
-        file: File of the URDF; None for XML text.
-        meshdir: Value of `meshdir` or `assetdir` of MuJoCo's compiler in the URDF, or "" if the URDF sets neither.
-        package_dirs: Argument of `load`.
-    """
+    """Folders to search for meshes of a URDF."""
     above = [] if file is None else list(file.absolute().parents)
     of_file = above[:1]
     if of_file and meshdir:

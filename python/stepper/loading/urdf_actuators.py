@@ -101,16 +101,7 @@ def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, na
 
 
 def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, inertia: float, *, free_base: bool) -> dict[str, Any]:
-    """Actuator of a joint as a dictionary for the Rust library.
-
-    Args:
-        kind: Kind of actuator.
-        urdf: The URDF, for the limits.
-        joint: Dictionary of the joint.
-        index: Index of the joint.
-        inertia: Effective inertia of the joint, kg m^2 or kg.
-        free_base: Whether the root link has a free joint.
-    """
+    """Actuator of a joint as a dictionary for the Rust library."""
     effort, speed = urdf.effort_limit(joint["name"]), urdf.speed_limit(joint["name"])
     position, velocity = 2 * math.pi * POSITION_FREQUENCY, 2 * math.pi * VELOCITY_FREQUENCY
     stiffness = inertia * position**2

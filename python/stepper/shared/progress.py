@@ -39,11 +39,6 @@ def _remaining(done: float, made: float, seconds: float) -> str:
     """Text with the estimated remaining time of a long computation, such as ", 40 s left".
 
     The text is empty if the remaining time is unknown (no progress yet) or below one second.
-
-    Args:
-        done: Fraction of the work that is done.
-        made: Fraction of the work that was done since the first progress report.
-        seconds: Time since the first progress report, s.
     """
     left = (1.0 - done) * seconds / made if made > 0 else 0.0
     if left < 1.0:

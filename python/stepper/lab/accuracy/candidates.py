@@ -78,12 +78,7 @@ def hard_lines(*, more: bool = False) -> list[Line]:
 
 
 def lines(study: Study, *, quick: bool) -> list[Line]:
-    """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engine MuJoCo if it can run the study.
-
-    Args:
-        study: The study.
-        quick: Whether to leave out the lines of hard contact in which the solver's settings vary.
-    """
+    """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engine MuJoCo if it can run the study."""
     model, _ = study.loaded
     asked = Options.from_model(model).integrator if model.requested else None
     law = {"contact": "mujoco", "integrator": asked}

@@ -132,15 +132,7 @@ def chart(
 def _dots(
     basis: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: ProgressCallback
 ) -> tuple[Dot, ...]:
-    """Errors, costs and outcomes of all points of a chart as numbers. Costs and errors of invariants are measured here.
-
-    Args:
-        basis: Data that all points of the chart share.
-        points: Runs of all settings with all lengths of the time step, with their errors.
-        invariants: Invariants of the scene.
-        quick: Whether to measure with fewer repeats.
-        report_progress: Progress callback.
-    """
+    """Errors, costs and outcomes of all points of a chart as numbers. Costs and errors of invariants are measured here."""
     study, limit = basis.study, basis.budget.stage(INVARIANTS)
     nothing, kept = np.full(len(basis.episodes), np.nan), [dict[str, Array]() for _ in points]
     usual = study.options.timestep or float(study.loaded[0].timestep)

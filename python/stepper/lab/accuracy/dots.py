@@ -97,12 +97,6 @@ class Dot:
 
 
 def front(dots: Sequence[Dot], cost: str, engine: str | None = None) -> list[Dot]:
-    """Pareto front of a chart: points for which no other point is both cheaper and more accurate.
-
-    Args:
-        dots: Points of the chart.
-        cost: Kind of cost: "us_single_env" or "batch".
-        engine: Name of the engine to which the points must belong; None selects all engines.
-    """
+    """Pareto front of a chart: points for which no other point is both cheaper and more accurate."""
     own = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost)) and engine in (None, dot.engine)]
     return [own[k] for k in pareto([getattr(dot, cost) for dot in own], [dot.error for dot in own])]

@@ -128,15 +128,7 @@ def _line(label: str) -> str:
 
 
 def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
-    """Draws error against cost into a panel, with a line for each engine and settings, a marker per time step, and the Pareto front.
-
-    Args:
-        panel: The panel.
-        dots: Points of the chart.
-        cost: Cost to draw: "us_single_env" for a single environment, "batch" for an environment in a batch.
-        colours: Colour of each label.
-        markers: Marker of each time step.
-    """
+    """Draws error against cost into a panel, with a line for each engine and settings, a marker per time step, and the Pareto front."""
     good = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost))]
     for label, colour in colours.items():
         own = [dot for dot in good if dot.label == label]

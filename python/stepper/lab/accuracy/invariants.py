@@ -225,11 +225,7 @@ class Invariants:
         )
 
     def _over_limits(self, unit: str) -> float:
-        """Largest violation of a limit in the present state of MuJoCo's data, m or rad.
-
-        Args:
-            unit: "m" for limits of slides and tendons, "rad" for hinges and ball joints.
-        """
+        """Largest violation of a limit in the present state of MuJoCo's data, m or rad."""
         m, d, kinds = self._model, self._data, self._mujoco.mjtJoint
         worst = 0.0
         for j in np.flatnonzero(m.jnt_limited):
@@ -260,12 +256,7 @@ class Invariants:
         return ("m",) if int(kind) in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_TENDON)) else ()
 
     def _parts(self, e: int, rows: Array) -> dict[str, Array]:
-        """Components of the position error of an equality constraint, by unit: "m" and "rad".
-
-        Args:
-            e: Index of the constraint.
-            rows: Entries of MuJoCo's `efc_pos` that belong to the constraint.
-        """
+        """Components of the position error of an equality constraint, by unit: "m" and "rad"."""
         units = self._units(e)
         if self._model.eq_type[e] != self._mujoco.mjtEq.mjEQ_WELD:
             return {unit: rows for unit in units}

@@ -114,14 +114,7 @@ class Bench:
             return error, *saving((self.study, one), (self.study, other), self.trace)
 
     def spare(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
-        """Effect of removing a part of the scene. The saved time is measured here; the change of the motion is an argument.
-
-        Args:
-            cut: Name of the part, reason, and function that removes it.
-            smaller: Model without the part.
-            error: Largest change of the motion, m or rad.
-            budget: Largest allowed change, m or rad.
-        """
+        """Effect of removing a part of the scene. The saved time is measured here; the change of the motion is an argument."""
         what, why, _ = cut
         saved, least = self.saved(smaller) if math.isfinite(error) else (math.nan, math.nan)
         return Spare(what, why, error, saved, least, error <= budget and least > 0)
@@ -135,11 +128,6 @@ class Bench:
 
 def spares(bench: Bench, budget: float, progress: Callable[[float], None]) -> tuple[list[Spare], Model | None]:
     """Removes unused parts of a scene, one by one and then together.
-
-    Args:
-        bench: Episodes and settings with which the effect of each removal is measured.
-        budget: Largest allowed change of the motion, m or rad.
-        progress: Called with the fraction done.
 
     Returns:
         Parts with the effects of their removal, and the smaller model; None if no part can be removed.

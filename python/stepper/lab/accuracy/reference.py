@@ -251,14 +251,7 @@ def _stays_finite(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
 
 
 def _assessed(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, target: float) -> Reference:
-    """Reference from runs at successive halvings of the time step, with an estimate of the finest run's uncertainty.
-
-    Args:
-        runs: Up to three runs of the first method, the finest last.
-        second: Two runs of the second method at the two finest steps, or none.
-        distance: Definition of the difference of two runs.
-        target: Target of the uncertainty, m or rad.
-    """
+    """Reference from runs at successive halvings of the time step, with an estimate of the finest run's uncertainty."""
     nothing = np.full(len(runs[-1].qpos), np.nan)
     one = distance(runs[-3], runs[-2]) if len(runs) == 3 else nothing
     two = distance(runs[-2], runs[-1]) if len(runs) > 1 else np.full(len(nothing), np.inf)

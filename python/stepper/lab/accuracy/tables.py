@@ -88,13 +88,7 @@ def _episodes(found: ChartData, path: Path) -> Path:
 
 
 def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Section]:
-    """Sections of the document of a chart.
-
-    Args:
-        found: Data of the chart.
-        picture: Picture of error against cost.
-        later: Picture of invariants and outcomes; None if there is none.
-    """
+    """Sections of the document of a chart."""
     dots, basis = found.dots, found.basis
     best = set(map(id, [*front(dots, "us_single_env"), *front(dots, "batch")]))
     study, unit = basis.study, basis.distance.unit
@@ -156,12 +150,7 @@ def _words(found: ChartData) -> list[str]:
 
 
 def _invariants(found: ChartData, picture: Path | None) -> Section:
-    """Section of a chart's document with the errors of invariants, such as energy: quantities that every correct motion conserves.
-
-    Args:
-        found: Data of the chart.
-        picture: Path of the picture of the invariants; None adds no picture.
-    """
+    """Section of a chart's document with the errors of invariants, such as energy: quantities that every correct motion conserves."""
     kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
     words = [
         "Errors of laws that every correct motion satisfies, also a chaotic one: the largest of all episodes, after every control period, "

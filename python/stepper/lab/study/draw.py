@@ -157,14 +157,7 @@ def cliffs_of(sweep: Sweep) -> Any | None:
 
 
 def _panel(panel: Axes, sweep: Sweep, name: str, outcome: Outcome | None) -> None:
-    """Draws the panel of a parameter: means of an outcome, or success rates.
-
-    Args:
-        panel: The panel.
-        sweep: The sweep.
-        name: Name of the parameter.
-        outcome: The outcome; None draws success rates.
-    """
+    """Draws the panel of a parameter: means of an outcome, or success rates."""
     study, parameter = sweep.study, sweep.study.parameters[name]
     settings = [USUAL, *study.settings]
     words = any(isinstance(value, str) for value in parameter.levels())
@@ -211,15 +204,7 @@ def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
 
 
 def _series(panel: Axes, sweep: Sweep, name: str, number: int, outcome: Outcome | None) -> None:
-    """Draws success rates or means of an outcome for one of the settings. Markers of later settings are smaller, so that all stay visible.
-
-    Args:
-        panel: The panel.
-        sweep: The sweep.
-        name: Name of the parameter.
-        number: Index of the settings: 0 for those of the study, 1 for its first alternative settings.
-        outcome: The outcome; None draws success rates.
-    """
+    """Draws success rates or means of an outcome for one of the settings. Markers of later settings are smaller, so all are visible."""
     settings = [USUAL, *sweep.study.settings]
     setting, colour = settings[number], COLOURS[number % len(COLOURS)]
     points, levels = sweep.points(name, setting), sweep.levels_of(name, setting)
@@ -268,12 +253,7 @@ def _line(**style: Any) -> Any:
 
 
 def _bars(levels: Sequence[Level], outcome: Outcome | None) -> tuple[list[float], list[float], list[float]]:
-    """Heights of the points in a panel of a sweep, and lengths of their error bars below and above.
-
-    Args:
-        levels: Statistics at the values of a parameter.
-        outcome: The outcome whose means are the heights; None for success rates.
-    """
+    """Heights of the points in a panel of a sweep, and lengths of their error bars below and above."""
     if outcome is None:
         y = [level.share for level in levels]
         if all(level.episodes == 1 for level in levels):

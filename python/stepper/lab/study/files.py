@@ -111,12 +111,7 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
 
 
 def _tables(own: dict[str, Any], name: str) -> dict[str, Any]:
-    """Dictionary for `SensorModel.from_dict` or `ActuatorModel.from_dict` from a table of a study file.
-
-    Args:
-        own: Table with an entry per element, and "default" for all other elements.
-        name: Key for the entries per element: "sensors" or "actuators".
-    """
+    """Dictionary for `SensorModel.from_dict` or `ActuatorModel.from_dict` from a table of a study file."""
     return {name: {k: v for k, v in own.items() if k != "default"}} | ({"default": own["default"]} if "default" in own else {})
 
 

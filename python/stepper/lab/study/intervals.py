@@ -16,13 +16,7 @@ def _stats() -> Any:
 
 
 def _trial(successes: int, trials: int, alternative: str) -> Any:
-    """Result of SciPy's binomial test, from which confidence intervals are computed.
-
-    Args:
-        successes: Number of successes.
-        trials: Number of trials.
-        alternative: Alternative hypothesis, as in SciPy: "two-sided", "greater" or "less".
-    """
+    """Result of SciPy's binomial test, from which confidence intervals are computed."""
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes of {trials} trials: there must be a trial, and no more successes than trials")
     return _stats().binomtest(int(successes), int(trials), alternative=alternative)

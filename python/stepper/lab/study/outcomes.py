@@ -142,12 +142,7 @@ def _compare(text: str, name: str) -> tuple[Any, float]:
 
 
 def _parse(text: str, model: Model | None = None) -> tuple[str, str, int | None]:
-    """First word, name of the element, and index of the axis or channel (None without one), of the text of a measure.
-
-    Args:
-        text: Text of the measure, such as "body cube z".
-        model: Model that has the element. None checks the form of the text alone.
-    """
+    """First word, name of the element, and index of the axis or channel (None without one), of the text of a measure."""
     word, _, words = text.strip().partition(" ")
     if word not in _QUANTITIES or not words:
         raise ValueError(

@@ -256,11 +256,6 @@ def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value
 def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values: Values | None = None) -> None:
     """Checks that no two parameters set the same number.
 
-    Args:
-        chosen: Parameters by name, which all apply at once.
-        model: The model.
-        values: Values of the parameters; two parameters with equal values may set the same number. None stands for unknown values.
-
     Raises:
         ValueError: Two parameters with operation="set" select the same number, with different values. The message has both names.
     """
@@ -436,13 +431,7 @@ def sensor_model(
 
 
 def _numbers(parameter: Parameter, before: Any, values: Sequence[Value | None]) -> Array:
-    """Numbers per environment after the operation of a parameter.
-
-    Args:
-        parameter: The parameter.
-        before: Number or numbers before the operation; None stands for 0.
-        values: Value of the parameter in each environment; None keeps the number.
-    """
+    """Numbers per environment after the operation of a parameter."""
     own = 0.0 if before is None else before
     return np.array([own if value is None else parameter.change(own, float(value)) for value in values], float)
 
@@ -469,14 +458,7 @@ def actuator_model(
 
 
 def _driven(own: Drive, parameter: Parameter, values: Sequence[Value | None], place: str) -> Drive:
-    """Copy of a drive in which a parameter has one value per environment.
-
-    Args:
-        own: The drive.
-        parameter: The parameter.
-        values: Value of the parameter in each environment; None keeps the drive's number.
-        place: Name of the parameter and actuator in error messages.
-    """
+    """Copy of a drive in which a parameter has one value per environment."""
     part, _, leaf = parameter.leaf.rpartition(".")
     holder: Drive | PID | DCMotor | None = own if not part else getattr(own, part, None)
     if holder is None or not hasattr(holder, leaf):

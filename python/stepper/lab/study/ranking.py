@@ -168,13 +168,7 @@ def rank(
 
 
 def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str]:
-    """Names of the parameters to rank, after a check.
-
-    Args:
-        study: The study.
-        chosen: Names from the user; None selects all parameters with low and high.
-        setting: Name of the settings.
-    """
+    """Names of the parameters to rank, after a check."""
     if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to rank by; give it one")
     study.setting(setting)
@@ -307,13 +301,7 @@ def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
 
 
 def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Section]:
-    """Sections of the document of a ranking.
-
-    Args:
-        found: Result of the ranking.
-        samples: Number of base samples.
-        picture: Path of the picture of the Sobol indices; None adds no picture.
-    """
+    """Sections of the document of a ranking."""
     study = found.study
     share = study.success_outcome is not None
     what = f"the success of {measured(study)}" if share else measured(study)

@@ -253,11 +253,7 @@ def _observation(study: Study) -> list[Section]:
 
 
 def _transfer_words(own: dict[str, Any] | None) -> str:
-    """Text with the entries of a sensor's transfer function that differ from those of an ideal sensor; "ideal" if none differ.
-
-    Args:
-        own: Entries by name; None for an ideal sensor.
-    """
+    """Text with the entries of a sensor's transfer function that differ from those of an ideal sensor; "ideal" if none differ."""
     ideal = Transfer()._row(1)
     entries = (
         []

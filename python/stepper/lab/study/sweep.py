@@ -190,14 +190,6 @@ def run_sweep(
 ) -> Sweep:
     """Vary one parameter at a time over its range, with all settings of a study.
 
-    Args:
-        study: The study; it must have parameters and an outcome.
-        journal: Journal of the study. Finished episodes in it are not repeated, and the results of new ones are added.
-        parameters: Names, or selectors with a range, such as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
-        cliffs: Whether to locate the values at which success ends.
-        resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
-        progress: Progress callback with a text and the fraction done.
-
     Returns:
         Statistics at each value of a parameter (levels), and the values at which success ends (cliffs).
     """

@@ -92,11 +92,7 @@ class Touching:
 
 
 def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
-    """Sliding friction of the explicit contact pairs of a model, by their geoms, the lower index first.
-
-    Args:
-        compiled: The `mujoco.MjModel`. None gives an empty result.
-    """
+    """Sliding friction of the explicit contact pairs of a model, by their geoms, the lower index first."""
     if compiled is None:
         return {}
     pairs = np.sort(np.stack([compiled.pair_geom1, compiled.pair_geom2], axis=1), axis=1)

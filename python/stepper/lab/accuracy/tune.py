@@ -565,13 +565,9 @@ def _cheaper(found: Tuning) -> str:
 
 def _removal(own: Spare, budget: float) -> str:
     """Text for the table of removable parts: whether a part is removed, or the reason why it is not."""
-    if own.removed:
-        return f"yes: {own.setting}" if own.setting else "yes"
-    if math.isnan(own.saved):
-        return "no"
-    if own.error > budget:
-        return "no: it changes too much"
-    return f"no: it is a setting, {own.setting}" if own.setting and own.min_saved > 0 else "no: it saves nothing"
+    if own.removed or math.isnan(own.saved):
+        return "yes" if own.removed else "no"
+    return "no: it changes too much" if own.error > budget else "no: it saves nothing"
 
 
 def _save(found: Tuning, folder: Path) -> list[Path]:

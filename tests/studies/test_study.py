@@ -632,7 +632,7 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
 
 
 @pytest.mark.parametrize(("wrong", "message"), [
-    ("episodes = 4", "episodes = 0|episodes is 0, must be above 0"),
+    ("episodes = 4", "episodes = 0|episodes is 0, must be a whole number of at least 1"),
     ('name = "servo"', "nam = 2|the study has unknown entries \\['nam'\\]; did you mean name\\? it may have: actuators, batch"),
     ('unit = "rad"', "units = 2|parameter 'goal' has unknown entries \\['units'\\]; did you mean unit\\?"),
     ('success = ">= 0.3"', "succes = 2|outcome 1 has unknown entries \\['succes'\\]; did you mean success\\?"),

@@ -415,56 +415,57 @@ def sensor_model(
     parameters: Mapping[str, Parameter], base: SensorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> SensorModel | None:
     """Sensor model in which parameters of sensors have one value per environment; None for ideal sensors."""
-    given = {name: p for name, p in parameters.items() if p.kind == "sensor" and any(name in values for values in values_by_env)}
-    if not given:
-        return base
     names = [s["name"] or f"#{i}" for i, s in enumerate(model.sensors)]
-    named: dict[str, Transfer] = dict(base.named) if base else {}
-    for name, parameter in given.items():
-        for index in rows_of(model, "sensor", parameter.parsed.elements, _where(parameter)):
-            label = names[index]
-            own = fitting(named, base.default if base else None, label) or Transfer()
-            before = getattr(own, parameter.leaf)
-            changed: dict[str, Any] = {parameter.leaf: _numbers(parameter, before, [values.get(name) for values in values_by_env])}
-            named[label] = replace(own, **changed)
-    return SensorModel(named, default=base.default if base else None)
-
-
-def _numbers(parameter: Parameter, before: Any, values: Sequence[Value | None]) -> Array:
-    """Numbers per environment after the operation of a parameter."""
-    own = 0.0 if before is None else before
-    return np.array([own if value is None else parameter.change(own, float(value)) for value in values], float)
+    named = _varied("sensor", names, Transfer(), base, parameters=parameters, model=model, values=values_by_env)
+    return base if named is None else SensorModel(named, default=base.default if base else None)
 
 
 def actuator_model(
     parameters: Mapping[str, Parameter], base: ActuatorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> ActuatorModel | None:
-    """Actuator model in which parameters of actuators have one value per environment; None for ideal actuators.
+    """Actuator model in which parameters of actuators have one value per environment; None for ideal actuators."""
+    names = [name or f"#{i}" for i, name in enumerate(model.actuator_names)]
+    named = _varied("actuator", names, Drive(), base, parameters=parameters, model=model, values=values_by_env)
+    return base if named is None else ActuatorModel(named, default=base.default if base else None)
 
-    Raises:
-        ValueError: A parameter belongs to a servo or motor that the drive does not have.
+
+def _varied(
+    kind: str, names: Sequence[str], ideal: Any, base: Any, *, parameters: Mapping[str, Parameter], model: Model, values: Sequence[Values]
+) -> dict[str, Any] | None:
+    """Parts of a sensor or actuator model by name, in which parameters have one value per environment; None if no parameter changes them.
+
+    Args:
+        kind: "sensor" or "actuator".
+        names: Names of all elements of this kind.
+        ideal: Part of an ideal element.
+        base: Sensor or actuator model of the study.
+        parameters: Parameters of the study by name.
+        model: The model.
+        values: Values of the parameters by name, for each environment.
     """
-    given = {name: p for name, p in parameters.items() if p.kind == "actuator" and any(name in values for values in values_by_env)}
+    given = {name: p for name, p in parameters.items() if p.kind == kind and any(name in own for own in values)}
     if not given:
-        return base
-    named: dict[str, Drive] = dict(base.named) if base else {}
+        return None
+    named = dict(base.named) if base else {}
     for name, parameter in given.items():
-        changes = [values.get(name) for values in values_by_env]
-        for index in rows_of(model, "actuator", parameter.parsed.elements, _where(parameter)):
-            label = model.actuator_names[index] or f"#{index}"
-            own = named.get(label) or (base.drive_of(label) if base else None) or Drive()
-            named[label] = _driven(own, parameter, changes, f"parameter {name!r}: actuator {label!r}")
-    return ActuatorModel(named, default=base.default if base else None)
+        changes = [own.get(name) for own in values]
+        for index in rows_of(model, kind, parameter.parsed.elements, _where(parameter)):
+            own = fitting(named, base.default if base else None, names[index]) or ideal
+            named[names[index]] = _with_values(own, parameter.leaf, parameter, changes, f"parameter {name!r}: {kind} {names[index]!r}")
+    return named
 
 
-def _driven(own: Drive, parameter: Parameter, values: Sequence[Value | None], place: str) -> Drive:
-    """Copy of a drive in which a parameter has one value per environment."""
-    part, _, leaf = parameter.leaf.rpartition(".")
-    holder: Drive | PID | DCMotor | None = own if not part else getattr(own, part, None)
-    if holder is None or not hasattr(holder, leaf):
-        raise ValueError(f"{place} has no {parameter.leaf}; give the study an actuator model with one")
-    changed: dict[str, Any] = {leaf: _numbers(parameter, getattr(holder, leaf), values)}
-    if isinstance(holder, Drive):
-        return replace(holder, **changed)
-    changed = {part: replace(holder, **changed)}
-    return replace(own, **changed)
+def _with_values(part: Any, leaf: str, parameter: Parameter, values: Sequence[Value | None], place: str) -> Any:
+    """Copy of a part of a sensor or actuator model in which a parameter has one value per environment. None keeps the part's number.
+
+    `leaf` is the name of the changed attribute, such as "delay" or "servo.kp". `place` begins error messages.
+    """
+    holder, _, rest = leaf.partition(".")
+    before = getattr(part, holder, None)
+    if rest:
+        if before is None or not hasattr(before, rest):
+            raise ValueError(f"{place} has no {leaf}; give the study an actuator model with one")
+        return replace(part, **{holder: _with_values(before, rest, parameter, values, place)})
+    number = 0.0 if before is None else before
+    changed = np.array([number if value is None else parameter.change(number, float(value)) for value in values], float)
+    return replace(part, **{leaf: changed})

@@ -42,10 +42,7 @@ A cliff is a value of a parameter at which success ends. The first height is for
 the intervals of small fractions. The second is for text on the other side, below the intervals of large fractions.
 """
 _ANNOTATED = 5
-"""Largest number of settings for which the panels of a sweep have the values of cliffs as text.
-
-A cliff is a value of a parameter at which success ends. `draw_cliffs` draws the cliffs of any number of settings.
-"""
+"""Largest number of settings for which the panels of a sweep have the values of cliffs (where success ends) as text."""
 
 
 def draw(sweep: Sweep, path: Path) -> Path:
@@ -95,64 +92,6 @@ def figure_of(sweep: Sweep) -> Any:
     outcomes = ", ".join(outcome.name for outcome in ordered_outcomes(sweep.study))
     title = f"{sweep.study.name}: {outcomes}, {counted(sweep.study.episodes, 'episode')} a point"
     figure.suptitle(textwrap.fill(title, int(11 * width)), fontsize=11)
-    return figure
-
-
-def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
-    """Draws the values at which success ends, by settings, into a PNG file, and returns its path; None if there is nothing to draw.
-
-    Raises:
-        MissingPackageError: matplotlib is not installed.
-    """
-    figure = cliffs_of(sweep)
-    if figure is None:
-        return None
-    return write_figure(path, figure)
-
-
-def cliffs_of(sweep: Sweep) -> Any | None:
-    """Figure of the values of parameters at which success ends, by settings.
-
-    The figure has a panel for each parameter that has such a value with two or more settings. The result is None without such a parameter.
-
-    Raises:
-        MissingPackageError: matplotlib is not installed.
-    """
-    settings = [USUAL, *sweep.study.settings]
-    own = {name: [cliff for cliff in sweep.cliffs if cliff.parameter == name] for name in sweep.study.parameters}
-    names = [name for name, cliffs in own.items() if len({cliff.setting for cliff in cliffs}) > 1]
-    if not names:
-        return None
-    figures = require("matplotlib.figure", "to draw cliffs")
-    columns, lines = min(_COLUMNS, len(names)), math.ceil(len(names) / _COLUMNS)
-    size = (max(6.0, 2.9 * columns + 1.8), 0.4 + (0.7 + 0.26 * len(settings)) * lines)
-    figure = figures.Figure(figsize=size, dpi=DPI, layout="constrained")
-    axes = figure.subplots(lines, columns, squeeze=False, sharey=True)
-    for k in range(lines * columns):
-        panel = axes.flat[k]
-        if k >= len(names):
-            panel.set_visible(False)
-            continue
-        name = names[k]
-        for cliff in own[name]:
-            row = settings.index(cliff.setting)
-            colour, middle = COLOURS[row % len(COLOURS)], (cliff.low + cliff.high) / 2
-            panel.errorbar([middle], [row], xerr=[(cliff.high - cliff.low) / 2], fmt="o", color=colour, capsize=2, markersize=4)
-            # The text is above the error bar, which may be wider than the text.
-            panel.annotate(f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour)
-        for row, setting in enumerate(settings):
-            if not any(cliff.setting == setting for cliff in own[name]):
-                note = "none in this range" if sweep.levels_of(name, setting) else "not run"
-                panel.text(0.5, row, note, transform=panel.get_yaxis_transform(), ha="center", va="center", fontsize=8, color="#666666")
-        panel.margins(x=0.25)
-        panel.set_xlabel(_axis_label(sweep, name))
-        panel.grid(visible=True, axis="x", color="#dddddd")
-        panel.locator_params(axis="x", nbins=5)
-    axes[0, 0].set_yticks(range(len(settings)), [textwrap.shorten(name, 32, placeholder=" ...") for name in settings])
-    for panel in axes[:, 0]:
-        panel.tick_params(axis="y", labelsize=8)
-    axes[0, 0].set_ylim(len(settings) - 0.5, -0.8)
-    figure.suptitle(textwrap.fill(f"{sweep.study.name}: where success ends", int(11 * size[0])), fontsize=11)
     return figure
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.document import Document, Section, cell, counted
-from stepper.lab.study.draw import draw, draw_cliffs
+from stepper.lab.study.draw import draw
 from stepper.lab.study.failure_causes import Verdict, causes_of, rules_of
 from stepper.lab.study.journal import diverged
 from stepper.lab.study.outcomes import Outcome
@@ -91,7 +91,7 @@ def sweep(
         document = Document(f"Sweep of {study.name}")
         document.sections += [
             *_perturbations(found, results.folder),
-            *_cliffs(found, results.folder, searched=cliffs),
+            *_cliffs(found, searched=cliffs),
             *settings_sections(study, len(found.table)),
         ]
         files = [*found.table.save(results.folder), *document.save(results.folder, "sweep")]
@@ -136,7 +136,7 @@ def report(
             *_contacts(study, seen, len(some)),
             *_settings(study, found),
             *_perturbations(found, results.folder),
-            *_cliffs(found, results.folder),
+            *_cliffs(found),
             *_transfer(study, found),
             *_failures(verdicts, found),
             *_left_out(study),
@@ -418,11 +418,10 @@ def _picture(found: Sweep, folder: Path) -> Path | None:
     return draw(found, folder / "sweep.png")
 
 
-def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Section]:
+def _cliffs(found: Sweep, *, searched: bool = True) -> list[Section]:
     """Sections on cliffs, the values of parameters at which success ends."""
     if found.study.success_outcome is None:
         return []
-    (folder / "cliffs.png").unlink(missing_ok=True)
     if not searched:
         return [Section("Cliffs", ["Not searched: cliffs=False, or --no-cliffs."])]
     head = ("settings", "parameter", "at", "+-", "share below", "share above")
@@ -438,8 +437,7 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
         "is the width of the bisection. It excludes the error of the time step: repeat the sweep with half the time step to see that."
     ]
     words = words if found.cliffs else ["The share of successes crosses one half nowhere within the ranges of the parameters."]
-    picture = draw_cliffs(found, folder / "cliffs.png") if package_version("matplotlib") else None
-    return [Section("Cliffs", words, head, rows, picture)]
+    return [Section("Cliffs", words, head, rows)]
 
 
 def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:

@@ -1,21 +1,8 @@
 """Invariants: quantities that every correct motion conserves or bounds, and their errors in a run.
 
-The errors remain meaningful in chaotic motion, where trajectories diverge. They are computed from positions and velocities after every
-control period, in the same way for every engine. MuJoCo's library computes kinematics, energies and overlaps; an engine's own diagnostics
-are not used. The model determines the invariants of a scene. The chart lists those that do not apply, with the reasons.
-
-* **penetration**, m: the deepest overlap of two geoms that may collide.
-* **limits**, m and rad: largest violation of the range of a slide or tendon (m), or of a hinge or ball joint (rad).
-* **loops**, m and rad: largest position error of connections, welds, coupled joints and tendons of fixed length.
-* **quaternion norm**: largest deviation of an orientation's norm from 1, for free and ball joints.
-* **energy**, J: increase of kinetic and potential energy (gravity, springs) since the start, minus the work of motors and servos. The work
-  of a held control is force times displacement; damping of servos only removes energy. In scenes without dissipation, it is the largest
-  difference from the start in both directions.
-* **momentum**, kg m/s, and **angular momentum**, kg m2/s: largest change since the start, minus the impulse of gravity. The angular
-  momentum is about the common centre of mass. Both apply to scenes in which no body is attached to the world or can touch it.
-
-Energy and momentum are conserved or bounded by the laws of mechanics. All invariants are zero in a correct motion with hard contact. Soft
-contact has finite penetrations and violations of limits by definition: these numbers are a measure of its softness.
+docs/reference/studies.md defines them. The errors are computed from positions and velocities after every control period, in the same way
+for every engine. MuJoCo's library computes kinematics, energies and overlaps; an engine's own diagnostics are not used. The model
+determines the invariants of a scene. The chart lists those that do not apply, with the reasons.
 """
 
 from __future__ import annotations

@@ -1,18 +1,7 @@
 """Causes of failures, found by repeating a failed episode with one change at a time, such as ideal sensors (a trial).
 
-The first rule that applies gives the cause:
-
-    physics      the episode diverged: a state was not finite or too large, or MuJoCo reset itself
-    (declared)   the study declares the cause (`Outcome.cause`)
-    physics      steps set flags of failure in `Stepper.status`
-    evaluation   the outcome is not finite, or within its margin of the threshold
-    perception   the episode succeeds with ideal sensors
-    physics      the episode, with ideal sensors, succeeds at half the time step with a hundredth of the tolerance
-    physics      with soft contact: the episode, with ideal sensors, succeeds with hard contact
-    controller   no other rule applies: the controller fails although physics and sensors are correct
-    scene        no other rule applies, and there is no controller: the model fails, with its parameters and its start
-
-A controller with internal state restarts in every run.
+The first rule of `rules_of` that applies gives the cause; docs/reference/studies.md has them in order. A controller with internal state
+restarts in every run.
 """
 
 from __future__ import annotations

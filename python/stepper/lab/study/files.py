@@ -1,32 +1,4 @@
-"""Studies from files: TOML, or Python with a `Study` named `study`.
-
-Example of a TOML file:
-
-    name = "grasp"
-    model = "grasp.xml"                    # path relative to this file; or "module:function", "file.py:function", or MJCF text
-    controller = "grasp.py:lift"           # a function; or "controls.npz", "controls.csv", "random". Instead of a controller, a policy:
-                                           # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz"
-    seconds = 1.0
-    episodes = 16
-    sensors = "sensors.toml"               # a file for SensorModel.from_file, or tables; actuators likewise
-
-    [options]                              # attributes of Options
-
-    [[outcomes]]
-    name = "lifted"
-    measure = "body cube z"                # or "file.py:function"
-    reduce = "change"
-    success = ">= 0.05"
-
-    [parameters.friction]
-    selector = "geom_friction[floor,box][0]"
-    low = 0.2
-    high = 1.0
-    source = "rubber on wood, measured"
-
-    [settings."5 iterations"]
-    iterations = 5
-"""
+"""Studies from files: TOML, or Python with a `Study` named `study`. docs/reference/studies.md has all keys."""
 
 from __future__ import annotations
 

@@ -1,13 +1,6 @@
 """Parameters of a study: uncertain numbers of a model, its sensors, actuators, settings or controller, with their ranges.
 
-A selector (`stepper.shared.selectors`) names the numbers that a parameter changes:
-
-    geom_friction[floor,box][0]                 numbers of a field of `Model.replace`
-    actuator_kp[hip], actuator_kv[hip]          gains of servos
-    sensor.delay[imu], sensor.noise_std ...     an attribute of `stepper.Transfer`
-    actuator.delay[hip], actuator.servo.kp ...  an attribute of `stepper.Drive`, its motor or servo
-    options.timestep, options.contact ...       an attribute of `stepper.Options`, or "precision"
-    controller                                  a number for the controller and the measures, which read `now.parameters[name]`
+A selector (`stepper.shared.selectors`, docs/reference/what_can_vary.md) names the numbers that a parameter changes.
 """
 
 from __future__ import annotations

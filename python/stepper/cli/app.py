@@ -15,11 +15,12 @@ from stepper.shared.machine import require
 if TYPE_CHECKING:
     from typer import Typer
 
-COMMANDS = (
-    *("demo", "chart", "compare", "explain", "report", "sweep", "rank", "calibrate", "tune"),
-    *("train", "evaluate", "identify", "replay", "view", "doctor"),
-)
-"""Names of the commands, each with a module of this folder that has a function of its name."""
+COMMANDS = {
+    "demo": "demo",
+    **dict.fromkeys(("chart", "compare", "explain", "report", "sweep", "rank", "calibrate", "tune"), "studies"),
+    **{name: name for name in ("train", "evaluate", "identify", "replay", "view", "doctor")},
+}
+"""Module of this folder with the function of each command, by name of the command."""
 
 
 def application() -> Typer:
@@ -27,8 +28,8 @@ def application() -> Typer:
     typer = require("typer", "for the command line")
     # Rich would take the brackets of help texts, such as geom_friction[floor], for markup.
     app: Typer = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
-    for name in COMMANDS:
-        command = getattr(importlib.import_module(f"stepper.cli.{name}"), name)
+    for name, module in COMMANDS.items():
+        command = getattr(importlib.import_module(f"stepper.cli.{module}"), name)
         if name == "train":
             app.command(name, context_settings={"ignore_unknown_options": True}, add_help_option=False)(command)
         else:

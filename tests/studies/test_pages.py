@@ -15,13 +15,13 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.cli.app import application
-from stepper.lab.progress import show_progress
 from stepper.lab.study.document import Document, Section, cell
 from stepper.lab.study.draw import WIDEST, figure_of
 from stepper.lab.study.report import _differences, _no_cliff
 from stepper.lab.study.sweep import Cliff, Level, Sweep
 from stepper.lab.study.table import Table
 from stepper.shared.files import existing, os_error_message
+from stepper.shared.progress import show_progress
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BLOCK = """<mujoco model="block and plane"><option timestep="0.004"/><worldbody><geom type="plane" size="3 3 1" friction=".3"/>
@@ -309,7 +309,7 @@ def test_commands_show_their_progress(tmp_path, capfd, command, words):
 
 def test_progress_into_a_pipe_comes_before_the_end():
     """As `stepper report ... | cat` has it."""
-    code = "from stepper.lab.progress import show_progress\nwith show_progress() as progress:\n    progress('sweep', 0.5)\n    input()"
+    code = "from stepper.shared.progress import show_progress\nwith show_progress() as progress:\n    progress('sweep', 0.5)\n    input()"
     child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stderr is not None
     assert child.stderr.readline() == "sweep: 50 %\n"

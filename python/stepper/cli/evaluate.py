@@ -9,11 +9,11 @@ from typing import Annotated
 import typer
 
 from stepper.cli.options import Arguments, arguments_of
-from stepper.lab.progress import show_files, show_progress
 from stepper.policies import check_film, compare, describe, differences, film, load
 from stepper.policies import evaluate as run
 from stepper.policies.evaluation import make
 from stepper.policies.film import FILMED
+from stepper.shared.progress import show_files, show_progress
 
 
 def evaluate(

@@ -10,9 +10,9 @@ import typer
 
 from stepper._options import Options
 from stepper.cli.options import Out
-from stepper.lab.progress import show_files, show_progress
 from stepper.loading import load
 from stepper.shared.files import locked
+from stepper.shared.progress import show_files, show_progress
 from stepper.sysid import KINDS
 from stepper.sysid import identify as run
 

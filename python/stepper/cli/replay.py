@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from stepper.cli.options import RECORDING
-from stepper.lab.progress import show_progress
 from stepper.recording import verify
+from stepper.shared.progress import show_progress
 
 
 def replay(

@@ -29,7 +29,6 @@ from stepper.cli.options import (
     study_of_file,
     values_of,
 )
-from stepper.lab.progress import show_files, show_progress
 from stepper.lab.study.document import Document, Section, check_pages
 from stepper.lab.study.points import USUAL
 from stepper.loading import ModelWarning
@@ -37,6 +36,7 @@ from stepper.loading.findings import explained
 from stepper.recording.format import HEADER, end_of, find_blocks, read_header, reading
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import provenance
+from stepper.shared.progress import show_files, show_progress
 
 
 def chart(

@@ -15,7 +15,6 @@ import typer
 from stepper._options import Options
 from stepper._stepper import Stepper
 from stepper.cli.options import ARGUMENTS, VALUES, arguments_of, values_of
-from stepper.lab.progress import show_progress
 from stepper.lab.study import Study
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.journal import diverged
@@ -24,6 +23,7 @@ from stepper.loading import ModelWarning, load
 from stepper.recording.format import HEADER
 from stepper.shared.environments import import_env
 from stepper.shared.machine import require
+from stepper.shared.progress import show_progress
 from stepper.viewer import Player, View, log_rerun
 
 ACTIONS = ("random", "zero")

@@ -19,20 +19,19 @@ from numpy.typing import NDArray
 from stepper.lab.accuracy.budget import QUICK, Budget
 from stepper.lab.accuracy.candidates import lines, timesteps
 from stepper.lab.accuracy.costs import costs
-from stepper.lab.accuracy.distributions import shifts
-from stepper.lab.accuracy.dots import Dot
+from stepper.lab.accuracy.dots import Dot, shifts
 from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, ChartBasis, Point, chart_reference, measure
 from stepper.lab.accuracy.reference import Reference, check_moves
 from stepper.lab.accuracy.tables import ChartData, write
 from stepper.lab.accuracy.traces import Distance, quantity
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.document import Document, check_pages
 from stepper.lab.study.report import no_peer
 from stepper.lab.study.study import Study
 from stepper.shared.arguments import check_whole, path_of
 from stepper.shared.files import locked
 from stepper.shared.machine import one_core
+from stepper.shared.progress import ProgressCallback
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from stepper.lab.accuracy.budget import Budget, Stage
 from stepper.lab.accuracy.candidates import Line
-from stepper.lab.accuracy.closed_form import reference_of
-from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience
+from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience, reference_of
 from stepper.lab.accuracy.traces import Distance, Trace, run
 from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study

@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.lab.accuracy.costs import BATCH
+from stepper.lab.accuracy.costs import BATCH, Timed
 from stepper.lab.study.batches import running, world_of
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.touching import Touching, pairs_that_may_touch, touching
 from stepper.lab.study.worlds import StepperWorld
-from stepper.lab.timing import Timed
 from stepper.loading import describe
 from stepper.shared.arguments import check_whole
 from stepper.shared.machine import cpu_name, one_core

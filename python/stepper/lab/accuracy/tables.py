@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.accuracy.distributions import names
-from stepper.lab.accuracy.dots import CAUSES, Dot, front
+from stepper.lab.accuracy.dots import CAUSES, Dot, front, names
 from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
 from stepper.lab.accuracy.reference import Reference

@@ -19,12 +19,10 @@ from stepper._options import Options
 from stepper._stepper import Model
 from stepper.lab.accuracy.budget import Stage
 from stepper.lab.accuracy.candidates import hard_lines, timesteps
-from stepper.lab.accuracy.closed_form import reference_of
 from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.needs import Bench, Spare, spares
-from stepper.lab.accuracy.reference import Reference, check_moves, patience
+from stepper.lab.accuracy.reference import Reference, check_moves, patience, reference_of
 from stepper.lab.accuracy.traces import Distance, Trace, quantity, run, runs
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.document import Document, Section, check_pages, counted
 from stepper.lab.study.intervals import least_share, trials_for
@@ -33,6 +31,7 @@ from stepper.lab.study.study import Study
 from stepper.shared.arguments import check_fraction, check_whole, path_of
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import one_core, provenance
+from stepper.shared.progress import ProgressCallback
 
 Array = NDArray[np.float64]
 _REFERENCE_SHARE = 0.1

@@ -16,10 +16,10 @@ from stepper._stepper import Model
 from stepper.lab.demo.referee import Measured, Referee
 from stepper.lab.demo.report import show
 from stepper.lab.engines import Array, EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
-from stepper.lab.progress import ProgressCallback, show_files, show_progress
 from stepper.loading import load
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
+from stepper.shared.progress import ProgressCallback, show_files, show_progress
 
 MATCHED = MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC", "NEWTON")
 """Settings of MuJoCo that are most similar to stepper's default settings."""

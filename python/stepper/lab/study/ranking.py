@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
@@ -35,6 +34,7 @@ from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_whole
 from stepper.shared.files import write_figure
 from stepper.shared.machine import package_version, require
+from stepper.shared.progress import ProgressCallback
 
 Array = NDArray[np.float64]
 _THIRDS = 3

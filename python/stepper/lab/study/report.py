@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.document import Document, Section, cell, counted
 from stepper.lab.study.draw import draw
 from stepper.lab.study.failure_causes import Verdict, causes_of, rules_of
@@ -28,6 +27,7 @@ from stepper.lab.study.table import Table
 from stepper.lab.study.touching import Touching, touching
 from stepper.sensors import Transfer
 from stepper.shared.machine import package_version
+from stepper.shared.progress import ProgressCallback
 
 LAW, PEER = "MuJoCo's law", "MuJoCo"
 """Names of the two settings that `report` adds to a study: MuJoCo's contact law in stepper, and the engine MuJoCo."""

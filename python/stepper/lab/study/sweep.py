@@ -11,7 +11,6 @@ from itertools import pairwise
 import numpy as np
 
 from stepper._status import Status
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import Journal, Row, diverged
@@ -21,6 +20,7 @@ from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_fraction
+from stepper.shared.progress import ProgressCallback
 
 CLIFF = 0.5
 """Fraction of successes that defines a cliff, which is a value of a parameter at which success ends.

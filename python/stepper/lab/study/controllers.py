@@ -155,7 +155,7 @@ class PolicyController:
     """Controller that calls a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
 
     Args:
-        act: PolicyController, in one of these forms:
+        act: Policy, in one of these forms:
 
             * a function of arrays that returns an array or a torch tensor
             * a `torch.nn.Module`, which is called with tensors

@@ -8,7 +8,7 @@ import keyword
 import pickle
 import re
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import gymnasium
 import numpy as np
@@ -225,14 +225,12 @@ def test_arguments_of_a_dataclass_are_checked():
 
 def changes():
     """Fields of Gymnasium's tasks: task, and name of the field."""
-    return [(task, field) for task in TASKS.values() for field in task.__dataclass_fields__ if task.__dataclass_fields__[field].init]
+    return [(task, field.name) for task in TASKS.values() for field in fields(task) if field.init]
 
 
 @given(st.sampled_from(changes()), st.booleans(), st.booleans())
 def test_a_changed_default_that_python_ignores_is_an_error(change, typed, decorated):
     task, field = change
-    if field in ("camera", "contact", "lamp", "carried"):
-        return
     value = task.__dataclass_fields__[field].default
     own = type("Own", (task,), {field: value} | ({"__annotations__": {field: type(value)}} if typed else {}))
     own = dataclass(frozen=True, kw_only=True)(own) if decorated else own

@@ -63,7 +63,7 @@ FOLDERS = {
     "cli": {"shared", "doctor", "loading", "recording", "lab", "viewer", "envs", "policies", "sysid"},
 }
 """Folders of the Python package, and the others that each may import."""
-BOTTOM = {"_stepper", "_arrays", "_options", "_status", "_hints", "_other_names", "_quantities"}
+BOTTOM = {"_stepper", "_arrays", "_options", "_status", "_hints", "_quantities"}
 """Modules beside the folders that everything may import: the binary, its arguments, settings, messages and quantities."""
 FACE = {"__main__", "elements"}
 """Modules beside the folders that are for users alone: nothing in a folder imports them, or the names of `stepper` itself."""

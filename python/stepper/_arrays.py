@@ -9,11 +9,7 @@ from numpy.typing import NDArray
 
 
 def array_of(name: str, value: Any) -> NDArray[np.float64]:
-    """Array (...) of float64 with the numbers of an array or of nested sequences; `name` is the name of the argument.
-
-    Raises:
-        TypeError: The value has entries other than real numbers, such as complex ones or objects, a mask, or rows of different lengths.
-    """
+    """Array (...) of float64 with the numbers of an array or of nested sequences; `name` is the name of the argument."""
     if type(value) is np.ndarray and value.dtype.kind in "fiu":  # A fast test of the usual type.
         return value.astype(np.float64, copy=False)
     if isinstance(value, np.ma.MaskedArray):

@@ -127,11 +127,7 @@ class Options(Hints):
 
 
 def precision_of(value: Any) -> Precision:
-    """Precision from "f64" or "f32", or from a floating-point type of NumPy or its name: `np.float32`, `np.dtype("f4")`, "float32".
-
-    Raises:
-        ValueError: The value is neither precision.
-    """
+    """Precision from "f64" or "f32", or from a floating-point type of NumPy or its name: `np.float32`, `np.dtype("f4")`, "float32"."""
     if isinstance(value, str) and value in _PRECISIONS.values():
         return value  # type: ignore[return-value]
     if isinstance(value, str | np.dtype | type):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._arrays import array_of
-from stepper._hints import unknown_quantity
+from stepper._hints import did_you_mean_or_all, replacement
 from stepper._stepper import Model, Stepper
 
 Array = NDArray[Any]
@@ -46,7 +46,8 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
     if name not in KINDS:
         if name in now.model.sensor_names:
             raise ValueError(f"there is no quantity {name!r}, but a sensor: read('sensordata', {name!r})")
-        raise ValueError(unknown_quantity(name, KINDS))
+        hint = f"; use sim.{name}" if hasattr(Stepper, name) else replacement("Stepper", name)
+        raise ValueError(f"there is no quantity {name!r}{hint or did_you_mean_or_all(name, sorted(KINDS))}")
     values = np.asarray(getattr(now, name))
     if of is not None:
         axis = 0 if now.num_envs is None else 1
@@ -86,9 +87,6 @@ def around_body(sim: Stepper, points: ArrayLike, directions: ArrayLike, body: Ke
         body: Name or index of the body.
         axes: Axes of `points` and `directions`: "body", "world", or "heading" (world axes, turned about the vertical by the body's
             heading).
-
-    Raises:
-        ValueError: Unknown axes, or arrays of another shape.
     """
     if axes not in ("body", "heading", "world"):
         raise ValueError(f"axes is {axes!r}, must be 'body', 'heading' or 'world'")
@@ -169,11 +167,7 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
 
 
 def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
-    """Array in which the caller stores a result, (...) in any unit: `out` if it is given, otherwise a new uninitialised array.
-
-    Raises:
-        ValueError: `out` has another shape than `shape`, or another scalar type than `dtype`.
-    """
+    """Array in which the caller stores a result, (...) in any unit: `out` if it is given, otherwise a new uninitialised array."""
     if out is None:
         return np.empty(shape, dtype)
     if out.shape != shape or out.dtype != dtype:

@@ -125,7 +125,7 @@ def test_a_recording_that_lost_what_its_header_counts_is_refused(unclosed):
 
 
 def test_a_report_says_where_a_recording_was_cut(unclosed, capsys):
-    from stepper.cli.report import report
+    from stepper.cli.studies import report
 
     report(unclosed)
     assert "31 rows" in (said := capsys.readouterr().out)

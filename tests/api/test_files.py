@@ -118,7 +118,7 @@ def replayed(path, _):
 
 
 def reported(path, _):
-    from stepper.cli.report import report_recording
+    from stepper.cli.studies import report_recording
 
     return report_recording(path.parent)
 

@@ -1,4 +1,4 @@
-"""Help texts of the command line: at 80 columns no word is lost, neither to the markup of Rich nor to the width of a column."""
+"""Help texts of the command line: at 80 columns no word is lost."""
 
 import re
 
@@ -8,7 +8,7 @@ typer = pytest.importorskip("typer", reason="typer, which the command line needs
 from stepper.cli.app import application  # noqa: E402
 from typer.testing import CliRunner  # noqa: E402
 
-COMMANDS = typer.main.get_command(application(escaped=False)).commands
+COMMANDS = typer.main.get_command(application()).commands
 
 
 def words_of(text):

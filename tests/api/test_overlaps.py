@@ -11,7 +11,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import arm, joint, link, robot, sphere
-from stepper.cli.explain import explain
+from stepper.cli.studies import explain
 
 SLOP = 1e-5
 """m: position correction leaves overlaps of this size, the default of Options.slop."""

@@ -53,7 +53,10 @@ def lines_of(name: str, thing: Any) -> Iterator[str]:
             yield from (f"{name}.{flag.name} = {flag.value}" for flag in thing)
             return
         fields = getattr(thing, "__annotations__", {})
-        members = {attribute for attribute in {*vars(thing), *fields} if attribute[0] != "_"}
+        # Members of base classes that are not public themselves.
+        bases = [base for base in thing.__mro__ if base.__name__ in ("NamedParts", "Served")]
+        inherited = [name for base in bases for name in (*vars(base), *base.__annotations__) if name != "window"]
+        members = {attribute for attribute in {*vars(thing), *fields, *inherited} if attribute[0] != "_"}
         methods = {key: method for key in members if (method := method_of(inspect.getattr_static(thing, key, None)))}
         yield from (f"{name}.{attribute}{signature_of(method)}" for attribute, method in methods.items())
         if attributes := sorted(members - methods.keys()):

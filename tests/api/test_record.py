@@ -96,7 +96,7 @@ def test_overlaps_are_compared(tmp_path, field):
 
 @pytest.mark.parametrize(("precision", "given", "tolerance"), [("f64", None, 1e-4), ("f32", None, 1e-4), ("f64", 1e-3, 1e-3)])
 def test_a_recording_says_the_tolerance_in_force_and_keeps_a_note(tmp_path, capsys, precision, given, tolerance):
-    from stepper.cli.report import report
+    from stepper.cli.studies import report
 
     sim = stepper.Stepper(stepper_model(ROBOT), options=stepper.Options(tolerance=given), precision=precision)
     with sim.record(tmp_path / "run", note="third gripper, dry"):
@@ -363,7 +363,7 @@ def test_what_sensors_lost_is_forgotten_at_a_reset():
 
 
 def test_the_report_names_sensors(tmp_path, capsys):
-    from stepper.cli.report import report
+    from stepper.cli.studies import report
 
     sim = stepper.Stepper(stepper.load(PENDULUM), sensors=stepper.SensorModel({"gyro": stepper.Transfer(dropout=1.0)}))
     with sim.record(tmp_path / "run"):

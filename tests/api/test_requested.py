@@ -118,7 +118,7 @@ def test_options_of_a_model_make_a_stepper_that_is_nearer_to_mujoco():
 
 
 def test_the_command_explain_says_it_once(tmp_path, capsys):
-    from stepper.cli.explain import explain
+    from stepper.cli.studies import explain
 
     file = tmp_path / "robot.xml"
     file.write_text(scene(option='integrator="RK4"'))

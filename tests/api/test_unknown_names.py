@@ -32,8 +32,8 @@ TAKERS = {
 @pytest.mark.parametrize("argument", TAKERS)
 @pytest.mark.parametrize(("name", "hint"), [
     ("gem_friction", "did you mean geom_friction"),
-    ("friction", "did you mean"),
-    ("mass", "did you mean body_mass"),
+    ("friction", "use geom_friction"),
+    ("mass", "use body_mass"),
     ("eq_active", "eq_active0"),
 ])  # fmt: skip
 def test_the_message_names_the_argument_and_the_field(argument, name, hint):
@@ -68,7 +68,7 @@ def test_a_field_with_a_slip_of_the_pen_is_suggested(typo, argument):
 
 
 @pytest.mark.parametrize(("name", "remedy"), [
-    ("eq_active", "as sim.eq_active, and model.eq_active0"),
+    ("eq_active", "sim.eq_active, and model.eq_active0"),
     ("qpos", "sim.set_state(qpos=...) sets it"),
     ("geom_margin", "make a stepper.Stepper of model.replace(geom_margin=...)"),
     ("zzz", "help(stepper.Stepper.randomize) lists the fields"),

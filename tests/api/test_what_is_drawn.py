@@ -343,7 +343,7 @@ def command(monkeypatch, capsys):
     (("CartPole-v1",), "CartPole-v1 is an environment of another simulator"),
     (("tests",), "tests is a folder without run.json"),
     (("examples/policies/ant.npz",), "is a policy, and runs in an environment: film it with stepper evaluate"),
-    (("a.xml", "--rerun", "a.rrd"), "--rerun converts a recording, and a.xml is not a recording"),
+    (("a.xml", "--rerun", "a.rrd"), "--rerun has no effect on a model, and a.xml is one"),
     (("a.xml", "--contact", "soft"), "contact is 'soft', must be 'hard' or 'mujoco'"),
     (("a.xml", "--actions", "none"), "actions is 'none', must be 'random' or 'zero'"),
     (("a.xml", "--actions", "zero"), "--actions has no effect on a model, and a.xml is one"),

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 import stepper
 import stepper.envs
-from cases import Slide
 from gymnasium.vector import AutoresetMode
 from hypothesis import given
 from hypothesis import strategies as st
-from stepper._other_names import RENAMED
+from stepper._hints import replacements
 from stepper.adapters.envpool import StepperPool
 from stepper.adapters.native import make_native, with_autoreset
 from stepper.envs import StepperEnv, StepperVectorEnv, Task
@@ -97,7 +96,7 @@ CALLS = {
     [
         ("n_envs", "takes no 'n_envs': use num_envs"),
         ("nthread", "takes no 'nthread': use threads"),
-        ("env_kwargs", "takes no 'env_kwargs': give its arguments themselves"),
+        ("env_kwargs", "takes no 'env_kwargs': use its arguments themselves"),
         ("dtyp", "takes no 'dtyp'; did you mean dtype?"),
         ("colour", "takes no 'colour'; there are: "),
     ],
@@ -115,8 +114,7 @@ METHODS = [name for name in _METHODS if name not in (*SETTINGS, *VECTOR_SETTINGS
 @pytest.mark.parametrize("call", CALLS)
 @pytest.mark.parametrize("name", [*METHODS, "randomize", "get_reward", "sensor_model", "is_healthy"])
 def test_an_argument_that_is_a_method_of_tasks_is_named_as_one(call, name):
-    method = RENAMED["Task"].get(name, name)
-    signature = f"{method}({', '.join(inspect.signature(getattr(Task, method)).parameters)})"
+    signature = replacements("Task").get(name) or f"{name}({', '.join(inspect.signature(getattr(Task, name)).parameters)})"
     with pytest.raises(TypeError) as error:
         CALLS[call](**{name: 1})
     remedy = f"write a subclass of InvertedPendulum with a method {signature}, and give that as the task"
@@ -128,8 +126,8 @@ def test_an_argument_that_is_a_method_of_tasks_is_named_as_one(call, name):
     ("decimation", "use frame_skip"),
     ("device", "leave it out, environments run on the CPU"),
     ("wrappers", "wrap the environment that you get"),
-    ("observation_space", "observation_space follows from observations(self), remove it"),
-    ("max_episode_length", "give max_episode_steps to the environment"),
+    ("observation_space", "it follows from observations(self) of the task"),
+    ("max_episode_length", "use max_episode_steps"),
 ])  # fmt: skip
 def test_an_argument_of_another_library_has_its_remedy(name, hint):
     for kind, call in CALLS.items():
@@ -141,18 +139,16 @@ def test_an_argument_of_another_library_has_its_remedy(name, hint):
 @pytest.mark.parametrize("name", ["xml_file", "model_path", "urdf"])
 def test_a_task_without_a_file_defines_its_model(name):
     for task in ("FallingBlock-v0", "Grasp-v0", "Go1Velocity-v0"):
-        with pytest.raises(TypeError, match=rf"takes no '{name}': write a subclass of \w+ with a method model\(self\)"):
+        with pytest.raises(TypeError, match=rf"takes no '{name}': use xml_file .*, or a subclass of the task whose method model\(self\)"):
             gymnasium.make(f"stepper/{task}", **{name: "robot.xml"})
 
 
 def test_arguments_with_a_task_that_exists():
     with pytest.raises(TypeError, match=r"Hopper exists already: give \['frame_skip'\] to its constructor, as Hopper\(frame_skip=\.\.\.\)"):
         StepperEnv(TASKS["Hopper"](), frame_skip=2)
-    for name, argument in (("decimation", "frame_skip"), ("xml", "xml_file")):
-        with pytest.raises(TypeError, match=rf"takes no '{name}': give {argument} to the constructor of the task, as Hopper\({argument}="):
+    for name, argument in (("decimation", "frame_skip"), ("xml_path", "xml_file")):
+        with pytest.raises(TypeError, match=rf"takes no '{name}': use {argument}"):
             StepperVectorEnv(TASKS["Hopper"](), 2, **{name: 2})
-    with pytest.raises(TypeError, match="takes no 'decimation': set frame_skip in the class Slide, or in a subclass"):
-        StepperVectorEnv(Slide, 2, decimation=2)
     with pytest.raises(TypeError, match="takes no 'sensors': write a subclass of Hopper with a method sensors"):
         StepperVectorEnv(TASKS["Hopper"](), 2, sensors=None)
 
@@ -160,7 +156,6 @@ def test_arguments_with_a_task_that_exists():
 @pytest.mark.parametrize(("name", "hint"), [
     ("Hopper-v5", "; did you mean 'Hopper'?"),
     ("Walker2d-v4", "; did you mean 'Walker2d'?"),
-    ("/x/half_cheetah.xml", ": give the task and its file, as StepperEnv('HalfCheetah', xml_file='/x/half_cheetah.xml')"),
     ("/x/robot.urdf", ": write a subclass of stepper.envs.Task, whose method model(self) returns stepper.load('/x/robot.urdf')"),
 ])  # fmt: skip
 def test_another_name_of_a_task_has_a_hint(name, hint):
@@ -211,21 +206,20 @@ def test_keywords_of_the_methods_of_environments(call, message):
 
 
 def test_a_seed_belongs_to_reset():
-    with pytest.raises(TypeError, match=r"takes no 'seed': give it to reset\(seed=...\)"):
+    with pytest.raises(TypeError, match=r"takes no 'seed': use reset\(seed=...\)"):
         gymnasium.make_vec(NAME, num_envs=2, seed=3)
 
 
 @pytest.mark.parametrize(
     ("given", "parts"),
     [
-        (lambda: gymnasium.make(NAME), ["an object of type gymnasium.", f"give the name of the environment, {NAME!r} and num_envs"]),
-        (lambda: StepperVectorEnv("InvertedPendulum", 2), ["StepperVectorEnv", "give the name of the environment and num_envs"]),
-        (lambda: lambda: gymnasium.make(NAME), ["an object of type builtins.function", "the task that the function makes"]),
-        (lambda: [len], ["[<built-in function len>] (list)", "the task that the function makes"]),
-        (lambda: MODEL, ["an object of type stepper._stepper.Model"]),
-        (lambda: None, ["the task is None (NoneType)"]),
-        (lambda: 3, ["the task is 3 (int)"]),
-        (lambda: dict, ["the class builtins.dict"]),
+        (lambda: gymnasium.make(NAME), ["a value of type"]),
+        (lambda: lambda: gymnasium.make(NAME), ["a function"]),
+        (lambda: [len], ["a value of type list"]),
+        (lambda: MODEL, ["a value of type Model"]),
+        (lambda: None, ["the task is None"]),
+        (lambda: 3, ["the task is 3"]),
+        (lambda: dict, ["the class dict"]),
     ],
 )
 def test_something_else_than_a_task_is_named(given, parts):
@@ -254,8 +248,7 @@ SINGLE = {
 def test_a_single_environment_takes_no_argument_of_vector_environments(call, name):
     with pytest.raises(TypeError) as error:
         SINGLE[call](**{name: 1})
-    remedy = "an argument of vector environments: make them with gymnasium.make_vec, without vectorization_mode"
-    assert f"takes no {name!r}, {remedy}" in str(error.value)
+    assert re.search(rf"takes no {name!r}: use .*gymnasium.make_vec, without vectorization_mode", str(error.value))
     assert "did you mean" not in str(error.value)
 
 

@@ -47,12 +47,12 @@ def cart(**methods):
 SPEED = Observation("speed", lambda now: now.qvel)
 TABLES = {
     "returns a single Observation, must return a tuple of them: return": SPEED,
-    "returns 'qpos', must return a tuple of stepper.envs.Observation: return (Observation('qpos'),)": "qpos",
-    "returns a value of type dict, must return a tuple of stepper.envs.Observation: return (Observation('speed',": {"speed": SPEED},
+    "returns 'qpos', must return a tuple of stepper.envs.Observation: return (Observation(": "qpos",
+    "returns a value of type dict, must return a tuple of stepper.envs.Observation: return (Observation(": {"speed": SPEED},
     "returns None, must return a tuple": None,
     "returns an array of shape (4, 1), must return a tuple": np.zeros((4, 1)),
     "returns no rows: return at least one": (),
-    "returns 'qpos' as row 1, must be a stepper.envs.Observation: return Observation('qpos')": (SPEED, "qpos"),
+    "returns 'qpos' as row 1, must be a stepper.envs.Observation: return Observation(name)": (SPEED, "qpos"),
     "returns an array of shape (4, 1) as row 0, must be": [np.zeros((4, 1))],
     "returns a function as row 0, must be a stepper.envs.Observation: return Observation(name": (lambda now: now.qpos,),
     "returns the class Observation as row 0": (Observation,),
@@ -60,7 +60,7 @@ TABLES = {
     "the function of the row 'x' returns an array of shape (1,), must return": (Observation("x", lambda now: now.qpos[0]),),
     "columns of the row 'qpos' is 0, must be a slice": (Observation("qpos", columns=0),),
     "has the row 'step' without func, which is a function and no array": (Observation("step"),),
-    "has the row 'qpoz' without func, so that it must be a quantity of the stepper: now, a stepper.envs.TaskView, has no attribute 'qpoz'":
+    "has the row 'qpoz' without func, so that it must be a quantity of the stepper: a stepper.envs.TaskView has no attribute 'qpoz'":
         (Observation("qpoz"),),
 }  # fmt: skip
 
@@ -85,7 +85,7 @@ RESULTS = {
     "terminated returns an array of int64, must be of bool": {"terminated": lambda self, now: np.zeros(4, int)},
     "truncated returns an array of shape (4, 1), must be (4,)": {"truncated": lambda self, now: np.zeros((4, 1), bool)},
     "truncated returns a tuple (ndarray, dict), must be an array (4,)": {"truncated": lambda self, now: (now.qpos[:, 0] > 0, {})},
-    "reset returns an array of shape (4, 1), must return nothing, because its result is ignored: write to arrays of reset, as":
+    "reset returns an array of shape (4, 1), must return nothing, its result is ignored: write to arrays of reset, as":
         {"reset": lambda self, reset: reset.qpos + 1},
     "reset returns a tuple (ndarray, ndarray), must return nothing": {"reset": lambda self, reset: (reset.qpos, reset.qvel)},
     "on_end returns False, must return nothing": {"on_end": lambda self, now, envs: False},

@@ -30,5 +30,5 @@ def described(command):
 
 def table():
     """All commands, as Markdown."""
-    group = typer.main.get_command(application(escaped=False))
+    group = typer.main.get_command(application())
     return "\n".join(described(command) for command in group.commands.values())

@@ -214,8 +214,7 @@ def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
     from stepper.cli.evaluate import evaluate
 
     made(envs).save(tmp_path / "policy.npz")
-    settings = {"contact": "hard"}
-    evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", "Reacher-v5", episodes=3, seed=0, margin=0.02, settings=settings)
+    evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", against="Reacher-v5", episodes=3, contact="hard")
     out, err = capsys.readouterr()
     assert "stepper/Reacher-v5: options.contact: 'mujoco' there, 'hard' here" in err
     assert "Reacher-v5: engine: 'stepper' there, 'MuJoCo' here" in err
@@ -223,12 +222,10 @@ def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
     assert first.startswith("stepper/Reacher-v5: -")
     assert second.startswith("Reacher-v5: -")
     assert verdict.startswith("Reacher-v5 minus stepper/Reacher-v5:")
-    evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", "", episodes=3, seed=0, margin=0.02, settings=settings, infos=["reward_ctrl"])
+    evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", episodes=3, contact="hard", infos=["reward_ctrl"])
     assert ", reward_ctrl -" in capsys.readouterr().out
     with pytest.raises(ValueError, match="--info cannot be compared"):
-        evaluate(
-            tmp_path / "policy.npz", "stepper/Reacher-v5", "Reacher-v5", episodes=3, seed=0, margin=0.02, settings={}, infos=["reward_ctrl"]
-        )
+        evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", against="Reacher-v5", infos=["reward_ctrl"])
 
 
 @pytest.mark.parametrize(("env", "remedy"), [("me/Reach-v0", True), ("Nothing-v0", True), ("stepper.envs:stepper/Nothing-v0", False)])

@@ -149,7 +149,7 @@ def test_an_argument_that_an_environment_does_not_have_is_an_error_without_a_tra
 
 @pytest.mark.parametrize(("words", "message"), [
     (["stepper/HalfCheetah-v5", "--values", "frame=2"], "takes no 'frame'; did you mean frame_skip"),
-    (["tray.xml", "--values", "frame=2"], "--values is for studies and environments, and tray.xml is neither"),
+    (["tray.xml", "--values", "frame=2"], "--values has no effect on a model, and tray.xml is one"),
 ])  # fmt: skip
 def test_values_of_views_are_arguments_of_environments_alone(words, message, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["stepper", "view", *words])

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import stepper
 from stepper.lab.accuracy.candidates import lines
-from stepper.lab.accuracy.closed_form import closed_form, reference_of
 from stepper.lab.accuracy.measure import ChartBasis, measure
-from stepper.lab.accuracy.reference import converge
+from stepper.lab.accuracy.reference import closed_form, converge, reference_of
 from stepper.lab.accuracy.traces import Distance, run
 
 MU, G = 0.5, 9.81

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.stats
 import stepper
-from stepper.lab.accuracy.distributions import names, newcombe, shifts
+from stepper.lab.accuracy.dots import names, newcombe, shifts
 from stepper.lab.accuracy.traces import run
 from stepper.lab.study.intervals import student
 

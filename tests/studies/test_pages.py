@@ -14,13 +14,13 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.cli.app import application
-from stepper.lab.progress import show_progress
 from stepper.lab.study.document import Document, Section, cell
-from stepper.lab.study.draw import WIDEST, cliffs_of, figure_of
+from stepper.lab.study.draw import WIDEST, figure_of
 from stepper.lab.study.report import _differences, _no_cliff
 from stepper.lab.study.sweep import Cliff, Level, Sweep
 from stepper.lab.study.table import Table
 from stepper.shared.files import existing, os_error_message
+from stepper.shared.progress import show_progress
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BLOCK = """<mujoco model="block and plane"><option timestep="0.004"/><worldbody><geom type="plane" size="3 3 1" friction=".3"/>
@@ -74,19 +74,16 @@ def test_points_stand_at_their_values_and_pictures_fit_a_page(parameters, names,
     for (setting, name), pair in tried.items():
         value = np.array(sorted([*pair[0], *pair[1]]))
         np.testing.assert_array_equal(lines[f"{name}/{setting}"].get_xydata(), np.column_stack([value, 1 / (2 * 9.81 * value)]))
-    for picture in (figure, cliffs_of(sweep)):
-        if picture is None:
-            continue
-        picture.canvas.draw()
-        width, height = picture.canvas.get_width_height()
-        assert width <= WIDEST
-        for legend in picture.legends:
-            box = legend.get_window_extent()
-            # A pixel of rounding.
-            assert box.x0 >= -1
-            assert box.x1 <= width + 1
-            assert box.y0 >= -1
-            assert box.y1 <= height + 1
+    figure.canvas.draw()
+    width, height = figure.canvas.get_width_height()
+    assert width <= WIDEST
+    for legend in figure.legends:
+        box = legend.get_window_extent()
+        # A pixel of rounding.
+        assert box.x0 >= -1
+        assert box.x1 <= width + 1
+        assert box.y0 >= -1
+        assert box.y1 <= height + 1
 
 
 @pytest.fixture(scope="module")
@@ -132,10 +129,6 @@ def test_curves_are_outcomes_over_the_parameter(found):
                 np.testing.assert_allclose(seen, panel.transData.transform(places), atol=1e-3)
         ends = sorted(line.get_xdata()[0] for line in panel.lines if line.get_linestyle() == ":")
         assert ends == sorted((cliff.low + cliff.high) / 2 for cliff in found.cliffs)
-    (panel,) = cliffs_of(found).axes
-    assert panel.get_xlabel() == "friction"
-    middles = {(float(x), float(y)) for marks in panel.containers for x, y in marks[0].get_xydata()}
-    assert middles == {((cliff.low + cliff.high) / 2, ("stepper", "5 iterations").index(cliff.setting)) for cliff in found.cliffs}
 
 
 @pytest.mark.parametrize("count", [0, 7, 20])
@@ -315,7 +308,7 @@ def test_commands_show_their_progress(tmp_path, capfd, command, words):
 
 def test_progress_into_a_pipe_comes_before_the_end():
     """As `stepper report ... | cat` has it."""
-    code = "from stepper.lab.progress import show_progress\nwith show_progress() as progress:\n    progress('sweep', 0.5)\n    input()"
+    code = "from stepper.shared.progress import show_progress\nwith show_progress() as progress:\n    progress('sweep', 0.5)\n    input()"
     child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stderr is not None
     assert child.stderr.readline() == "sweep: 50 %\n"
@@ -423,13 +416,3 @@ def test_values_of_cliffs_cover_no_point_and_stay_in_their_panel(place, fails_le
         assert frame.y0 <= box.y0 < box.y1 <= frame.y1
         # A pixel, because lines of 8 points are 9 points apart and boxes have a margin.
         assert not any(box.padded(-1).overlaps(other.padded(-1)) for other in boxes[:k])
-
-
-def test_a_picture_of_cliffs_names_settings_without_one():
-    own = study(["friction"], ["a", "b", "c"])
-    levels = [level(setting, "friction", value) for setting in ("stepper", "a", "b") for value in (0.1, 1.0)]
-    cliffs = [Cliff(setting, "friction", 0.25, 0.26, 0.0, 1.0) for setting in ("stepper", "a")]
-    (panel,) = [axes for axes in cliffs_of(Sweep(own, tuple(levels), tuple(cliffs), Table([]), ())).axes if axes.get_visible()]
-    told = {round(text.get_position()[1]): text.get_text() for text in panel.texts if text.get_text()[0] == "n"}
-    assert told == {2: "none in this range", 3: "not run"}
-    assert {label.get_fontsize() for label in panel.get_yticklabels()} == {8}

@@ -1,4 +1,4 @@
-"""Command line of stepper. Each command has a file, whose function `register` adds the command and its options to the application."""
+"""Command line of stepper. A command is a function, whose annotations have its options with their help texts."""
 
 from stepper.cli.app import main
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
+import importlib
 import sys
 from typing import TYPE_CHECKING
 
 from stepper._hints import WrongArgumentError
 from stepper._stepper import ModelError
-from stepper.cli import calibrate, chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, train, tune, view
 from stepper.cli.user_code import error_in_user_code, message_of
 from stepper.shared.files import os_error_message
 from stepper.shared.machine import require
@@ -16,33 +15,26 @@ from stepper.shared.machine import require
 if TYPE_CHECKING:
     from typer import Typer
 
-COMMANDS = (demo, chart, compare, explain, report, sweep, rank, calibrate, tune, train, evaluate, identify, replay, view, doctor)
+COMMANDS = {
+    "demo": "demo",
+    **dict.fromkeys(("chart", "compare", "explain", "report", "sweep", "rank", "calibrate", "tune"), "studies"),
+    **{name: name for name in ("train", "evaluate", "identify", "replay", "view", "doctor")},
+}
+"""Module of this folder with the function of each command, by name of the command."""
 
 
-def application(*, escaped: bool = True) -> Typer:
-    """Typer application with all commands. A function creates the application, because Typer is an optional package.
-
-    Args:
-        escaped: Whether brackets of help texts, such as those in geom_friction[floor], are escaped for Rich, which takes them for markup.
-    """
+def application() -> Typer:
+    """Typer application with all commands. A function creates the application, because Typer is an optional package."""
     typer = require("typer", "for the command line")
-    app: Typer = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False)
-    for command in COMMANDS:
-        command.register(app, typer)
-    if escaped:
-        _escape(app)
+    # Rich would take the brackets of help texts, such as geom_friction[floor], for markup.
+    app: Typer = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+    for name, module in COMMANDS.items():
+        command = getattr(importlib.import_module(f"stepper.cli.{module}"), name)
+        if name == "train":
+            app.command(name, context_settings={"ignore_unknown_options": True}, add_help_option=False)(command)
+        else:
+            app.command(name)(command)
     return app
-
-
-def _escape(app: Typer) -> None:
-    """Escape the brackets of all help texts of an application for Rich."""
-    escape = require("rich.markup", "for the command line").escape
-    for command in app.registered_commands:
-        command.help = escape(command.help or inspect.getdoc(command.callback) or "")
-        if command.callback is not None:
-            for parameter in inspect.signature(command.callback).parameters.values():
-                if getattr(parameter.default, "help", None):
-                    parameter.default.help = escape(parameter.default.help)
 
 
 def main() -> None:

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import sys
-from types import ModuleType
-from typing import TYPE_CHECKING
 
 from stepper.doctor import diagnose
-
-if TYPE_CHECKING:
-    from typer import Typer
 
 
 def doctor() -> None:
@@ -24,8 +19,3 @@ def doctor() -> None:
     print(found)
     if not found:
         sys.exit(1)
-
-
-def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command `doctor` to the Typer application; `typer` is the module."""
-    app.command("doctor")(doctor)

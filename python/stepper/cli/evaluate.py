@@ -3,34 +3,45 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType, ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Annotated
 
-from stepper.cli.options import ARGUMENTS, arguments_of
-from stepper.lab.progress import show_files, show_progress
+import typer
+
+from stepper.cli.options import Arguments, arguments_of
 from stepper.policies import check_film, compare, describe, differences, film, load
 from stepper.policies import evaluate as run
 from stepper.policies.evaluation import make
 from stepper.policies.film import FILMED
-
-if TYPE_CHECKING:
-    from typer import Typer
+from stepper.shared.progress import show_files, show_progress
 
 
 def evaluate(
-    policy: Path,
-    env: str,
-    against: str = "",
+    policy: Annotated[Path, typer.Argument(help="Policy file, from stepper train or Policy.save.")],
+    env: Annotated[str, typer.Argument(help="Environment id, for example stepper/HalfCheetah-v5.")],
     *,
-    episodes: int,
-    seed: int,
-    margin: float,
-    settings: dict[str, Any],
-    values: Mapping[str, Any] = MappingProxyType({}),
-    infos: Sequence[str] = (),
-    video: Path | None = None,
+    against: Annotated[
+        str, typer.Option(help="Second environment id, for example HalfCheetah-v5, Gymnasium's environment on MuJoCo.")
+    ] = "",
+    episodes: Annotated[int, typer.Option(min=2, help="Number of episodes, at least 2: the interval of the mean needs their spread.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the evaluation; each episode gets an independent seed.")] = 0,
+    margin: Annotated[
+        float, typer.Option(help="Largest difference of mean returns that counts as equivalent, as a fraction of the first mean return.")
+    ] = 0.02,
+    infos: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--info",
+            help="Key of an info whose mean and last value are printed, for example tracking_error. Repeat the option for more.",
+        ),
+    ] = None,
+    values: Arguments = None,
+    video: Annotated[
+        Path | None,
+        typer.Option("--film", metavar="FILE", help=f"Video (mp4) of at most {FILMED} actions of the first episode."),
+    ] = None,
+    contact: Annotated[str, typer.Option(help='Contact law of the first environment, "mujoco" or "hard".')] = "",
+    precision: Annotated[str, typer.Option(help='Precision of the first environment, "f64" or "f32".')] = "",
 ) -> None:
     """Evaluates a policy: prints its mean return with a confidence interval.
 
@@ -47,9 +58,10 @@ def evaluate(
     """
     if against and infos:
         raise ValueError("--info cannot be compared: leave out --against or --info")
-    if own := sorted(values.keys() & {"contact", "precision"}):
+    shared = arguments_of(values or ())
+    if own := sorted(shared.keys() & {"contact", "precision"}):
         raise ValueError(f"--values sets {own[0]}: use the option --{own[0]} instead")
-    settings, shared = settings | dict(values), dict(values)
+    settings = shared | {name: value for name, value in (("contact", contact), ("precision", precision)) if value}
     loaded = load(policy)
     if video is not None:
         check_film(env, video, **settings)
@@ -64,41 +76,9 @@ def evaluate(
             )
             found = "\n".join(map(str, (both.one, both.other, both)))
         else:
-            found = str(run(loaded, env, episodes=episodes, seed=seed, infos=infos, progress=progress, **settings))
+            found = str(run(loaded, env, episodes=episodes, seed=seed, infos=infos or (), progress=progress, **settings))
     print(found)
     if video is not None:
         with show_progress() as progress:
             film(loaded, env, video, actions=FILMED, seed=seed, progress=progress, **settings)
         show_files([video])
-
-
-def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command `evaluate` to the Typer application; `typer` is the module."""
-    file = typer.Argument(help="Policy file, from stepper train or Policy.save.")
-    keys = typer.Option(
-        [], "--info", help="Key of an info whose mean and last value are printed, for example tracking_error. Repeat the option for more."
-    )
-
-    arguments = typer.Option([], "--values", help=ARGUMENTS)
-    video = typer.Option(None, "--film", metavar="FILE", help=f"Video (mp4) of at most {FILMED} actions of the first episode.")
-
-    @app.command("evaluate", help=evaluate.__doc__)
-    def _(
-        *,
-        policy: Path = file,
-        env: str = typer.Argument(help="Environment id, for example stepper/HalfCheetah-v5."),
-        against: str = typer.Option("", help="Second environment id, for example HalfCheetah-v5, Gymnasium's environment on MuJoCo."),
-        episodes: int = typer.Option(20, min=2, help="Number of episodes, at least 2: the interval of the mean needs their spread."),
-        seed: int = typer.Option(0, min=0, help="Seed of the evaluation; each episode gets an independent seed."),
-        margin: float = typer.Option(
-            0.02, help="Largest difference of mean returns that counts as equivalent, as a fraction of the first mean return."
-        ),
-        infos: list[str] = keys,
-        values: list[str] = arguments,
-        video: Path | None = video,
-        contact: str = typer.Option("", help='Contact law of the first environment, "mujoco" or "hard".'),
-        precision: str = typer.Option("", help='Precision of the first environment, "f64" or "f32".'),
-    ) -> None:
-        settings = {name: value for name, value in (("contact", contact), ("precision", precision)) if value}
-        given = {"settings": settings, "values": arguments_of(values)}
-        evaluate(policy, env, against, episodes=episodes, seed=seed, margin=margin, infos=infos, video=video, **given)

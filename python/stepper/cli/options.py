@@ -1,4 +1,4 @@
-"""Help texts and functions that several commands use."""
+"""Options and functions that several commands use."""
 
 from __future__ import annotations
 
@@ -7,32 +7,48 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from stepper.lab.progress import ProgressCallback, show_progress
+import typer
+
 from stepper.lab.study import Study
 from stepper.shared.name_values import argument_values, name_values
+from stepper.shared.progress import ProgressCallback, show_files, show_progress
 
-OUT = "Output folder."
 STUDY = "Study: a .toml file, or a .py file with a variable study of type stepper.lab.Study."
 RECORDING = "Folder of a recording by Stepper.record."
-RAY = "Run batches as tasks of Ray, on all machines of its cluster."
-RAY_RUNS = "Run the settings as tasks of Ray, on all machines of its cluster; costs are still measured on this machine."
-ONLY = (
-    "Parameter to vary: a name in the study, or a selector with a range, 'gravity[2]=-9..-3'. "
-    "Repeat the option for more; without it, all parameters of the study."
-)
-SEED = "Seed of all random numbers, instead of that of the study; the same seed gives the same rows."
 VALUES = (
     "Value of a parameter for episodes in which it does not vary, in place of its nominal value: NAME=VALUE with a name in the study, or "
     "a selector, 'gravity[2]=-3.7'. Quote selectors for the shell. Repeat the option for more."
 )
-
-
 ARGUMENTS = (
     "Argument of the environment, NAME=VALUE, such as a field of its task: roughness=0.1, or a weight of a term of the reward: "
     "rewards.pose=0.5. Repeat the option for more. The error for an unknown name lists all names."
 )
+
+Out = Annotated[Path, typer.Option("--out", help="Output folder.")]
+StudyFile = Annotated[Path, typer.Argument(help=STUDY)]
+Source = Annotated[str, typer.Argument(help="Model (MJCF, URDF, saved) or study (.toml, .py).")]
+Ray = Annotated[bool, typer.Option("--ray", help="Run batches as tasks of Ray, on all machines of its cluster.")]
+RayRuns = Annotated[
+    bool,
+    typer.Option(
+        "--ray", help="Run the settings as tasks of Ray, on all machines of its cluster; costs are still measured on this machine."
+    ),
+]
+Varied = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Parameter to vary: a name in the study, or a selector with a range, 'gravity[2]=-9..-3'. "
+        "Repeat the option for more; without it, all parameters of the study."
+    ),
+]
+Seed = Annotated[
+    int | None, typer.Option(min=0, help="Seed of all random numbers, instead of that of the study; the same seed gives the same rows.")
+]
+Setting = Annotated[str, typer.Option(help="Name of the study's settings to run.")]
+Values = Annotated[list[str] | None, typer.Option("--values", help=VALUES)]
+Arguments = Annotated[list[str] | None, typer.Option("--values", help=ARGUMENTS)]
 
 
 @contextlib.contextmanager
@@ -46,29 +62,24 @@ def progress_kept_in(out: Path) -> Iterator[ProgressCallback]:
         raise
 
 
-def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
-    """Reads a study from a file, and prints its seed.
+def show(found: Any) -> None:
+    """Prints the document of a result, and the paths of its files."""
+    print(found.document.markdown())
+    show_files(found.files)
 
-    Args:
-        path: File of the study.
-        ray: Whether to run on Ray, a library for parallel tasks. False keeps the setting of the study.
-        seed: Seed that replaces the seed of the study; None keeps it.
-    """
+
+def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
+    """Reads a study from a file, and prints its seed. `ray` and `seed` replace values of the study, unless they are False and None."""
     study = Study.from_file(path)
     print(f"{study.name}: seed {study.seed}, of the study" if seed is None else f"{study.name}: seed {seed}", file=sys.stderr, flush=True)
     changed: dict[str, Any] = ({"ray": True} if ray else {}) | ({} if seed is None else {"seed": seed})
     return replace(study, **changed) if changed else study
 
 
-def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
+def source_with(source: str, *, ray: bool, values: Sequence[str]) -> Any:
     """Argument `source` of a command, with the options --ray and --values applied.
 
     Without these options, the result is `source` itself. With them, it is a study.
-
-    Args:
-        source: Path of a model or study.
-        ray: Whether the study runs on Ray, a library for parallel tasks.
-        values: Nominal values of parameters, texts of the form NAME=VALUE.
     """
     if not ray and not values:
         return source

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import Annotated
+
+import typer
 
 from stepper.policies import ppo_settings
 
-if TYPE_CHECKING:
-    from typer import Typer
 
-
-def train(words: list[str]) -> None:
+def train(
+    arguments: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[ENV] [OPTIONS]", help="Environment, stepper/HalfCheetah-v5 by default, and options of the learner; --help lists them."
+        ),
+    ] = None,
+) -> None:
     """Trains a policy by proximal policy optimisation (PPO) in PyTorch, evaluates it, and films it with --film.
 
     Every setting of the learner is an option; --help lists them. --values NAME=VALUE sets an argument of the environment, such as a field
@@ -27,6 +32,8 @@ def train(words: list[str]) -> None:
 
     Example: stepper train --copy my_ppo.py
     """
+    # The learner parses all arguments, so that a copy of it has the same options.
+    words = arguments or []
     # Help, wrong options and --copy work without PyTorch, which takes seconds to import.
     given = ppo_settings.arguments("stepper train").parse_args(words)
     if given.copy is not None:
@@ -36,16 +43,3 @@ def train(words: list[str]) -> None:
     from stepper.policies.ppo import main  # noqa: PLC0415
 
     main(words, "stepper train")
-
-
-def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command `train` to the Typer application; `typer` is the module.
-
-    The command passes all arguments to the learner (`stepper.policies.ppo`), so that a copy of the learner has the same options.
-    """
-    text = "Environment, stepper/HalfCheetah-v5 by default, and options of the learner; --help lists them."
-    words = typer.Argument(None, metavar="[ENV] [OPTIONS]", help=text)
-
-    @app.command("train", help=train.__doc__, context_settings={"ignore_unknown_options": True}, add_help_option=False)
-    def _(arguments: list[str] | None = words) -> None:
-        train(arguments or [])

@@ -60,9 +60,6 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
         sim: The stepper.
         ctrl: Controls, (num_envs, nu) or (nu,); None uses the controls of the last step.
         blocks: Quantities with respect to which derivatives are computed. The snapshot contains the parameters among them.
-
-    Raises:
-        ValueError: Controls have a wrong shape, or the stepper has drives and precision f32.
     """
     model, n = sim.model, sim.num_envs or 1
     if sim.precision == "f32" and sim.actuators is not None:
@@ -203,13 +200,6 @@ def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pa
 
     Each pair has an unperturbed copy, followed by one copy for each of its displacements, in which the column is displaced.
 
-    Args:
-        sim: The original stepper.
-        nominal: State of its environments.
-        blocks: Quantities to which the columns belong.
-        pairs: Environment, column and displacements of each pair.
-        options: Options of the copies.
-
     Returns:
         Stepper of the copies, and the controls of the copies, (copies, nu).
     """
@@ -237,11 +227,6 @@ def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pa
 
 def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array], Array]:
     """States of copies after their steps, and their differences from the unperturbed first copy of their environment.
-
-    Args:
-        sim: Stepper of the copies, `count` for each environment.
-        count: Number of copies of each environment.
-        sensors: Whether the differences include readings of ideal sensors.
 
     Returns:
         "qpos", "qvel" and "act" by name, (num_envs, count, ...), and differences (num_envs, count, rows). Rows are qpos in tangent

@@ -111,14 +111,6 @@ def _product(
 ) -> dict[str, NDArray[Any]]:
     """Derivatives of the state after several steps: the product of the derivatives of the single steps.
 
-    Args:
-        sim: The stepper.
-        nominal: State of its environments.
-        blocks: Quantities with respect to which the step is differentiated.
-        width: Half width of the finite differences for coordinates of order 1.
-        nstep: Number of steps.
-        tolerance: Residual to which steps are solved, m/s.
-
     Returns:
         Arrays by name, as `derivatives` returns them.
     """

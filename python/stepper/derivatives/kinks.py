@@ -125,11 +125,7 @@ class KinkDetector:
         self._evaluated_at = self._constraint_positions()
 
     def compare(self, step: int) -> None:
-        """Compares the active constraints of perturbed copies with those of the nominal copy after a step, and adds the kinks to `report`.
-
-        Args:
-            step: Index of the step, from 0.
-        """
+        """Compares the active constraints of the copies with those of the nominal copy after a step, and adds the kinks to `report`."""
         causes, distance = self.sim._find_kinks(
             count=self.count,
             sides=self.sides,

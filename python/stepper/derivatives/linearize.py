@@ -111,11 +111,7 @@ class Linearization(Hints):
         raise TypeError("a Linearization has no parts by index or key, and cannot be unpacked: use its attributes A and B")
 
     def _block(self, name: str, *, sensors: bool = False) -> Array:
-        """Derivative of the state, or of the sensor readings, with respect to the quantity `name`, one of the names in `wrt`.
-
-        Raises:
-            KeyError: The derivative was not computed.
-        """
+        """Derivative of the state, or of the sensor readings, with respect to the quantity `name`, one of the names in `wrt`."""
         blocks = self.sensors if sensors else self.blocks
         if name not in blocks:
             remedy = "sensors=True" if name in self.blocks else f"{name!r} in wrt"

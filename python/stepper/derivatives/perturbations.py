@@ -164,13 +164,7 @@ def check_parameters(model: Model, parameters: Sequence[str]) -> None:
 
 
 def _check_names(argument: str, names: Sequence[str], example: str) -> None:
-    """Raises an error unless an argument is a sequence of names without repetition.
-
-    Args:
-        argument: Name of the argument, for the error message.
-        names: Value of the argument, which is checked.
-        example: Valid value, for the error message.
-    """
+    """Raises an error unless an argument is a sequence of names without repetition."""
     if isinstance(names, str) or not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
         remedy = f"({names!r},)" if isinstance(names, str) else example
         raise TypeError(f"{argument} is {names!r}, must be a sequence of names, for example {remedy}")
@@ -208,13 +202,7 @@ def _block(model: Model, name: str, argument: str) -> Block:
 
 
 def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask of the numbers in a parameter array that cannot be perturbed while they are 0, (k,) bool.
-
-    Args:
-        model: The model.
-        field: Name of the parameter array, such as "body_mass".
-        places: Indices of the k numbers in the flattened array.
-    """
+    """Mask of the numbers in a parameter array that cannot be perturbed while they are 0, (k,) bool."""
     if field in OF_AXES:
         joints = (model.joint(k) for k in range(model.njnt))
         turning = [joint.dofadr + i for joint in joints if joint.type in ("free", "ball") for i in range(joint.nv)]

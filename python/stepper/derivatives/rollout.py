@@ -167,10 +167,6 @@ class Rollout:
     def _cotangent(self, name: str, given: ArrayLike | None) -> Array | None:
         """Checked copy of an argument of `vjp`: the user's gradient with respect to an attribute of this rollout.
 
-        Args:
-            name: Name of the argument and of the attribute: "qpos", "qvel", "act" or "sensors".
-            given: Value of the argument.
-
         Returns:
             The gradient, (T, num_envs, ...); None if it was not given.
         """
@@ -190,10 +186,6 @@ class Rollout:
         """Partial gradient of the scalar function of `vjp` with respect to the state after control t, (num_envs, 2 nv + na).
 
         The state is in tangent coordinates. The gradient does not include the effect of this state on later states.
-
-        Args:
-            cotangents: Arguments of `vjp` by name, checked by `_cotangent`.
-            t: Index of the control.
         """
         model, n = self._plant.model, self._plant.num_envs or 1
         after = self.qpos[t].reshape(n, -1)

@@ -49,13 +49,7 @@ def first_undetermined(part: Linearization, needed: Bools, control: int, model: 
 
 
 def _coordinate(model: Model, name: str, column: int) -> str:
-    """Name of a perturbed coordinate for an error message, with the joint or actuator, such as "qvel[3] (joint 'knee')".
-
-    Args:
-        model: The model.
-        name: Name of the perturbed quantity, such as "qvel".
-        column: Index of the coordinate in this quantity.
-    """
+    """Name of a perturbed coordinate for an error message, with the joint or actuator, such as "qvel[3] (joint 'knee')"."""
     if name in ("qpos", "qvel"):
         joint = max((model.joint(k) for k in range(model.njnt)), key=lambda joint: joint.dofadr if joint.dofadr <= column else -1)
         return f"{name}[{column}] (joint {joint.name!r})" if joint.name else f"{name}[{column}]"

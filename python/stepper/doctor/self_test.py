@@ -47,11 +47,7 @@ def expected_digest() -> str:
 
 
 def digest_at(level: str) -> str:
-    """SHA-256 of the self-test's trajectories, computed by a new process at a CPU level.
-
-    Raises:
-        RuntimeError: The process failed; the message has the last line of its output.
-    """
+    """SHA-256 of the self-test's trajectories, computed by a new process at a CPU level."""
     command = [sys.executable, "-P", "-c", f"from {__name__} import trajectory_digest; print(trajectory_digest())"]
     environment = os.environ | {"STEPPER_CPU_LEVEL": level}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=LONGEST, check=False)

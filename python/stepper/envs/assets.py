@@ -87,9 +87,6 @@ def model_file(name: str) -> str:
 
     Args:
         name: Name of a file in Gymnasium's assets, such as "ant.xml", or a path that begins with "/", "." or "~".
-
-    Raises:
-        FileNotFoundError: There is no such file.
     """
     path_of("xml_file", name)
     name = os.fspath(name)

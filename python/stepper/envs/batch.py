@@ -16,11 +16,11 @@ from gymnasium.spaces import Box
 from stepper._options import Options, Precision, precision_of
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.envs.episode_state import EpisodeState, episode_state_of
 from stepper.envs.groups import ObservationGroups, Observed
-from stepper.envs.hooks import EpisodeState, call_hook, episode_state_of
 from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, with_zero_rows
-from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
+from stepper.envs.task_results import bounds_of, call_hook, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
 from stepper.envs.terms import TaskTerms
 from stepper.loading import ModelWarning
 from stepper.shared.arguments import check_fields, check_number, check_whole
@@ -198,12 +198,7 @@ class Batch:
         return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()}, weights)
 
     def restore(self, state: EnvState, mask: Array) -> None:
-        """Restores the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings.
-
-        Raises:
-            ValueError: The state is from another model, task, precision or number of environments, or from other arguments of the task or
-                options of the step. Nothing is changed.
-        """
+        """Restores the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings."""
         check_settings(self.sim, self.task, state, self.terms.rewards.weights)
         mine, theirs = self._episodes(), state.episodes
         for name, values in mine.items():

@@ -6,8 +6,7 @@ from typing import Any
 
 from gymnasium.error import ClosedEnvironmentError
 
-from stepper._hints import raise_error_of_property
-from stepper.envs.absent import check_assignment, missing_from_environment
+from stepper._hints import no_attribute, raise_error_of_property, replacement
 from stepper.envs.members import check_environment
 from stepper.envs.task import Task
 
@@ -31,9 +30,19 @@ class CheckedEnvironment:
     def __getattr__(self, name: str) -> Any:
         raise_error_of_property(self, name)
         owner = next(kind for kind in type(self).__mro__ if CheckedEnvironment in kind.__bases__)
-        raise missing_from_environment(owner, self, name)
+        if "_batch" in vars(self) and name[0] != "_" and not replacement(owner.__name__, name):
+            parts = {"task": self.task, "sim": self.sim, "sim.model": self.sim.model, "now": self.now}
+            for place, part in parts.items():
+                if name in dir(part):
+                    raise AttributeError(f"a stepper.envs.{owner.__name__} has no attribute {name!r}; use env.unwrapped.{place}.{name}")
+        raise no_attribute(owner, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name[0] != "_":
-            check_assignment(self, name, value)
+        if name[0] != "_" and "_batch" in vars(self) and not hasattr(type(self), name):
+            task = type(self.task).__name__
+            if name == "frame_skip" or name in getattr(self.task, "__dataclass_fields__", ()):
+                raise AttributeError(
+                    f"{name} of a {type(self).__name__} cannot be assigned, it is an attribute of the task: make another environment, with "
+                    f"the argument {name}={value!r} if {task} has the field, or set it in the class {task}"
+                )
         object.__setattr__(self, name, value)

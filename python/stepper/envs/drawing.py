@@ -71,9 +71,6 @@ def camera_settings(
 
     Returns:
         The settings "width", "height", "camera" and "camera_config" by name.
-
-    Raises:
-        ValueError: Both `camera_id` and `camera_name` are given.
     """
     if camera_id is not None and camera_name is not None:
         raise ValueError(f"camera_id={camera_id} and camera_name={camera_name!r} were given: give one of them")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from stepper._hints import WrongArgumentError, unknown_field
 from stepper._stepper import Model, Stepper
-from stepper.envs.hooks import in_words
 from stepper.shared.draws import Draw
 from stepper.shared.fields import COMPOUNDS, RANDOMIZED
+from stepper.shared.functions import in_words
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import Part, conflict, parse, parts_of
 from stepper.shared.streams import Rng
@@ -274,11 +274,7 @@ class Events:
 
 
 def _parts(model: Model, event: Event, where: str) -> list[list[Part]]:
-    """Selected numbers of an event: for each selector a list with one `Part` per field; none for a function.
-
-    Raises:
-        ValueError: A selector is unknown, or selectors that share random numbers select different numbers of values.
-    """
+    """Selected numbers of an event: for each selector a list with one `Part` per field; none for a function."""
     if callable(event.target):
         return []
     texts = [event.target] if isinstance(event.target, str) else list(event.target)

@@ -74,11 +74,7 @@ class ObservationGroups:
         return {name: value for key, memory in self._memories.items() for name, value in memory.state(f"observed {key}").items()}
 
     def arrays(self, out: Any = None) -> Any:
-        """Arrays for the observations of all environments, whose values are not set: `out`, or new arrays if `out` is None.
-
-        Raises:
-            ValueError: An array has another shape or scalar type, or `out` has other groups.
-        """
+        """Arrays for the observations of all environments, whose values are not set: `out`, or new arrays if `out` is None."""
         if not self._all:
             return output_array(self._shapes[POLICY], self._dtype, out)
         if out is not None and (not isinstance(out, dict) or out.keys() != self._shapes.keys()):
@@ -92,14 +88,7 @@ class ObservationGroups:
         return out
 
     def _read_group(self, now: TaskView, group: str, table: Table, out: Array) -> None:
-        """Writes the observations of a group to an array, (num_envs, n).
-
-        Args:
-            now: View of the batch.
-            group: Name of the group.
-            table: Its rows.
-            out: The array.
-        """
+        """Writes the observations of a group to an array, (num_envs, n)."""
         for row, columns in table:
             memory = self._memories.get(f"{group}.{row.name}") if self._memories else None
             value = row.read(now) if memory is None else row.read(now, memory.bias if row.bias else None)

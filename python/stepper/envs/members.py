@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
 import sys
 import warnings
 from abc import ABCMeta
+from collections.abc import Iterable
 from dataclasses import fields
-from types import CodeType, MethodType
+from types import MethodType
 from typing import TYPE_CHECKING, Any
 
-from stepper._hints import WrongArgumentError, unknown_keyword
-from stepper._other_names import IGNORED_BY_ENVIRONMENTS, PARTS_OF_OTHER_TASKS, RENAMED
+from stepper._hints import WrongArgumentError, replacements, unknown_keyword
 
-_DATACLASS = "@dataclass(frozen=True, kw_only=True)"
-_NO_ARGUMENTS = "the constructor of Task takes no arguments: load the model in the method model(self), and define frame_skip in the class"
+_DATACLASS = "write @dataclass(frozen=True, kw_only=True) above class"
 _SKELETON = {
     "frame_skip": "frame_skip: int = 1",
     "model": 'def model(self): return stepper.load("robot.xml")',
@@ -22,6 +22,8 @@ _SKELETON = {
     "reward": "def reward(self, now): return now.qpos[:, 0]",
 }
 """Members that every task needs, as lines of code."""
+_TYPO = 0.85
+"""Similarity, as of `difflib`, above which the name of a method counts as a misspelt one: a wrong letter in names of seven letters."""
 
 
 class TaskType(ABCMeta):
@@ -34,12 +36,7 @@ class TaskType(ABCMeta):
             _check_complete(cls)
             _check_defaults(cls)
             _check_arguments(cls, given, named)
-            try:
-                return super().__call__(*given, **named)
-            except TypeError as error:
-                if str(error).startswith("object.__init__()"):
-                    error.add_note(_NO_ARGUMENTS)
-                raise
+            return super().__call__(*given, **named)
 
         @property
         def __signature__(cls) -> inspect.Signature:
@@ -48,52 +45,32 @@ class TaskType(ABCMeta):
             return inspect.signature(MethodType(cls.__init__, cls))
 
 
-def no_dataclass(task: type, name: str) -> str:
-    """End of an error message about an argument that is a field of a class of tasks without `@dataclass`; "" for other arguments.
-
-    Args:
-        task: The class.
-        name: Name of the argument.
-    """
-    for kind in _undecorated(task):
-        if name in _annotations(kind):
-            own, field = (task, f", with the field {name}") if _is_abstract(kind) else (kind, "")
-            return f", because {own.__name__} is no dataclass: write {_dataclass_advice(own)}{field}"
-    return ""
-
-
 def check_members(task: type, base: type) -> None:
     """Warns of members of a class of tasks that environments ignore.
 
-    They are methods with another library's name for a method of `Task`, methods whose name is one edit away from a method of `Task`, and
-    values such as `decimation`. Members that a base class already has or that the class itself uses are accepted, and all members of
-    stepper's own tasks.
-
-    Args:
-        task: The class.
-        base: The class `Task`.
+    They are methods with another library's name for a method of `Task` that the class does not define, misspelt methods, and values such as
+    `decimation` (sections "Task", "parts" and "ignored" of `_guesses.toml`). Members that a base class already has are accepted, and all
+    members of stepper's own tasks.
     """
     if task.__module__.startswith("stepper."):
         return
-    inherited = {name for kind in task.__mro__[1:] for name in _names_of(kind)}
-    for name in _names_of(task):
-        if name not in inherited and (advice := _advice(name, vars(task).get(name), base)) and not _uses(task, name):
+    for name in _new_names(task):
+        advice = replacements("ignored").get(name)
+        if inspect.isfunction(vars(task).get(name)):
+            method = replacements("Task").get(name) or _method(base, name)
+            renamed = method and method.partition("(")[0] not in vars(task)
+            advice = f"define {method} instead of {name}" if renamed else replacements("parts").get(name) or advice
+        if advice:
             _warn(task, f"{task.__name__} defines {name}, which environments ignore: {advice}")
 
 
 def check_environment(env: type, base: type) -> None:
-    """Warns of methods of a class of environments that belong into a task.
-
-    Args:
-        env: The class.
-        base: The class `Task`.
-    """
-    inherited = {name for kind in env.__mro__[1:] for name in _names_of(kind)}
-    for name, member in vars(env).items():
-        method = name if name in _methods_of(base) else RENAMED["Task"].get(name)
+    """Warns of methods of a class of environments that belong into a task, of which `base` is the base class."""
+    for name in _new_names(env):
+        method = replacements("Task").get(name) or _method(base, name)
         # Environments have a method `reset`, and hindsight experience replay calls their `compute_reward`.
-        if method and name not in ("reset", "compute_reward") and inspect.isfunction(member) and name not in inherited:
-            remedy = f"define {_signature(base, method)} in a subclass of stepper.envs.Task, and give that to {env.__mro__[1].__name__}"
+        if method and name not in ("reset", "compute_reward") and inspect.isfunction(vars(env).get(name)):
+            remedy = f"define {method} in a subclass of stepper.envs.Task, and give that to {env.__mro__[1].__name__}"
             _warn(env, f"{env.__name__} defines {name}, which environments ignore: {remedy}")
 
 
@@ -113,97 +90,57 @@ def _annotations(kind: type) -> dict[str, Any]:
         return {}
 
 
-def _uses(task: type, name: str) -> bool:
-    """Whether the code of a class of tasks, or of its bases, refers to a member by name, outside the member itself."""
-    for kind in task.__mro__:
-        if not kind.__module__.startswith("stepper."):
-            for key, member in vars(kind).items():
-                function = getattr(member, "fget", None) or inspect.unwrap(getattr(member, "__func__", member))
-                if key != name and inspect.isfunction(function) and _refers(function.__code__, name):
-                    return True
-    return False
+def _new_names(kind: type) -> list[str]:
+    """Names of the members and annotated fields in the body of a class that no base class has."""
+    inherited = {name for base in kind.__mro__[1:] for name in (*_annotations(base), *vars(base))}
+    return [name for name in dict.fromkeys([*_annotations(kind), *vars(kind)]) if name not in inherited]
 
 
-def _refers(code: CodeType, name: str) -> bool:
-    """Whether a function, or a function in it, refers to an attribute or global by name."""
-    return name in code.co_names or any(_refers(part, name) for part in code.co_consts if isinstance(part, CodeType))
+def signatures(base: type) -> list[str]:
+    """Public methods in the body of a class, with the names of their arguments, such as "reward(self, now)"."""
+    methods = {name: member for name, member in vars(base).items() if inspect.isfunction(member) and name[0] != "_"}
+    return [f"{name}({', '.join(inspect.signature(member).parameters)})" for name, member in methods.items()]
 
 
-def _names_of(kind: type) -> list[str]:
-    """Names of the members and annotated fields in the body of a class."""
-    return [*dict.fromkeys([*_annotations(kind), *vars(kind)])]
-
-
-def _methods_of(base: type) -> list[str]:
-    """Names of the public methods in the body of a class."""
-    return [name for name, member in vars(base).items() if inspect.isfunction(member) and name[0] != "_"]
-
-
-def _signature(base: type, method: str) -> str:
-    """Call of a method with the names of its arguments, such as "reward(self, now)"."""
-    return f"{method}({', '.join(inspect.signature(vars(base)[method]).parameters)})"
-
-
-def _advice(name: str, value: Any, base: type) -> str:
-    """Advice on a member of a task that environments ignore, or "" if the member may be the task's own.
-
-    Args:
-        name: Name of the member.
-        value: Its value in the body of the class, or None.
-        base: The class `Task`.
-    """
-    if inspect.isfunction(value):
-        method = (
-            RENAMED["Task"].get(name)
-            or RENAMED["Task"].get(name.lstrip("_"))
-            or next((each for each in _methods_of(base) if _one_edit_apart(name, each)), None)
-        )
-        if method is not None:
-            return f"define {_signature(base, method)} instead of {name}"
-    if inspect.isfunction(value) or isinstance(value, dict | type):
-        return PARTS_OF_OTHER_TASKS.get(name.lstrip("_")) or IGNORED_BY_ENVIRONMENTS.get(name, "")
-    return IGNORED_BY_ENVIRONMENTS.get(name, "")
-
-
-def _one_edit_apart(one: str, other: str) -> bool:
-    """Whether two names differ by one letter that is added, removed or replaced, or by an exchange of two adjacent letters."""
-    start = next((k for k, (x, y) in enumerate(zip(one, other, strict=False)) if x != y), min(len(one), len(other)))
-    a, b = one[start:], other[start:]
-    return a != b and (a[1:] == b[1:] or a[1:] == b or a == b[1:] or (a[:2] == b[1::-1] and a[2:] == b[2:]))
+def _method(base: type, name: str) -> str:
+    """Method of the class `Task`, with its arguments, that has another name, or a similar one; "" if there is none."""
+    methods = {text.partition("(")[0]: text for text in signatures(base)}
+    similar = [name] if name in methods else difflib.get_close_matches(name, methods, 1, _TYPO)
+    return methods[similar[0]] if similar else ""
 
 
 def _check_complete(task: type) -> None:
-    """Raises TypeError with a skeleton if a class of tasks lacks methods that every task defines."""
-    missing = sorted(getattr(task, "__abstractmethods__", ()))
+    """Raises TypeError with a skeleton if a class of tasks lacks members that every task defines."""
+    missing = set(getattr(task, "__abstractmethods__", ()))
     if not any({"reward", "rewards"} & vars(kind).keys() for kind in task.__mro__ if not _is_abstract(kind)):
-        missing.append("reward")
+        missing.add("reward")
     if missing:
-        names = [*missing, *([] if hasattr(task, "frame_skip") else ["frame_skip"])]
-        lines = [f"\n    {_SKELETON[name]}" for name in _SKELETON if name in names]
-        if not set(missing) <= _SKELETON.keys():
-            lines = [f"\n    def {name}{inspect.signature(getattr(task, name))}: ..." for name in missing]
-        what = "a task that you write" if _is_abstract(task) else task.__name__
-        raise TypeError(f"{task.__name__} does not define {', '.join(missing)}. In the class of {what}, write{''.join(lines)}")
+        missing |= set() if hasattr(task, "frame_skip") else {"frame_skip"}
+        lines = "".join(f"\n    {_SKELETON.get(name, f'def {name}(self, ...): ...')}" for name in sorted(missing))
+        raise TypeError(f"{task.__name__} does not define {', '.join(sorted(missing))}. In the class of your task, write{lines}")
 
 
-def _check_arguments(task: type, given: tuple[Any, ...], named: dict[str, Any]) -> None:
+def _check_arguments(task: type, given: tuple[Any, ...], named: Iterable[str]) -> None:
     """Raises WrongArgumentError for an unknown argument of a class of tasks, or a positional one where arguments have names."""
-    known, call = inspect.signature(task).parameters, f"{task.__name__}()"
+    known = inspect.signature(task).parameters
     kinds = {parameter.kind for parameter in known.values()}
     if inspect.Parameter.VAR_KEYWORD not in kinds:
         for name in named:
             if name not in known:
-                remedy = no_dataclass(task, name) or (
-                    f": write {_dataclass_advice(task)}, with the field {name}" if _has_no_constructor(task) else ""
+                remedy = no_dataclass(task, name)
+                raise WrongArgumentError(
+                    f"{task.__name__}() takes no {name!r}{remedy}" if remedy else unknown_keyword(task.__name__, name, known)
                 )
-                raise WrongArgumentError(f"{call} takes no {name!r}{remedy}" if remedy else unknown_keyword(task.__name__, name, known))
     if given and kinds <= {inspect.Parameter.KEYWORD_ONLY}:
-        remedy = (
-            f"give it by name, as {task.__name__}({next(iter(known))}=...)"
-            if known
-            else f"write {_dataclass_advice(task)}, with a field for it"
-        )
-        raise WrongArgumentError(f"{call} takes no argument without a name, but {given[0]!r} is given: {remedy}")
+        remedy = f"give it by name, as {task.__name__}({next(iter(known))}=...)" if known else f"{_DATACLASS} {task.__name__}"
+        raise WrongArgumentError(f"{task.__name__}() takes no argument without a name, but {given[0]!r} is given: {remedy}")
+
+
+def no_dataclass(task: type, name: str) -> str:
+    """End of an error message about an argument of a class of tasks without `@dataclass`, whose fields are no arguments; "" for others."""
+    if "__dataclass_fields__" in vars(task) or not (name in _annotations(task) or _has_no_constructor(task)):
+        return ""
+    return f", because {task.__name__} is no dataclass: {_DATACLASS} {task.__name__}, with the field {name}"
 
 
 def _check_defaults(task: type) -> None:
@@ -215,10 +152,9 @@ def _check_defaults(task: type) -> None:
         typed = _annotations(kind) if "__dataclass_fields__" in vars(kind) else {}
         for field in fields(owner):
             if field.init and field.name in vars(kind) and field.name not in typed:
-                text = f"{field.name}: {field.type} = {vars(kind)[field.name]!r}"
                 raise TypeError(
-                    f"{kind.__name__} changes {field.name} of the dataclass {owner.__name__} without effect: write "
-                    f"{_dataclass_advice(kind)}, and the field with its type, {text}"
+                    f"{kind.__name__} changes {field.name} of the dataclass {owner.__name__} without effect: {_DATACLASS} {kind.__name__}, "
+                    f"and the field with its type, {field.name}: {field.type} = {vars(kind)[field.name]!r}"
                 )
 
 
@@ -226,16 +162,6 @@ def _has_own_constructor(task: type) -> bool:
     """Whether the constructor of a class of tasks is written by hand, and not made by `dataclass`."""
     kind = next(kind for kind in task.__mro__ if "__init__" in vars(kind))
     return "__dataclass_fields__" not in vars(kind)
-
-
-def _undecorated(task: type) -> list[type]:
-    """Classes from `task` up to the first that has a constructor, such as a dataclass: their fields are no arguments."""
-    kinds: list[type] = []
-    for kind in task.__mro__:
-        if "__init__" in vars(kind) and not _is_abstract(kind):
-            break
-        kinds.append(kind)
-    return kinds
 
 
 def _has_no_constructor(task: type) -> bool:
@@ -246,8 +172,3 @@ def _has_no_constructor(task: type) -> bool:
 def _is_abstract(kind: type) -> bool:
     """Whether a class is `Task` or `MujocoTask`, or `object`."""
     return kind is object or kind.__module__ == "stepper.envs.task"
-
-
-def _dataclass_advice(kind: type) -> str:
-    """Advice to make a class a dataclass."""
-    return f"{_DATACLASS} above class {kind.__name__}"

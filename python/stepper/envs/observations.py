@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._hints import WrongArgumentError, hint_keywords
-from stepper.envs.hooks import in_words
 from stepper.shared.arguments import check_number, check_whole
 from stepper.shared.draws import Draw
 from stepper.shared.fields import COMPOUNDS, RANDOMIZED
-from stepper.shared.functions import check_takes
+from stepper.shared.functions import check_takes, in_words
 from stepper.shared.streams import Rng, Streams
 
 if TYPE_CHECKING:

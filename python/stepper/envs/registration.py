@@ -49,14 +49,7 @@ def register_tasks() -> None:
 
 
 def _register(name: str, steps: int | None, arguments: dict[str, Any], threshold: float | None = None) -> None:
-    """Registers an environment with Gymnasium, unless the name is registered already.
-
-    Args:
-        name: Id of the environment, such as "stepper/Hopper-v5".
-        steps: Number of actions per episode; None means no limit.
-        arguments: Arguments of `StepperEnv` and `StepperVectorEnv`.
-        threshold: Return at which the task counts as solved; None if there is no such return.
-    """
+    """Registers an environment with Gymnasium, unless the name is registered already."""
     if name not in registry:
         register(
             name,

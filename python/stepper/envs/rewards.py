@@ -87,11 +87,7 @@ class RewardTerms:
         self.sums = {name: np.zeros(num_envs) for name, weight in self.weights.items() if weight}
 
     def values(self, now: Any) -> dict[str, Array]:
-        """Weighted terms after a step, (num_envs,) by name; those of weight 0 are absent.
-
-        Raises:
-            ValueError: A term has another shape.
-        """
+        """Weighted terms after a step, (num_envs,) by name; those of weight 0 are absent."""
         found = {}
         for name, total in self.sums.items():
             term = self._terms[name]

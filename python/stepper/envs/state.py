@@ -69,9 +69,6 @@ def check_settings(sim: Stepper, task: Task, state: EnvState, weights: Mapping[s
     """Checks that a state was saved with the same task, arguments of the task, precision and options of the step.
 
     Otherwise the saved returns, episode_state and random numbers would belong to another reward or another motion.
-
-    Raises:
-        ValueError: The settings differ; the message lists the differences.
     """
     present, saved = _settings(sim, task, weights), state.settings
     absent = object()

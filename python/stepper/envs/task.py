@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import no_attribute, raise_error_of_property
-from stepper._other_names import RENAMED
+from stepper._hints import did_you_mean, no_attribute, raise_error_of_property, replacement
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
-from stepper.envs.absent import missing_from_now, missing_from_task
 from stepper.envs.actions import Servo, actions_of
 from stepper.envs.assets import cache_per_model, load_quietly, model_file
 from stepper.envs.events import Event
@@ -114,8 +112,6 @@ class TaskView(BatchView):
         raise_error_of_property(self, name)
         if name.startswith("_"):
             raise AttributeError(name)
-        if name in RENAMED["TaskView"]:
-            raise missing_from_now(name, TaskView, _OWN)
         values = self.stored()
         if name in values:
             return values[name]
@@ -125,7 +121,7 @@ class TaskView(BatchView):
         except AttributeError:
             if hasattr(type(self.sim), name):
                 raise
-            raise missing_from_now(name, TaskView, _OWN) from None
+            raise no_attribute(TaskView, name, {*dir(Stepper), *_OWN}) from None
 
     def _check_present(self, name: str) -> None:
         """Raises RuntimeError if this view has ended, so that the quantity `name` can no longer be read."""
@@ -453,7 +449,9 @@ class Task(metaclass=TaskType):
             if (of_next_class := getattr(super(), "__getattr__", None)) is not None:
                 return of_next_class(name)
             raise_error_of_property(self, name)
-            raise missing_from_task(self, name, _OWN)
+            is_quantity = name in _OWN or inspect.isdatadescriptor(getattr(Stepper, name, None))
+            hint = f"; now has it, as now.{name}" if is_quantity else replacement("Task", name) or did_you_mean(name, dir(self))
+            raise AttributeError(f"the task {type(self).__name__} has no attribute {name!r}{hint}")
 
     @abstractmethod
     def model(self) -> Model:

@@ -1,4 +1,4 @@
-"""Checks of the results of a task's methods. An error names the task, the method, what it returned, and the remedy."""
+"""Calls of a task's methods with checks of the results. An error names the task, the method, what it returned, and the remedy."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ import numpy as np
 from stepper._arrays import array_of
 from stepper._hints import WrongArgumentError
 from stepper._stepper import Model
-from stepper.envs.hooks import NO_ASSIGNMENT, in_words
 from stepper.envs.observations import Group, Observation
 from stepper.envs.task import Array, Task, TaskView, Terms
 from stepper.shared.arguments import check_mapping
-from stepper.shared.functions import check_takes
+from stepper.shared.functions import check_takes, in_words
 
 _METHODS = {
     name: list(inspect.signature(method).parameters)[1:]
@@ -26,6 +25,41 @@ _METHODS = {
 """Names of the arguments of each method of a task, without `self`."""
 Table = list[tuple[Observation, slice]]
 """Type of the list of a task's observed quantities (`Observation`), each with the slice of its columns in the observation array."""
+_IN_PLACE = {
+    "reset": "write to arrays of reset, as in reset.qpos[:, :2] += reset.rng.uniform(-0.1, 0.1, 2)",
+    "on_end": "write rows of envs, as in now.episode_state[name][envs] = ...",
+    "advance": "step now.sim, and write to arrays of now.episode_state",
+}
+"""Remedies for error messages about hooks of a task that return a value, by name of the hook: changes in place."""
+_SHAPES = (
+    "rng.uniform(low, high, size) has the shape (n, size), a row for each environment that resets: for one number each, write "
+    "rng.uniform(low, high, 1)[:, 0]"
+)
+"""Note on errors of NumPy in hooks that draw random numbers: the shape of the draws."""
+_NO_ASSIGNMENT = (
+    "attributes of a task cannot be assigned: for data of episodes, define episode_state(self, num_envs), which returns an array for each "
+    "name, and write to now.episode_state[name]"
+)
+"""Note on errors of a task that assigns to an attribute of the task."""
+POLICY = "policy"
+"""Name of the observation group for the policy."""
+
+
+def call_hook(task: Any, hook: str, *arguments: Any) -> None:
+    """Calls a hook of a task by name, and checks that it returns nothing."""
+    try:
+        result = getattr(task, hook)(*arguments)
+    except ValueError as error:
+        if "broadcast" in str(error) and hook == "reset" and _SHAPES not in getattr(error, "__notes__", ()):
+            error.add_note(_SHAPES)
+        raise
+    except FrozenInstanceError as error:
+        error.add_note(_NO_ASSIGNMENT)
+        raise
+    if result is not None:
+        raise ValueError(
+            f"{type(task).__name__}.{hook} returns {in_words(result)}, must return nothing, its result is ignored: {_IN_PLACE[hook]}"
+        )
 
 
 def check_methods(task: Task) -> None:
@@ -85,10 +119,6 @@ def _pair_in_words(found: Any) -> str:
 def tables_of(task: Task, now: TaskView) -> dict[str, Table]:
     """Tables of the observed quantities of a task by name of the observation group; "policy" for a task without groups.
 
-    Args:
-        task: The task.
-        now: View of the batch, from which the quantities are read to find their numbers of columns.
-
     Raises:
         ValueError: `task.observations` does not return one or more `Observation`, or the value of a row is no array (num_envs, ...).
         AttributeError: A row without a function names no quantity of the stepper.
@@ -106,29 +136,21 @@ def tables_of(task: Task, now: TaskView) -> dict[str, Table]:
     return {str(name): _table_of(kind, rows, now) for name, rows in groups.items()}
 
 
-POLICY = "policy"
-"""Name of the observation group for the policy."""
-
-
 def _table_of(kind: str, given: Any, now: TaskView) -> Table:
-    """Rows of a table of observations, each with the slice of its columns in the observation.
-
-    Args:
-        kind: Name of the task's class, for error messages.
-        given: The table.
-        now: View of the batch.
-    """
+    """Rows of a table of observations, each with the slice of its columns in the observation."""
     if isinstance(given, Observation):
         raise ValueError(f"{kind}.observations returns a single Observation, must return a tuple of them: return (Observation(...),)")
     if isinstance(given, str | Mapping | np.ndarray) or not isinstance(given, Iterable):
         raise ValueError(
-            f"{kind}.observations returns {in_words(given)}, must return a tuple of stepper.envs.Observation{_rows_like(given)}"
+            f"{kind}.observations returns {in_words(given)}, must return a tuple of stepper.envs.Observation: "
+            'return (Observation("qpos"), Observation("speed", func=lambda now: now.qvel[:, :1])), where func is a function of now'
         )
     rows: Table = []
     for row in given:
         if not isinstance(row, Observation):
             raise ValueError(
-                f"{kind}.observations returns {in_words(row)} as row {len(rows)}, must be a stepper.envs.Observation{_row_like(row)}"
+                f"{kind}.observations returns {in_words(row)} as row {len(rows)}, must be a stepper.envs.Observation: return "
+                "Observation(name), or Observation(name, func=...) with a function of now"
             )
         if any(row.name == other.name for other, _ in rows):
             raise ValueError(
@@ -141,37 +163,8 @@ def _table_of(kind: str, given: Any, now: TaskView) -> Table:
     return rows
 
 
-def _rows_like(given: Any) -> str:
-    """End of an error message with a remedy, if `Task.observations` returned `given` instead of a tuple of `Observation`."""
-    if isinstance(given, str):
-        return f": return (Observation({given!r}),)"
-    if isinstance(given, Mapping) and given:
-        name = next(iter(given))
-        return f": return (Observation({name!r}, func=...), ...), where func is a function of now"
-    return ': return (Observation("qpos"), Observation("speed", func=lambda now: now.qvel[:, :1])), where func is a function of now'
-
-
-def _row_like(row: Any) -> str:
-    """End of an error message with a remedy, if `row` in the table of observations is no `Observation`; "" if no remedy is known."""
-    if isinstance(row, str):
-        return f": return Observation({row!r})"
-    if isinstance(row, np.ndarray):
-        return ": return Observation(name, func=lambda now: ...), which computes the array anew after each step"
-    if isinstance(row, tuple):
-        return ": return Observation(name, func=...)"
-    if callable(row):
-        return ": return Observation(name, func=...), whose func is this function"
-    return ""
-
-
 def _width(kind: str, row: Observation, now: TaskView) -> int:
-    """Number of columns that a row of the observation table has in the observation.
-
-    Args:
-        kind: Name of the task's class, for error messages.
-        row: The row of the table.
-        now: View of the batch, from which the row is read.
-    """
+    """Number of columns that a row of the observation table has in the observation."""
     expected = len(now.qpos)
     if row.func is None:
         try:
@@ -179,8 +172,8 @@ def _width(kind: str, row: Observation, now: TaskView) -> int:
             value = getattr(now, row.name) if is_quantity else row.read(now)
         except AttributeError as error:
             raise AttributeError(
-                f"{kind}.observations has the row {row.name!r} without func, so that it must be a quantity of the stepper: "
-                f"{_element(row.name, now) or error}"
+                f"{kind}.observations has the row {row.name!r} without func, so that it must be a quantity of the stepper: {error}. For an "
+                f"element of the model, write Observation({row.name!r}, func=lambda now: now.read('xpos', {row.name!r}))"
             ) from error
         if callable(value) or not isinstance(value, np.ndarray):
             raise ValueError(
@@ -205,36 +198,12 @@ def _width(kind: str, row: Observation, now: TaskView) -> int:
     return int(width[1])
 
 
-def _element(name: str, now: TaskView) -> str:
-    """Advice for a row of the observation table that is named after an element of the model; "" if no element has this name."""
-    model = now.sim.model
-    for kind, quantity in _QUANTITIES.items():
-        if name in getattr(model, f"{kind}_names"):
-            return f"{name!r} is a {kind}, write Observation({name!r}, func=lambda now: now.read({quantity!r}, {name!r}))"
-    return ""
-
-
-_QUANTITIES = {
-    "sensor": "sensordata",
-    "joint": "qpos",
-    "body": "xpos",
-    "site": "site_xpos",
-    "geom": "geom_xpos",
-    "actuator": "actuator_force",
-}
-"""Most likely quantity of an element that a task observes, by kind of element."""
-
-
 def rewards_of(task: Task, now: TaskView, num_envs: int) -> tuple[Array, Terms]:
-    """Rewards (num_envs,) and entries for the info dict from `Task.reward`, after a check.
-
-    Raises:
-        ValueError: `Task.reward` returns neither rewards nor a pair of rewards and entries, or the shape of an array is wrong.
-    """
+    """Rewards (num_envs,) and entries for the info dict from `Task.reward`, after a check."""
     try:
         result: Any = task.reward(now)
     except FrozenInstanceError as error:
-        error.add_note(NO_ASSIGNMENT)
+        error.add_note(_NO_ASSIGNMENT)
         raise
     if not isinstance(result, tuple):
         return rows_of(task, "reward", result, np.float64, num_envs), {}
@@ -282,11 +251,7 @@ def check_terms(task: Task, method: str, terms: Mapping[str, Any], num_envs: int
 
 
 def rows_of(task: Task, method: str, values: Any, dtype: Any, num_envs: int) -> Array:
-    """Converts a result of the task's method `method` to a new array (num_envs,) of type `dtype`, float64 or bool.
-
-    Raises:
-        ValueError: The result has another shape, or `dtype` is bool and the result is not.
-    """
+    """Converts a result of the task's method `method` to a new array (num_envs,) of type `dtype`, float64 or bool."""
     kind = type(task).__name__
     try:
         array = np.array(values, dtype=None if dtype is bool else dtype)

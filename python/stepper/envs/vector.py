@@ -383,12 +383,7 @@ def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
 
 
 def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
-    """List with a seed or None for each environment, from the argument `seed` of `reset`.
-
-    Raises:
-        TypeError: A seed is not a whole number.
-        ValueError: There are more or fewer seeds than environments.
-    """
+    """List with a seed or None for each environment, from the argument `seed` of `reset`."""
     if seed is None:
         return [None] * num_envs
     if isinstance(seed, int | np.integer):

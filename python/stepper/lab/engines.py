@@ -181,14 +181,7 @@ class MujocoBatch(MujocoFields):
 
     @classmethod
     def from_file(cls, path: str, num_envs: int, *, threads: int = 1, settings: MujocoEngine | None = None) -> Self:
-        """Batch of environments of an MJCF file in MuJoCo.
-
-        Args:
-            path: MJCF file.
-            num_envs: Number of environments.
-            threads: Number of threads; 0 uses one per core.
-            settings: Integrator, cone and solver; None keeps those of the file, or MuJoCo's defaults.
-        """
+        """Batch of environments of an MJCF file in MuJoCo."""
         return cls(mujoco_model(path, settings), num_envs, threads=threads, setting=settings.setting if settings else "defaults")
 
     @property
@@ -229,12 +222,7 @@ _WARNING_COUNT = 1
 
 
 def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
-    """`mujoco.MjModel` of a file, with sensors disabled.
-
-    Args:
-        path: MJCF file.
-        settings: Integrator, cone and solver; None keeps those of the file, or MuJoCo's defaults.
-    """
+    """`mujoco.MjModel` of a file, with sensors disabled."""
     model = require("mujoco", "to compare stepper with MuJoCo").MjModel.from_xml_path(path)
     configure(model, settings)
     return model

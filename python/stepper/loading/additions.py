@@ -56,11 +56,7 @@ def _check_no_floor(mujoco: Any, m: Any, data: Any, added: int) -> None:
 
 
 def _freed(spec: Any) -> Any:
-    """Root link of a URDF, to which the function adds a free joint.
-
-    Raises:
-        ModelError: There is no root link or more than one, or it moves on a joint already.
-    """
+    """Root link of a URDF, to which the function adds a free joint."""
     roots = list(spec.worldbody.bodies)
     if len(roots) != 1:
         names = ", ".join(root.name for root in roots) or "none"

@@ -141,14 +141,7 @@ def _check_choices(overlaps: str, actuators: str | None, package_dirs: Any, *, s
 
 
 def _read(origin: Origin, strict: bool, urdf: Urdf | None, actuators: Actuators | None) -> Model:
-    """Model of any source other than a model file of `Model.save`.
-
-    Args:
-        origin: Source with the floor and the free base that are added to it.
-        strict: Whether elements that stepper does not support are errors.
-        urdf: The parsed source, if it is a URDF.
-        actuators: Kind of actuator that the joints of a URDF get; None means no actuators.
-    """
+    """Model of any source other than a model file of `Model.save`."""
     _mujoco()
     compiled = compile_source(origin)
     description = describe(compiled)
@@ -268,13 +261,7 @@ def _mujoco() -> Any:
 
 
 def _compile(read: Callable[[Any], Any], source: Any, place: str) -> Any:
-    """Calls a function that makes a `mujoco.MjModel` and returns the model; MuJoCo's errors become `ModelError`.
-
-    Args:
-        read: The function, such as `mujoco.MjModel.from_xml_string`.
-        source: Its argument: a path, text or `mujoco.MjSpec`.
-        place: Name of the source in messages.
-    """
+    """Calls a function that makes a `mujoco.MjModel` and returns the model; MuJoCo's errors become `ModelError`."""
     try:
         with _warnings_of_mujoco(place):
             return read(source)

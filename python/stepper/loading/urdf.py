@@ -77,13 +77,7 @@ class _SearchFolders:
 
 
 def _search_folders(file: Path | None, meshdir: str, package_dirs: Sequence[str | os.PathLike[str]] | None) -> _SearchFolders:
-    """Folders to search for meshes of a URDF.
-
-    Args:
-        file: File of the URDF; None for XML text.
-        meshdir: Value of `meshdir` or `assetdir` of MuJoCo's compiler in the URDF, or "" if the URDF sets neither.
-        package_dirs: Argument of `load`.
-    """
+    """Folders to search for meshes of a URDF."""
     above = [] if file is None else list(file.absolute().parents)
     of_file = above[:1]
     if of_file and meshdir:
@@ -99,14 +93,7 @@ def _folders_of_environment() -> Iterator[Path]:
 
 
 def _find_mesh(name: str, folders: _SearchFolders, place: str, link: str) -> Path:
-    """Path of an existing file for a mesh of a URDF; a ModelError if there is none.
-
-    Args:
-        name: Name of the mesh in the URDF.
-        folders: Folders to search.
-        place: Name of the URDF in messages.
-        link: Name of the link with the mesh.
-    """
+    """Path of an existing file for a mesh of a URDF; a ModelError if there is none."""
     searched = list(dict.fromkeys(_candidates(name, folders)))
     for candidate in searched:
         # Unlike `Path.is_file`, this function is False for names that are too long for the file system.

@@ -46,9 +46,6 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
         compiled: The `mujoco.MjModel` that was compiled from the URDF.
         description: Description to which the actuators are added.
         free_base: Whether the root link has a free joint.
-
-    Raises:
-        ModelError: No joint can be driven, or the limits cannot be read.
     """
     if urdf.root is None:
         raise ModelError(f"{urdf.place}: actuators={kind!r} needs the joint limits, and the XML is not well-formed; correct the file")
@@ -92,15 +89,7 @@ def _mass_matrix(compiled: Any) -> np.ndarray[Any, Any]:
 
 
 def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, names: list[str], name: str) -> float:
-    """Effective inertia of a joint, kg m^2 or kg. Joints that follow the joint (`mimic`) move too; all others are held.
-
-    Args:
-        mass: Mass matrix, nv x nv.
-        compiled: The `mujoco.MjModel`.
-        urdf: The URDF.
-        names: Names of all joints, in the order of the model.
-        name: Name of the joint.
-    """
+    """Effective inertia of a joint, kg m^2 or kg. Joints that follow the joint (`mimic`) move too; all others are held."""
     motion = np.zeros(compiled.nv)
     motion[compiled.jnt_dofadr[names.index(name)]] = 1.0
     for other, element in urdf.joints.items():
@@ -112,16 +101,7 @@ def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, na
 
 
 def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, inertia: float, *, free_base: bool) -> dict[str, Any]:
-    """Actuator of a joint as a dictionary for the Rust library.
-
-    Args:
-        kind: Kind of actuator.
-        urdf: The URDF, for the limits.
-        joint: Dictionary of the joint.
-        index: Index of the joint.
-        inertia: Effective inertia of the joint, kg m^2 or kg.
-        free_base: Whether the root link has a free joint.
-    """
+    """Actuator of a joint as a dictionary for the Rust library."""
     effort, speed = urdf.effort_limit(joint["name"]), urdf.speed_limit(joint["name"])
     position, velocity = 2 * math.pi * POSITION_FREQUENCY, 2 * math.pi * VELOCITY_FREQUENCY
     stiffness = inertia * position**2

@@ -111,11 +111,7 @@ class Urdf:
         return {} if self.root is None else {joint.get("name", ""): joint for joint in self.root.findall("joint")}
 
     def number(self, joint: str, path: str, attribute: str) -> float | None:
-        """Value of an attribute of a joint's child element `path`; None if it is absent.
-
-        Raises:
-            ModelError: The value is not a number.
-        """
+        """Value of an attribute of a joint's child element `path`; None if it is absent."""
         element = self.joints[joint].find(path)
         given = None if element is None else element.get(attribute)
         if given is None:
@@ -174,13 +170,7 @@ def _omission(kind: str, name: str, reason: str) -> Omission:
 
 
 def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
-    """Yields an entry for each attribute and descendant of a URDF element that is not simulated.
-
-    Args:
-        element: The element.
-        path: Path of the element from the root, such as "robot/link/inertial".
-        owner: Name of the link or joint that contains the element, or "" if the element is outside of links and joints.
-    """
+    """Yields an entry for each attribute and descendant of a URDF element that is not simulated."""
     for attribute in element.attrib:
         if attribute not in READ[path]:
             yield _omission(f"URDF {element.tag} attribute {prefixed(attribute)}", owner or element.get("name", ""), _UNKNOWN)

@@ -275,14 +275,7 @@ def compare(
 
 
 def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tuple[Array, Array]:
-    """Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s, of episodes that stepper simulates.
-
-    Args:
-        env: Id of the environment.
-        episodes: Number of episodes.
-        seed: Seed of the comparison.
-        settings: Arguments of the environment.
-    """
+    """Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s, of episodes that stepper simulates."""
     envs = make(env, episodes, **settings)
     envs.reset(seed=seeds(seed, episodes))
     return envs.unwrapped.sim.qpos.astype(np.float64), envs.unwrapped.sim.qvel.astype(np.float64)
@@ -291,16 +284,7 @@ def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tup
 def _in_parallel(
     envs: Any, policy: Act, seed: int | list[int], starts: tuple[Array, Array] | None, infos: Sequence[str], *, progress: ProgressCallback
 ) -> Evaluation:
-    """Runs a policy for one episode in each environment of a vector environment.
-
-    Args:
-        envs: The vector environment.
-        policy: Function of observations that returns actions.
-        seed: Seeds of the environments, or one from which the vector environment derives them.
-        starts: Initial positions and velocities; None draws them from the seed.
-        infos: Keys of the info dict whose mean and last values are returned.
-        progress: Function that is called with the environment's id and the fraction of the work that is done.
-    """
+    """Runs a policy for one episode in each environment of a vector environment."""
     observation, _ = envs.reset(seed=seed)
     if starts is not None:
         observation = envs.unwrapped.set_state(*starts)
@@ -326,16 +310,7 @@ def _in_parallel(
 def _in_sequence(
     env: Any, policy: Act, drawn: list[int], starts: tuple[Array, Array] | None, infos: Sequence[str], *, progress: ProgressCallback
 ) -> Evaluation:
-    """Runs a policy in a single environment, one episode after the other.
-
-    Args:
-        env: The environment.
-        policy: Function of observations that returns actions.
-        drawn: Seed of each episode.
-        starts: Initial positions and velocities of each episode; None draws them from the seeds.
-        infos: Keys of the info dict whose mean and last values are returned.
-        progress: Function that is called with the environment's id and the fraction of the work that is done.
-    """
+    """Runs a policy in a single environment, one episode after the other."""
     returns, lengths = np.zeros(len(drawn)), np.zeros(len(drawn), dtype=np.int64)
     sums, last = ({key: np.zeros(len(drawn)) for key in infos} for _ in range(2))
     for k, seed in enumerate(drawn):

@@ -23,10 +23,6 @@ OPERATORS = {"tanh": "Tanh", "elu": "Elu", "relu": "Relu"}
 def write_onnx(policy: Policy, file: Path) -> None:
     """Writes a policy as a network from "observation", (n, observations) float32, to "action", (n, actions) float32, in the task's units.
 
-    Args:
-        policy: The policy.
-        file: The file, which is replaced atomically.
-
     Raises:
         MissingPackageError: The package onnx is not installed.
     """

@@ -313,11 +313,7 @@ class Run:
 
 
 def read_checkpoint(file: Path) -> dict[str, Any]:
-    """State of a run in a checkpoint.
-
-    Raises:
-        ValueError: The file is no checkpoint, or is damaged.
-    """
+    """State of a run in a checkpoint."""
     with explained(file, "restore the checkpoint, or delete it to begin the run again"):
         check_archive(file)
         state: dict[str, Any] = torch.load(file, weights_only=False)

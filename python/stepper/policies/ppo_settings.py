@@ -212,15 +212,7 @@ def check_bounds(env: str, space: Any) -> None:
 
 
 def copy_learner(source: Path, file: Path) -> None:
-    """Copies the source file of the learner, and prints how to run the copy (option --copy).
-
-    Args:
-        source: Source file of the learner.
-        file: Path of the copy.
-
-    Raises:
-        ValueError: `file` exists already.
-    """
+    """Copies the source file of the learner, and prints how to run the copy (option --copy)."""
     if file.exists():
         raise ValueError(f"--copy: {file} exists; name a new file, or remove it")
     write_text(file, read_text(source, "Python"))
@@ -252,11 +244,7 @@ def _units(text: str) -> tuple[int, ...]:
 
 
 def settings_of(env: str, given: Mapping[str, Any]) -> Settings:
-    """Settings for an environment from options of the command line by name; options that are None have their defaults.
-
-    Raises:
-        ValueError: A value of the option --values is not NAME=VALUE, or NAME is the name of another option, such as "num_envs".
-    """
+    """Settings for an environment from options of the command line by name; options that are None have their defaults."""
     options = {name: value for name, value in given.items() if value is not None}
     if "values" in options:
         options["values"] = argument_values(options["values"], "--values")

@@ -247,12 +247,6 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:
     """Compares the current state of a stepper with the recorded result of a step.
 
-    Args:
-        sim: The stepper after the step.
-        arrays: Recorded arrays of the row.
-        row: Index of the row, for the result.
-        step: Index of the call of `step`, for the result.
-
     Returns:
         First difference; None if all fields are identical bit for bit.
     """

@@ -47,11 +47,7 @@ def encoder_velocity(bits: int, period: float, *, turn: float = 2 * math.pi) -> 
 
 
 def _drift(stability: float) -> float:
-    """Value of `Transfer.drift_std`, per sqrt(s), for a drift with a stationary standard deviation and a correlation time of 100 s.
-
-    Args:
-        stability: Stationary standard deviation, in the unit of the readings.
-    """
+    """Value of `Transfer.drift_std`, per sqrt(s), for a drift with a stationary standard deviation and a correlation time of 100 s."""
     return stability * math.sqrt(2.0 / _TAU)
 
 

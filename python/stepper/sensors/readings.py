@@ -169,13 +169,7 @@ def _fan(model: Model, fan: RayFan, place: str) -> dict[str, Any]:
 
 
 def _terms(names: Sequence[str], combination: Combination, place: str) -> list[tuple[int, float]]:
-    """Index and coefficient of each sensor in a linear combination.
-
-    Args:
-        names: Names of the model's sensors and of the sensors that were added before.
-        combination: The combination.
-        place: Beginning of error messages.
-    """
+    """Index and coefficient of each sensor in a linear combination."""
     if not isinstance(combination.terms, Mapping):
         raise TypeError(f"{place}: terms is {combination.terms!r}, must be a mapping of names to coefficients")
     terms: list[tuple[int, float]] = []
@@ -189,11 +183,6 @@ def _terms(names: Sequence[str], combination: Combination, place: str) -> list[t
 
 def _kind(model: Model, spec: SensorSpec, place: str) -> str | dict[str, Any]:
     """Type and measured element of an additional sensor, as a name or dictionary for the Rust library.
-
-    Args:
-        model: Model with the measured element.
-        spec: The sensor.
-        place: Beginning of error messages.
 
     Raises:
         ValueError: The type is unknown, or the sensor names an element or a reference that the type does not have.
@@ -224,26 +213,13 @@ def _kind(model: Model, spec: SensorSpec, place: str) -> str | dict[str, Any]:
 
 
 def _named(model: Model, what: str, name: str, place: str) -> int:
-    """Index of the element that an attribute of `SensorSpec` names.
-
-    Args:
-        model: The model.
-        what: Name of the attribute, such as "site" or "inertial".
-        name: Value of the attribute.
-        place: Beginning of error messages.
-    """
+    """Index of the element that an attribute of `SensorSpec` names."""
     kind = "body" if what == "inertial" else what
     return _index(getattr(model, f"{kind}_names"), name, kind, place)
 
 
 def _index(names: Sequence[str], name: str, kind: str, place: str) -> int:
     """Index of a name in a list of names.
-
-    Args:
-        names: Names of all elements.
-        name: The name.
-        kind: Kind of element, for the message.
-        place: Beginning of the message.
 
     Raises:
         ValueError: The list does not contain the name.

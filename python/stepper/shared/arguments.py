@@ -18,19 +18,7 @@ MAX_FILE_NAME = 200
 
 
 def check_number(name: str, value: Any, *, least: float = -math.inf, above: float = -math.inf, most: float = math.inf) -> None:
-    """Raises an error unless a value is a finite number in a range.
-
-    Args:
-        name: Name of the argument, for the message.
-        value: The value.
-        least: Smallest accepted number.
-        above: Number that the value must exceed.
-        most: Largest accepted number.
-
-    Raises:
-        TypeError: The value is no number.
-        ValueError: The number is out of its range, or not finite.
-    """
+    """Raises an error unless a value is a finite number in a range."""
     if not _is_number(value):
         raise TypeError(f"{name} is {value!r}, must be a number")
     if not (least <= value <= most and value > above and math.isfinite(value)):
@@ -38,17 +26,7 @@ def check_number(name: str, value: Any, *, least: float = -math.inf, above: floa
 
 
 def check_fraction(name: str, value: Any, meaning: str = "") -> None:
-    """Raises an error unless a value is a number between 0 and 1, both excluded; `name` is the name of the argument.
-
-    Args:
-        name: Name of the argument, for the message.
-        value: The value.
-        meaning: End of the message: a colon, and a text on the quantity of which the value is a fraction.
-
-    Raises:
-        TypeError: The value is no number.
-        ValueError: The number is out of its range.
-    """
+    """Raises an error unless a value is a number between 0 and 1, both excluded; `name` is the name of the argument."""
     if not _is_number(value):
         raise TypeError(f"{name} is {value!r}, must be a number between 0 and 1{meaning}")
     if not 0 < value < 1:
@@ -59,10 +37,6 @@ def check_whole(name: str, value: Any, *, least: float = -math.inf, most: float 
     """Raises an error unless a value is a whole number from `least` to `most`; `name` is the name of the argument.
 
     Arrays of integers without axes count as whole numbers.
-
-    Raises:
-        TypeError: The value is no whole number.
-        ValueError: The number is out of its range.
     """
     message = f"{name} is {value!r}, must be {_range('a whole number', least, -math.inf, most)}"
     if isinstance(value, bool | np.bool_):
@@ -88,9 +62,6 @@ def check_pair(name: str, value: Any, *, meaning: str) -> None:
         name: Name of the argument, for the message.
         value: The value.
         meaning: Meaning of the two numbers, such as "(low, high)", for the message.
-
-    Raises:
-        TypeError: The value is not two numbers.
     """
     fits = isinstance(value, tuple | list | np.ndarray) and len(value) == 2 and all(_is_number(number) for number in value)
     if not fits:
@@ -136,28 +107,14 @@ def check_kind(name: str, value: Any, kind: type, remedy: str) -> None:
 
 
 def path_of(name: str, value: Any) -> Path:
-    """Path from a text or a path object; `name` is the name of the argument.
-
-    Raises:
-        TypeError: The value is neither.
-    """
+    """Path from a text or a path object; `name` is the name of the argument."""
     if not isinstance(value, str | os.PathLike):
         raise TypeError(f"{name} is {value!r} ({type(value).__name__}), must be a path, as a str or pathlib.Path")
     return Path(value)
 
 
 def check_file_name(name: str, value: Any, what: str) -> None:
-    """Raises an error unless a text can be the name of a file or folder on every system, in the folder that the program chooses.
-
-    Args:
-        name: Name of the argument, for the message.
-        value: The text.
-        what: File or folder that gets the name, for the message: "the folder of the results".
-
-    Raises:
-        TypeError: The value is no text.
-        ValueError: The text is empty, too long or not valid Unicode; or it has control characters, separators of folders, or a drive.
-    """
+    """Raises an error unless a text can be the name of a file or folder on every system, in the folder that the program chooses."""
     if not isinstance(value, str):
         raise TypeError(f"{name} is {value!r}, must be a text, the name of {what}")
     if (size := len(value.encode(errors="replace"))) > MAX_FILE_NAME:

@@ -19,9 +19,6 @@ def import_env(env: str) -> str:
 
     Returns:
         The id without the module, for `gymnasium.make`.
-
-    Raises:
-        ValueError: There is no such module, or the text is the name of a file.
     """
     if not isinstance(env, str):
         raise TypeError(f"env is {env!r}, must be the id of an environment, as 'stepper/HalfCheetah-v5'")

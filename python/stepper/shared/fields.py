@@ -121,9 +121,6 @@ def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collect
         geoms: Indices of the geoms whose values change.
         pairs: Indices of the contact pairs whose field, such as "pair_friction", changes too. These pass the check.
         remedy: Remedy for the error message, with {pair} where the label of the pair belongs.
-
-    Raises:
-        ValueError: A contact pair overrides the field of one of the geoms; the message has the remedy.
     """
     for k in range(model.npair if field in OF_PAIRS else 0):
         pair = model.pair(k)

@@ -36,16 +36,7 @@ _LARGEST_RATIO = 1032
 
 
 def existing(path: str | os.PathLike[str], what: str) -> Path:
-    """Checks that a file exists, and returns its path.
-
-    Args:
-        path: The path.
-        what: Kind of file, for the error message: "model".
-
-    Raises:
-        FileNotFoundError: The file does not exist; the message names the file, the working folder and the remedy.
-        IsADirectoryError: The path is a folder.
-    """
+    """Checks that a file exists, and returns its path."""
     file = Path(path)
     # Unlike `Path.exists`, this function is False for names that are too long for the file system.
     if not os.path.exists(file):
@@ -112,13 +103,7 @@ def _problem(error: Exception) -> str:
 
 
 def read_text(path: Path, what: str, kind: type[ValueError] = ValueError) -> str:
-    """Text of a file in UTF-8, without a byte order mark.
-
-    Args:
-        path: The file.
-        what: Kind of file, for the error message: "TOML".
-        kind: Class of the error for a file that is not text.
-    """
+    """Text of a file in UTF-8, without a byte order mark."""
     with explained(path, f"give a {what} file in UTF-8", kind):
         return existing(path, what).read_text(encoding="utf-8-sig")
 
@@ -192,9 +177,6 @@ def atomic_write(path: Path) -> Iterator[BinaryIO]:
     The new file replaces the old one when the `with` block ends. After an exception in the block, the old file is unchanged. Errors of the
     operating system name the file.
 
-    Args:
-        path: Path of the file.
-
     Yields:
         Binary stream of a temporary file in the same folder, for writing and reading.
     """
@@ -246,9 +228,6 @@ def locked(folder: Path) -> Iterator[Path]:
     """Context manager that creates an output folder, and locks it against all other runs until the end of the block.
 
     The lock is a file of SQLite, which every platform locks alike, and which the operating system unlocks when a process ends.
-
-    Args:
-        folder: Output folder of a command, or of a function that writes several files.
 
     Yields:
         The folder.

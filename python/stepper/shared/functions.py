@@ -1,10 +1,12 @@
-"""Checks of functions that users give."""
+"""Checks of functions that users give, and descriptions of what they return."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
 from typing import Any
+
+import numpy as np
 
 from stepper._hints import WrongArgumentError
 
@@ -40,3 +42,18 @@ def check_takes(function: Callable[..., Any], arguments: Sequence[str], what: st
         count = len(arguments)
         takes = f"{count} argument{'' if count == 1 else 's'}, {needed}" if count else "no arguments"
         raise WrongArgumentError(f"{what} is {name}{own}, must take {takes}: write {remedy}") from None
+
+
+def in_words(value: Any) -> str:
+    """Description of a value in an error message: its type, with the shape of an array and the types in a tuple."""
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, tuple):
+        return f"a tuple ({', '.join(type(part).__name__ for part in value)})"
+    if value is None or isinstance(value, bool | int | float | str):
+        return repr(value)
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if callable(value):
+        return "a function"
+    return f"a value of type {type(value).__name__}"

@@ -82,9 +82,6 @@ def require_all(modules: Sequence[str], purpose: str, extra: str) -> None:
         modules: Names of the modules.
         purpose: End of the sentence "<module> is needed ..." of the error message: "to draw charts".
         extra: Extra of stepper that installs all of them.
-
-    Raises:
-        MissingPackageError: Some are not installed; the message names all of these.
     """
     missing = [module for module in modules if importlib.util.find_spec(module) is None]
     if missing:

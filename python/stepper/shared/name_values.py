@@ -26,15 +26,7 @@ def literal(text: str) -> object:
 
 
 def argument_values(texts: Sequence[str], option: str) -> dict[str, object]:
-    """Arguments by name from texts NAME=VALUE. A name with a point belongs to a dictionary: rewards.upright=2 gives {"rewards": {...}}.
-
-    Args:
-        texts: Texts of the option, which may be given several times.
-        option: Name of the option, for error messages.
-
-    Raises:
-        ValueError: A text does not have this form, or a name has two values.
-    """
+    """Arguments by name from texts NAME=VALUE. A name with a point belongs to a dictionary: rewards.upright=2 gives {"rewards": {...}}."""
     found: dict[str, object] = {}
     for name, value in name_values(texts, option, literal).items():
         group, point, key = name.partition(".")
@@ -49,16 +41,7 @@ def argument_values(texts: Sequence[str], option: str) -> dict[str, object]:
 
 
 def name_values(texts: Sequence[str], option: str, convert: Callable[[str], T]) -> dict[str, T]:
-    """Dictionary of values by name from texts NAME=VALUE of a command-line option.
-
-    Args:
-        texts: Texts of the option, which may be given several times.
-        option: Name of the option, for error messages.
-        convert: Function from the text of a value to the value.
-
-    Raises:
-        ValueError: A text does not have this form, or a name has two values.
-    """
+    """Dictionary of values by name from texts NAME=VALUE of a command-line option."""
     found: dict[str, T] = {}
     for text in texts:
         name, sign, value = text.rpartition("=")

@@ -39,9 +39,6 @@ def each_task(
 
     Yields:
         Index of a case and the return value of its call, in the order in which the calls end.
-
-    Raises:
-        ray.exceptions.RayTaskError: The error of a call.
     """
     references = [ray.put(value) for value in shared]
     task = ray.remote(run).options(**options)

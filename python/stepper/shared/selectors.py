@@ -103,12 +103,7 @@ def parse(text: str, where: str = "selector") -> Selector:
 
 
 def parse_start(text: str, where: str = "selector") -> tuple[Selector, str]:
-    """Selector at the beginning of a text such as "geom_friction[floor][0]=0.1..2", and the rest of the text: "" or "=...".
-
-    Args:
-        text: The text.
-        where: Name of the argument with the text, for error messages.
-    """
+    """Selector at the beginning of a text such as "geom_friction[floor][0]=0.1..2", and the rest of the text: "" or "=..."."""
     if not isinstance(text, str):
         raise TypeError(f"{where} is {text!r}, must be a str, as 'geom_friction[floor,box][0]'")
     return _parsed(text, where)
@@ -144,13 +139,7 @@ def _parsed(text: str, where: str) -> tuple[Selector, str]:
 
 
 def _items(part: str, text: str, where: str) -> tuple[Item, ...]:
-    """Names, patterns and indices between two brackets of a selector.
-
-    Args:
-        part: Text between the brackets.
-        text: The whole selector, for messages.
-        where: Name of the argument with the selector, for messages.
-    """
+    """Names, patterns and indices between two brackets of a selector."""
     items: list[Item] = []
     for item in (found.strip() for found in re.findall(_ITEM, part, re.DOTALL)):
         if re.fullmatch("-?[0-9]+", item):
@@ -191,11 +180,7 @@ class Part:
 
 
 def parts_of(model: Model, selector: Selector, where: str = "selector") -> list[Part]:
-    """Numbers that a selector selects, as one `Part` per field. A compound parameter (`COMPOUNDS`) can have numbers in several fields.
-
-    Raises:
-        ValueError: An unknown field, element or column.
-    """
+    """Numbers that a selector selects, as one `Part` per field. A compound parameter (`COMPOUNDS`) can have numbers in several fields."""
     if (compound := COMPOUNDS.get(selector.field)) is None:
         return [Part(selector.field, places(model, selector, where))]
     if selector.columns is not None:
@@ -218,9 +203,6 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
     """Indices in the flattened field of the numbers that a selector selects, with the axes (elements, columns).
 
     For single names, indices and columns, axes are absent as described at the head of this module.
-
-    Raises:
-        ValueError: An unknown field, element or column.
     """
     field, columns = selector.field, selector.columns
     if field not in FIELDS:
@@ -246,15 +228,7 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
 
 
 def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selector, where: str, element: str = "") -> NDArray[np.int64]:
-    """Selected columns of an array of indices, (..., columns). If there is a single column, the last axis is absent.
-
-    Args:
-        index: Array of indices into a flattened field, (..., all columns).
-        columns: Columns to select.
-        selector: Selector with the columns, for messages.
-        where: Name of the argument with the selector, for messages.
-        element: Text on the element of the row, for messages.
-    """
+    """Selected columns of an array of indices, (..., columns). If there is a single column, the last axis is absent."""
     width = index.shape[-1] if index.ndim else 0
     if wrong := [column for column in columns if not -width <= column < width]:
         there = f"columns are 0 to {width - 1}" if width else "it is a single number; leave out the columns"
@@ -302,12 +276,6 @@ def _flat(chosen: Iterable[Iterable[int | range]]) -> list[int]:
 
 def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any], bool]:
     """Elements that a name, pattern or index in a selector selects, and whether the selection is without a pattern.
-
-    Args:
-        model: The model.
-        kind: Kind of element: "geom", "joint", "dof", "coordinate" and others.
-        item: Name, pattern or index.
-        where: Beginning of error messages.
 
     Returns:
         Two values. The first is a list of the elements' indices; a name or pattern of "dof" or "coordinate" gives a range of indices per
@@ -426,11 +394,6 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
 
 def replaced_fields(model: Model, values: Any, fields: Mapping[str, Any] | None) -> dict[str, Any]:
     """Complete arrays for `Model.replace`, from values by selector and from fields given as arrays.
-
-    Args:
-        model: The model.
-        values: Values by selector.
-        fields: Complete arrays by name of the field.
 
     Returns:
         Arrays by name of the field. Numbers that no selector names keep the model's values.

@@ -102,9 +102,6 @@ class Streams:
         Args:
             envs: Indices of the environments whose streams restart, (n,).
             seeds: Seed of each stream, n numbers from 0 to 2^64 - 1.
-
-        Raises:
-            ValueError: A seed is out of range.
         """
         for env, seed in zip(envs, seeds, strict=True):
             if not 0 <= seed < 2**64:
@@ -128,11 +125,7 @@ class Streams:
 
 
 def _with_arguments(example: str) -> Callable[[Callable[P, Array]], Callable[P, Array]]:
-    """Decorator of a draw: other arguments than those of the function raise TypeError with an example.
-
-    Args:
-        example: Call with the right arguments.
-    """
+    """Decorator of a draw: other arguments than those of the function raise TypeError with an example."""
 
     def checked(draw: Callable[P, Array]) -> Callable[P, Array]:
         signature = inspect.signature(draw)
@@ -155,12 +148,7 @@ def _with_arguments(example: str) -> Callable[[Callable[P, Array]], Callable[P, 
 
 
 def _shape_of(size: int | tuple[int, ...]) -> tuple[int, ...]:
-    """Shape of the numbers of one environment, from the argument `size` of a draw.
-
-    Raises:
-        TypeError: The size is neither a whole number nor a tuple of them.
-        ValueError: The size is negative.
-    """
+    """Shape of the numbers of one environment, from the argument `size` of a draw."""
     if type(size) is int and size >= 0:  # A fast test of the usual size.
         return (size,)
     shape = size if isinstance(size, tuple) else (size,)

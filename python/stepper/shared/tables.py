@@ -44,9 +44,6 @@ def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, An
     """Value of the key `name` in a dictionary read from a file: a table (dictionary), which is empty if the key is absent.
 
     The only other key may be "default". `place` names the file in error messages.
-
-    Raises:
-        ValueError: There are other keys, or the value is not a dictionary.
     """
     check_mapping(place, data, f"{{{name!r}: {{...}}, 'default': {{...}}}}")
     if unknown := set(data) - {name, "default"}:
@@ -66,9 +63,6 @@ def by_name(given: Any, default: Any, kind: type[T], what: str, example: str) ->
         kind: Class of the objects.
         what: Kind of object, for the message.
         example: Expression that makes an object, for the message.
-
-    Raises:
-        TypeError: `given` is no mapping, or an object has another class.
     """
     if given is not None and not isinstance(given, Mapping):
         raise TypeError(f"{what}s is {_short(given)}, must be a mapping of names to stepper.{kind.__name__}, as {{'*': {example}}}")
@@ -94,13 +88,7 @@ def fitting(named: Mapping[str, T], default: T | None, name: str) -> T | None:
 
 
 def check_names(named: Mapping[str, T], names: Sequence[str], kind: str) -> None:
-    """Raises ValueError if a name or pattern in `named` matches none of the elements of a model.
-
-    Args:
-        named: Mapping whose keys are checked.
-        names: Names of all elements.
-        kind: Kind of the elements, such as "sensor", for the error message.
-    """
+    """Raises ValueError if a name or pattern in `named` matches none of the elements of a model."""
     for name in named:
         if name not in names and not fnmatch.filter(names, name):
             raise ValueError(f"no {kind} fits {name!r}, there are: {', '.join(names) or 'none'}")
@@ -146,9 +134,6 @@ def numbers(name: str, value: ArrayLike, num_envs: int, envs: np.ndarray[Any, An
         value: A number, or an array (num_envs,).
         num_envs: Number of environments.
         envs: Mask (num_envs,) or indices of the environments whose values are returned; None selects all environments.
-
-    Raises:
-        ValueError: The shape is not (), (1,) or (num_envs,).
     """
     array = array_of(name, value)
     if array.shape not in ((), (1,), (num_envs,)):

@@ -18,7 +18,7 @@ from stepper.viewer.dragging import Drag
 from stepper.viewer.frames import Envs, frame_of, shown_envs, sizes_of
 from stepper.viewer.looks import Array, looks_of, row
 from stepper.viewer.shapes import Scene, scene_of
-from stepper.viewer.window import Window
+from stepper.viewer.window import Served, Window
 
 SHOWN = 16
 """Largest number of environments that are shown by default."""
@@ -61,7 +61,7 @@ def scene_for(model: Model, source: Any) -> Scene:
 
 
 @hint_keywords("stepper.viewer.View")
-class View:
+class View(Served):
     """View of a running `Stepper` in the browser, with a web server; a context manager.
 
         with stepper.viewer.view(sim) as view:
@@ -115,16 +115,6 @@ class View:
         self._panel()
         self.window.on_pull(self._dragged)
         self.show()
-
-    @property
-    def url(self) -> str:
-        """Address (URL) of the view."""
-        return self.window.url
-
-    @property
-    def open(self) -> bool:
-        """Whether the view is open; False after `close`."""
-        return self.window.open
 
     @property
     def paused(self) -> bool:
@@ -189,15 +179,8 @@ class View:
             pull = np.stack([self._drag.at(self.sim), self._drag.target]) + shift
         self.window.show(frame_of(self.sim, self.envs), sizes_of(self.sim, self.envs, self.window.scene), pull=pull)
 
-    def close(self) -> None:
-        """Stops the server. The next `update`, or the end of `run`, releases a dragged body. Any thread may call it."""
-        self.window.close()
-
-    def __enter__(self) -> View:
-        return self
-
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
+        super().__exit__(kind, error, trace)
         self._release()
 
     def _panel(self) -> None:

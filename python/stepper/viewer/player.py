@@ -7,7 +7,6 @@ import threading
 import time
 import warnings
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -19,13 +18,13 @@ from stepper.viewer.live import SHOWN, scene_for
 from stepper.viewer.looks import LooksError
 from stepper.viewer.recordings import RecordedRun
 from stepper.viewer.shapes import Scene
-from stepper.viewer.window import FRAMES, Window
+from stepper.viewer.window import FRAMES, Served, Window
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 
 
 @hint_keywords("stepper.viewer.Player")
-class Player:
+class Player(Served):
     """View of a recording in the browser, with a web server; a context manager.
 
     Args:
@@ -73,16 +72,6 @@ class Player:
         self._panel()
         self.seek(0)
 
-    @property
-    def url(self) -> str:
-        """Address (URL) of the view."""
-        return self.window.url
-
-    @property
-    def open(self) -> bool:
-        """Whether the view is open; False after `close`."""
-        return self.window.open
-
     def seek(self, index: int) -> None:
         """Shows the frame with an index, from 0."""
         with self._lock:
@@ -114,16 +103,6 @@ class Player:
             pass
         finally:
             self.close()
-
-    def close(self) -> None:
-        """Stops the web server."""
-        self.window.close()
-
-    def __enter__(self) -> Player:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
 
     def _panel(self) -> None:
         """Adds the controls of the folder "Play"."""

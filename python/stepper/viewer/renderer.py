@@ -155,11 +155,6 @@ class Renderer(Hints):
         """MuJoCo's camera for the camera arguments of `Renderer`, and the index of the body that a free camera follows.
 
         The index is 0 if the camera follows no body.
-
-        Args:
-            camera: Name or index of a camera of the model; None selects the first available one.
-            config: Settings of a free camera; None if it is not requested.
-            default: Settings of the free camera that is used if nothing else is available.
         """
         mujoco, m = self._mujoco, self._m
         names = [m.camera(k).name for k in range(m.ncam)]
@@ -182,10 +177,6 @@ class Renderer(Hints):
         """Sets a free camera from its settings, and returns the index of the body that it follows, or 0 if it follows none.
 
         Settings that follow from the first picture are set by `_frame`.
-
-        Args:
-            camera: MuJoCo's camera, which is changed.
-            config: Settings: distance, azimuth, elevation, lookat, trackbodyid.
         """
         if unknown := set(config) - set(_CONFIG):
             raise ValueError(f"camera_config has {sorted(unknown)}, must contain only: {', '.join(_CONFIG)}")

@@ -133,11 +133,6 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
 def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes, float]]:
     """Meshes that draw a geom: three meshes for a capsule, one mesh for other geoms, and none if the mesh of the geom is unknown.
 
-    Args:
-        kind: Type of the geom, such as "capsule".
-        g: Index of the geom.
-        looks: `mujoco.MjModel` with the visual meshes; None if it is unknown.
-
     Returns:
         Tuple for each mesh: its name, the mesh, the indices into `geom_size` that scale its axes (`Part.axes`), and its position on the z
         axis of the geom (`Part.end`).

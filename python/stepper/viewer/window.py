@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 
@@ -26,6 +27,32 @@ TENDON_COLOUR = (210, 70, 70)
 """Colour of tendons: red, green and blue, from 0 to 255."""
 _CONTACT_COLOUR, _FORCE_COLOUR, _PULL_COLOUR = (255, 200, 40), (230, 60, 40), (40, 160, 255)
 _FLOOR = (0.42, 0.46, 0.52)
+
+
+class Served:
+    """Base class of a view and a player, which have a window in the browser; a context manager."""
+
+    window: Window
+
+    @property
+    def url(self) -> str:
+        """Address (URL) of the view."""
+        return self.window.url
+
+    @property
+    def open(self) -> bool:
+        """Whether the view is open; False after `close`."""
+        return self.window.open
+
+    def close(self) -> None:
+        """Stops the web server. Any thread may call it."""
+        self.window.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
 
 
 class Window:

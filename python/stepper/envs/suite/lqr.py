@@ -73,16 +73,7 @@ class LQR(SuiteTask):
 
 @cache_model
 def _scene(bodies: int, driven: int, seed: int) -> Model:
-    """Model of masses in a row. dm_control's tendons, which only draw the springs, are left out.
-
-    Args:
-        bodies: Number of masses.
-        driven: Number of masses with an actuator: the first ones in the row.
-        seed: Seed of the random stiffnesses.
-
-    Raises:
-        ValueError: `driven` is not from 1 to `bodies`, or the seed is out of range.
-    """
+    """Model of masses in a row. dm_control's tendons, which only draw the springs, are left out."""
     if not 1 <= driven <= bodies:
         raise ValueError(f"driven is {driven} and bodies is {bodies}: at least one mass must be driven, and at most all of them")
     if not 0 <= seed < 2**32:

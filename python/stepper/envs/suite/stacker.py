@@ -94,11 +94,7 @@ def _to_target(now: TaskView, site: str) -> Array:
 
 @cache_model
 def _scene(boxes: int) -> Model:
-    """Model of dm_control's stacker with `boxes` boxes.
-
-    Raises:
-        ValueError: The number of boxes is out of range.
-    """
+    """Model of dm_control's stacker with `boxes` boxes."""
     if not 1 <= boxes <= _MOST_BOXES:
         raise ValueError(f"boxes is {boxes}, must be from 1 to {_MOST_BOXES}")
     return arm_scene(Stacker.file, unused={f"box{k}" for k in range(boxes, _MOST_BOXES)}, placed={"target"})

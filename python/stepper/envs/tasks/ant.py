@@ -8,13 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.observations import Observation
-from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
+from stepper.envs.task import Array, Camera, TaskView, Terms, square_sum
+from stepper.envs.tasks.base import NoisyTask
 from stepper.shared.arguments import check_whole
 from stepper.shared.view import per_moment
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ant(MujocoTask):
+class Ant(NoisyTask):
     """Task: run in x without falling. The arguments are those of Gymnasium's environment.
 
     Rewards and observations differ slightly from Gymnasium's. They use the torso's position after the step. Gymnasium uses the torso's
@@ -24,6 +25,7 @@ class Ant(MujocoTask):
     """
 
     camera: ClassVar[Camera] = {"distance": 4.0}
+    normal_velocities: ClassVar[bool] = True
 
     xml_file: str = "ant.xml"
     frame_skip: int = 5
@@ -85,12 +87,6 @@ class Ant(MujocoTask):
         """Info: position of the torso, m."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
-
-    def reset(self, reset: Reset) -> None:
-        """Initial states: the reference pose with uniform noise on positions and normal noise on velocities."""
-        scale = self.reset_noise_scale
-        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
-        reset.qvel += scale * reset.rng.normal(reset.qvel.shape[1])
 
 
 @per_moment

@@ -6,14 +6,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from stepper.envs.observations import Observation
-from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
+from stepper.envs.task import Array, Camera, TaskView, Terms, square_sum
+from stepper.envs.tasks.base import NoisyTask
 
 
 @dataclass(frozen=True, kw_only=True)
-class HalfCheetah(MujocoTask):
+class HalfCheetah(NoisyTask):
     """Task: run to the right with small controls. The arguments are those of Gymnasium's environment. An episode never terminates."""
 
     camera: ClassVar[Camera] = {"distance": 4.0}
+    normal_velocities: ClassVar[bool] = True
 
     xml_file: str = "half_cheetah.xml"
     frame_skip: int = 5
@@ -43,9 +45,3 @@ class HalfCheetah(MujocoTask):
     def info(self, now: TaskView) -> Terms:
         """Info: position of the robot, m."""
         return {"x_position": now.qpos[:, 0]}
-
-    def reset(self, reset: Reset) -> None:
-        """Initial states: the reference pose with uniform noise on positions and normal noise on velocities."""
-        scale = self.reset_noise_scale
-        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
-        reset.qvel += scale * reset.rng.normal(reset.qvel.shape[1])

@@ -7,14 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.observations import Observation
-from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum, within
-from stepper.envs.tasks.humanoid_rows import BODY_TABLES, tendons
+from stepper.envs.task import Array, Camera, TaskView, Terms, square_sum, within
+from stepper.envs.tasks.humanoid_rows import HumanoidTask, tendons
 from stepper.shared.view import per_moment
 
 
 @dataclass(frozen=True, kw_only=True)
-class Humanoid(MujocoTask):
+class Humanoid(HumanoidTask):
     """Task: walk in x without falling. The arguments are those of Gymnasium's environment.
 
     Observations and rewards use centres of mass, inertias and velocities of bodies in the state after the step. Gymnasium uses those in
@@ -39,17 +38,6 @@ class Humanoid(MujocoTask):
     include_cvel_in_observation: bool = True
     include_qfrc_actuator_in_observation: bool = True
     include_cfrc_ext_in_observation: bool = True
-
-    def observations(self) -> tuple[Observation, ...]:
-        """Observation, (348,) by default: positions, velocities, and those rows of `BODY_TABLES` that the task's arguments include.
-
-        The positions x and y are left out by default.
-        """
-        return (
-            Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
-            Observation("qvel"),
-            *(table for table in BODY_TABLES if getattr(self, f"include_{table.name}_in_observation")),
-        )
 
     def position(self, now: TaskView) -> Array:
         """Position of the centre of mass in x and y, (num_envs, 2), m."""
@@ -79,9 +67,3 @@ class Humanoid(MujocoTask):
         """Info: position of the torso, m, and lengths and velocities of the tendons."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, **tendons(now), "distance_from_origin": np.hypot(x, y)}
-
-    def reset(self, reset: Reset) -> None:
-        """Initial states: the reference pose with uniform noise on positions and velocities."""
-        scale = self.reset_noise_scale
-        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
-        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

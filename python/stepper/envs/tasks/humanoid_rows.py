@@ -1,4 +1,4 @@
-"""Rows of the observation table (`Task.observations`) that both humanoids use."""
+"""Observations that both humanoids have."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from stepper._stepper import Model
 from stepper.envs.assets import cache_per_model
 from stepper.envs.observations import Observation
 from stepper.envs.task import Array, TaskView, Terms
+from stepper.envs.tasks.base import NoisyTask
 
 
 @cache_per_model
@@ -39,3 +40,20 @@ BODY_TABLES = (
     Observation("cfrc_ext", columns=slice(6, None)),
 )
 """Observations of humanoids: quantities of all bodies except the world, and actuator forces on all joints except the free one."""
+
+
+class HumanoidTask(NoisyTask):
+    """Task of a humanoid. Abstract."""
+
+    exclude_current_positions_from_observation: bool
+
+    def observations(self) -> tuple[Observation, ...]:
+        """Observation, (348,) by default: positions, velocities, and those rows of `BODY_TABLES` that the task's arguments include.
+
+        The positions x and y are left out by default.
+        """
+        return (
+            Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
+            Observation("qvel"),
+            *(table for table in BODY_TABLES if getattr(self, f"include_{table.name}_in_observation")),
+        )

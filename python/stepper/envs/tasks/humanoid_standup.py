@@ -7,13 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.observations import Observation
-from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
-from stepper.envs.tasks.humanoid_rows import BODY_TABLES, tendons
+from stepper.envs.task import Array, Camera, TaskView, Terms, square_sum
+from stepper.envs.tasks.humanoid_rows import HumanoidTask, tendons
 
 
 @dataclass(frozen=True, kw_only=True)
-class HumanoidStandup(MujocoTask):
+class HumanoidStandup(HumanoidTask):
     """Task: stand up. The arguments are those of Gymnasium's environment. An episode never terminates.
 
     Observations and rewards use quantities of bodies in the state after the step, and the initial quaternion is normalised after noise is
@@ -35,17 +34,6 @@ class HumanoidStandup(MujocoTask):
     include_qfrc_actuator_in_observation: bool = True
     include_cfrc_ext_in_observation: bool = True
 
-    def observations(self) -> tuple[Observation, ...]:
-        """Observation, (348,) by default: positions, velocities, and those rows of `BODY_TABLES` that the task's arguments include.
-
-        The positions x and y are left out by default.
-        """
-        return (
-            Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
-            Observation("qvel"),
-            *(table for table in BODY_TABLES if getattr(self, f"include_{table.name}_in_observation")),
-        )
-
     def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: height of the torso divided by the time step, plus 1, minus costs of squared controls and contact forces.
 
@@ -60,9 +48,3 @@ class HumanoidStandup(MujocoTask):
         """Info: position of the torso, m, and lengths and velocities of the tendons."""
         x, y, z = now.qpos[:, :3].T
         return {"x_position": x, "y_position": y, "z_distance_from_origin": z - now.default_qpos[2], **tendons(now)}
-
-    def reset(self, reset: Reset) -> None:
-        """Initial states: the reference pose with uniform noise on positions and velocities."""
-        scale = self.reset_noise_scale
-        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
-        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

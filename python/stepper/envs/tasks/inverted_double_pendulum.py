@@ -8,14 +8,15 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.observations import Observation
-from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms
+from stepper.envs.task import Array, Camera, TaskView, Terms
+from stepper.envs.tasks.base import NoisyTask
 
 WITHIN = (-10.0, 10.0)
 """Bounds to which the observation clips velocities (m/s, rad/s) and the constraint force (N)."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class InvertedDoublePendulum(MujocoTask):
+class InvertedDoublePendulum(NoisyTask):
     """Task: keep the tip of the second pole above 1 m. The arguments are those of Gymnasium's environment.
 
     The reward uses the position of the tip in the state after the step. Gymnasium uses the position in the last stage of MuJoCo's
@@ -24,6 +25,7 @@ class InvertedDoublePendulum(MujocoTask):
     """
 
     camera: ClassVar[Camera] = {"distance": 4.1225, "lookat": (0.0, 0.0, 0.1225)}
+    normal_velocities: ClassVar[bool] = True
 
     xml_file: str = "inverted_double_pendulum.xml"
     frame_skip: int = 5
@@ -53,9 +55,3 @@ class InvertedDoublePendulum(MujocoTask):
         velocity = 1e-3 * now.qvel[:, 1] ** 2 + 5e-3 * now.qvel[:, 2] ** 2
         terms = {"reward_survive": survive, "distance_penalty": -distance, "velocity_penalty": -velocity}
         return survive - distance - velocity, terms
-
-    def reset(self, reset: Reset) -> None:
-        """Initial states: the reference pose with uniform noise on positions and normal noise on velocities."""
-        scale = self.reset_noise_scale
-        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
-        reset.qvel += scale * reset.rng.normal(reset.qvel.shape[1])

@@ -8,11 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.observations import Observation
-from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms
+from stepper.envs.task import Array, Camera, TaskView, Terms
+from stepper.envs.tasks.base import NoisyTask
 
 
 @dataclass(frozen=True, kw_only=True)
-class InvertedPendulum(MujocoTask):
+class InvertedPendulum(NoisyTask):
     """Task: keep the pole within 0.2 rad of upright. The arguments are those of Gymnasium's environment."""
 
     camera: ClassVar[Camera] = {"distance": 2.04}
@@ -34,9 +35,3 @@ class InvertedPendulum(MujocoTask):
         """Reward: 1 while the pole is upright."""
         survive = (~self.terminated(now)).astype(np.int64)
         return survive, {"reward_survive": survive}
-
-    def reset(self, reset: Reset) -> None:
-        """Initial states: the reference pose with uniform noise on positions and velocities."""
-        scale = self.reset_noise_scale
-        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
-        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

@@ -8,11 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.observations import Observation
-from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
+from stepper.envs.task import Array, Camera, TaskView, Terms, square_sum
+from stepper.envs.tasks.base import NoisyTask
 
 
 @dataclass(frozen=True, kw_only=True)
-class Swimmer(MujocoTask):
+class Swimmer(NoisyTask):
     """Task: swim in x with small controls. The arguments are those of Gymnasium's environment. An episode never terminates."""
 
     camera: ClassVar[Camera] = {"distance": 8.0}
@@ -47,9 +48,3 @@ class Swimmer(MujocoTask):
         """Info: position of the robot, m."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
-
-    def reset(self, reset: Reset) -> None:
-        """Initial states: the reference pose with uniform noise on positions and velocities."""
-        scale = self.reset_noise_scale
-        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
-        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from stepper.envs.observations import Observation
-from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum, within
+from stepper.envs.task import Array, Camera, TaskView, Terms, square_sum, within
+from stepper.envs.tasks.base import NoisyTask
 from stepper.shared.view import per_moment
 
 
 @dataclass(frozen=True, kw_only=True)
-class Walker2d(MujocoTask):
+class Walker2d(NoisyTask):
     """Task: walk to the right without falling. The arguments are those of Gymnasium's environment."""
 
     camera: ClassVar[Camera] = {"trackbodyid": 2, "distance": 4.0, "lookat": (0.0, 0.0, 1.15), "elevation": -20.0}
@@ -59,9 +60,3 @@ class Walker2d(MujocoTask):
     def info(self, now: TaskView) -> Terms:
         """Info: position of the robot, m. The height is measured from the reference pose."""
         return {"x_position": now.qpos[:, 0], "z_distance_from_origin": now.qpos[:, 1] - now.default_qpos[1]}
-
-    def reset(self, reset: Reset) -> None:
-        """Initial states: the reference pose with uniform noise on positions and velocities."""
-        scale = self.reset_noise_scale
-        reset.qpos += reset.rng.uniform(-scale, scale, reset.qpos.shape[1])
-        reset.qvel += reset.rng.uniform(-scale, scale, reset.qvel.shape[1])

@@ -1,12 +1,12 @@
 """Accuracy of a simulation: error against cost, settings for an error budget, and parts of a scene that can be removed.
 
 - `traces`: runs of episodes, and distances between runs
-- `reference`, `closed_form`: converged or exact runs, from which errors are measured
+- `reference`: converged or exact runs, from which errors are measured
 - `candidates`: settings that are compared
 - `costs`: processor time of settings
 - `chart`, `measure`, `budget`: error against cost, within a time budget
-- `invariants`, `distributions`: errors that stay meaningful in chaotic motion
-- `dots`, `tables`, `draw`: numbers, documents and pictures of a chart
+- `invariants`: errors that stay meaningful in chaotic motion
+- `dots`, `tables`, `draw`: numbers with differences of outcomes, documents and picture of a chart
 - `tune`: the cheapest settings within an error budget
 - `needs`: parts of a scene that can be removed
 - `profile`: parts of a scene that a run used, and their cost

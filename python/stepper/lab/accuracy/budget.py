@@ -48,9 +48,6 @@ class Stage:
 
         Give the next of k remaining runs the fraction 1/k. A run that does not finish then takes no time from the others, and a run that
         finishes early leaves its time to them.
-
-        Args:
-            share: Fraction of the remaining time.
         """
         return Stage(time.process_time() + share * self.left) if self.limited else self
 

@@ -78,12 +78,7 @@ def hard_lines(*, more: bool = False) -> list[Line]:
 
 
 def lines(study: Study, *, quick: bool) -> list[Line]:
-    """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engine MuJoCo if it can run the study.
-
-    Args:
-        study: The study.
-        quick: Whether to leave out the lines of hard contact in which the solver's settings vary.
-    """
+    """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engine MuJoCo if it can run the study."""
     model, _ = study.loaded
     asked = Options.from_model(model).integrator if model.requested else None
     law = {"contact": "mujoco", "integrator": asked}
@@ -96,25 +91,14 @@ def lines(study: Study, *, quick: bool) -> list[Line]:
 
 
 def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
-    """Time steps around that of the study, s, ascending by factors of about two. Each divides the control period.
-
-    Args:
-        study: The study.
-        coarser: Number of longer time steps.
-        finer: Number of shorter time steps.
-    """
+    """Time steps around that of the study, s, ascending by factors of about two. Each divides the control period."""
     own = steps_of(study, study.options.timestep or float(study.loaded[0].timestep))
     counts = {max(1, round(own * 2.0**k)) for k in range(-coarser, finer + 1)}
     return sorted(study.control_period / count for count in counts)
 
 
 def pareto(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """Indices of the Pareto front, by ascending cost: candidates for which no other is both cheaper and more accurate.
-
-    Args:
-        costs: Cost of each candidate.
-        errors: Error of each candidate, in the same order.
-    """
+    """Indices of the Pareto front, by ascending cost: candidates for which no other is both cheaper and more accurate."""
     front: list[int] = []
     best = math.inf
     for k in sorted(range(len(costs)), key=lambda k: (costs[k], errors[k])):

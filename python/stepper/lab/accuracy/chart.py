@@ -19,20 +19,19 @@ from numpy.typing import NDArray
 from stepper.lab.accuracy.budget import QUICK, Budget
 from stepper.lab.accuracy.candidates import lines, timesteps
 from stepper.lab.accuracy.costs import costs
-from stepper.lab.accuracy.distributions import shifts
-from stepper.lab.accuracy.dots import Dot
+from stepper.lab.accuracy.dots import Dot, shifts
 from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, ChartBasis, Point, chart_reference, measure
 from stepper.lab.accuracy.reference import Reference, check_moves
 from stepper.lab.accuracy.tables import ChartData, write
 from stepper.lab.accuracy.traces import Distance, quantity
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.document import Document, check_pages
 from stepper.lab.study.report import no_peer
 from stepper.lab.study.study import Study
 from stepper.shared.arguments import check_whole, path_of
 from stepper.shared.files import locked
 from stepper.shared.machine import one_core
+from stepper.shared.progress import ProgressCallback
 
 Array = NDArray[np.float64]
 
@@ -132,15 +131,7 @@ def chart(
 def _dots(
     basis: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: ProgressCallback
 ) -> tuple[Dot, ...]:
-    """Errors, costs and outcomes of all points of a chart as numbers. Costs and errors of invariants are measured here.
-
-    Args:
-        basis: Data that all points of the chart share.
-        points: Runs of all settings with all lengths of the time step, with their errors.
-        invariants: Invariants of the scene.
-        quick: Whether to measure with fewer repeats.
-        report_progress: Progress callback.
-    """
+    """Errors, costs and outcomes of all points of a chart as numbers. Costs and errors of invariants are measured here."""
     study, limit = basis.study, basis.budget.stage(INVARIANTS)
     nothing, kept = np.full(len(basis.episodes), np.nan), [dict[str, Array]() for _ in points]
     usual = study.options.timestep or float(study.loaded[0].timestep)

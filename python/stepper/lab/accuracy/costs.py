@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import Any
@@ -16,7 +17,6 @@ from stepper.lab.study.batches import steps_of, world_of
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import World
-from stepper.lab.timing import Timed
 
 BATCH = 32
 """Number of environments of a timed batch: two SIMD groups with f32, four with f64."""
@@ -30,6 +30,28 @@ In shorter runs, filling caches takes much of the time.
 
 _PAIRS, _PAIR_SECONDS = 8, 0.01
 """Number of rounds in which two settings are compared, and shortest duration of a round, s of processor time."""
+
+
+class Timed(ABC):
+    """Run that is repeated for timing. Abstract.
+
+    Attributes:
+        times: Mean processor time of the run in each round so far, s.
+    """
+
+    times: list[float]
+
+    @abstractmethod
+    def once(self) -> float:
+        """Execute this run once from its start, and return the processor time, s."""
+
+    def measure(self, seconds: float) -> None:
+        """Measures one round: repeats the run for at least `seconds`, and appends the mean processor time to `times`."""
+        runs, total = 0, 0.0
+        while total < seconds:
+            total += self.once()
+            runs += 1
+        self.times.append(total / runs)
 
 
 class _Case(Timed):

@@ -1,4 +1,4 @@
-"""Pictures of a chart: error against cost (alone and in a batch), sources of errors, invariants and outcomes."""
+"""Picture of a chart: error against cost (alone and in a batch), and sources of errors."""
 
 from __future__ import annotations
 
@@ -32,8 +32,6 @@ _F32_SUFFIX = ", f32"
 """End of the label of a line with 32-bit precision."""
 _FLOOR = 1e-12
 """Smallest error that is drawn; smaller errors are drawn at this value."""
-_ACROSS = 3
-"""Number of panels per row of the picture of invariants and outcomes."""
 
 
 def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
@@ -77,38 +75,6 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
     return write_figure(path, figure)
 
 
-def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
-    """Draws the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from those of the reference.
-
-    Args:
-        study: The study.
-        dots: Points of the chart.
-        path: The PNG file.
-
-    Returns:
-        Path of the file; None if there is nothing to draw.
-    """
-    # An invariant without any error needs no panel.
-    kept = [name for name in dots[0].invariants if any(dot.invariants[name] > 0 for dot in dots)] if dots else []
-    outcomes = [shift.name for shift in next((dot.shifts for dot in dots if dot.shifts), ())]
-    outcomes = [name for name in outcomes if any(shift.name == name and math.isfinite(shift.value) for dot in dots for shift in dot.shifts)]
-    if not kept and not outcomes:
-        return None
-    figures = require("matplotlib.figure", "to draw a chart")
-    rows = [kept[k : k + _ACROSS] for k in range(0, len(kept), _ACROSS)]
-    figure = figures.Figure(figsize=(13, 1.5 + 3.4 * len(rows) + 4.2 * len(outcomes)), dpi=120, layout="constrained")
-    grid = figure.add_gridspec(len(rows) + len(outcomes), _ACROSS, height_ratios=[1.0] * len(rows) + [1.25] * len(outcomes))
-    colours = _colours(list(dict.fromkeys(dot.label for dot in dots)))
-    for k, name in enumerate(kept):
-        _invariant_panel(figure.add_subplot(grid[k // _ACROSS, k % _ACROSS]), name, dots, colours)
-    for k, name in enumerate(outcomes):
-        _outcome_panel(figure.add_subplot(grid[len(rows) + k, :]), name, study, dots, colours)
-    lines = require("matplotlib.lines", "to draw a chart")
-    handles = [lines.Line2D([], [], color=colour, linestyle=_line(label), label=label) for label, colour in colours.items()]
-    figure.legend(handles=handles, fontsize=8, loc="outside lower center", ncols=4, frameon=False, handlelength=3.5)
-    return write_figure(path, figure)
-
-
 def _colours(labels: Sequence[str]) -> dict[str, str]:
     """Colour of each line of the chart, by label (engine and settings).
 
@@ -133,15 +99,7 @@ def _line(label: str) -> str:
 
 
 def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
-    """Draws error against cost into a panel, with a line for each engine and settings, a marker per time step, and the Pareto front.
-
-    Args:
-        panel: The panel.
-        dots: Points of the chart.
-        cost: Cost to draw: "us_single_env" for a single environment, "batch" for an environment in a batch.
-        colours: Colour of each label.
-        markers: Marker of each time step.
-    """
+    """Draws error against cost into a panel, with a line for each engine and settings, a marker per time step, and the Pareto front."""
     good = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost))]
     for label, colour in colours.items():
         own = [dot for dot in good if dot.label == label]
@@ -162,13 +120,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
 
 
 def _scale(panel: Axes, axes: str, *, there: bool) -> None:
-    """Sets logarithmic axes, or writes a note into a panel without points.
-
-    Args:
-        panel: The panel.
-        axes: Axes to set: "x", "y" or "xy".
-        there: Whether the panel has points.
-    """
+    """Sets logarithmic axes, or writes a note into a panel without points."""
     if not there:
         panel.text(0.5, 0.5, "nothing was measured: see the notes of the rows", transform=panel.transAxes, ha="center", fontsize=11)
         return
@@ -191,15 +143,7 @@ def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) 
 
 
 def _causes_panel(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
-    """Draws bars for the parts of the error (solver, time step, model) at the study's time step.
-
-    Args:
-        panel: The panel.
-        study: The study.
-        dots: Points of the chart.
-        labels: Labels (engine and settings) that get bars.
-        colours: Unused, because the parts of the error have fixed colours.
-    """
+    """Draws bars for the parts of the error (solver, time step, model) at the study's time step."""
     own = study.options.timestep or float(study.loaded[0].timestep)
     chosen = [min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own)) for label in labels]
     place, there = np.arange(len(chosen)), False
@@ -214,56 +158,4 @@ def _causes_panel(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequen
     panel.set_title(f"where errors come from, at the time step of {own * 1e3:g} ms", fontsize=11)
     panel.legend(fontsize=8)
     panel.grid(visible=True, axis="y", color="#dddddd")
-    panel.set_axisbelow(True)
-
-
-def _invariant_panel(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draws the largest error of an invariant against the time step, with a line for each engine and settings.
-
-    Args:
-        panel: The panel.
-        name: Name of the invariant.
-        dots: Points of the chart.
-        colours: Colour of each line, by label (engine and settings).
-    """
-    for label, colour in colours.items():
-        own = [dot for dot in dots if dot.label == label and math.isfinite(dot.invariants[name])]
-        x, y = [1e3 * dot.timestep for dot in own], [max(dot.invariants[name], _FLOOR) for dot in own]
-        panel.plot(x, y, _line(label), marker=".", color=colour, linewidth=1.2)
-    _scale(panel, "xy", there=True)
-    steps = sorted({1e3 * dot.timestep for dot in dots})
-    panel.set_xticks(steps, [f"{step:.3g}" for step in steps])
-    panel.minorticks_off()
-    panel.set_xlabel("time step, ms", fontsize=8)
-    panel.set_title(f"{name}, largest", fontsize=10)
-    panel.tick_params(labelsize=8)
-    panel.grid(visible=True, color="#dddddd")
-    panel.set_axisbelow(True)
-
-
-def _outcome_panel(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draws differences of an outcome from that of the reference, with confidence intervals, at the study's time step.
-
-    Args:
-        panel: The panel.
-        name: Name of the difference (`Shift.name`).
-        study: The study.
-        dots: Points of the chart.
-        colours: Colour of each engine with its settings, by label.
-    """
-    own = study.options.timestep or float(study.loaded[0].timestep)
-    labels = list(colours)
-    for k, label in enumerate(labels):
-        dot = min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own))
-        for shift in dot.shifts:
-            if shift.name == name and math.isfinite(shift.value):
-                low, high = (shift.low, shift.high) if math.isfinite(shift.low) else (shift.value, shift.value)
-                panel.plot([low, high], [k, k], "-", color=colours[label], linewidth=1.6)
-                panel.plot([shift.value], [k], "o", color=colours[label], markersize=4)
-    panel.axvline(0.0, color="#444444", linewidth=0.8)
-    panel.set_yticks(range(len(labels)), labels, fontsize=8)
-    panel.invert_yaxis()
-    panel.set_title(f"{name} minus that of the converged runs, 95 % intervals, at the time step of {own * 1e3:g} ms", fontsize=10)
-    panel.tick_params(axis="x", labelsize=8)
-    panel.grid(visible=True, axis="x", color="#dddddd")
     panel.set_axisbelow(True)

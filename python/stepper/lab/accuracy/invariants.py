@@ -1,21 +1,8 @@
 """Invariants: quantities that every correct motion conserves or bounds, and their errors in a run.
 
-The errors remain meaningful in chaotic motion, where trajectories diverge. They are computed from positions and velocities after every
-control period, in the same way for every engine. MuJoCo's library computes kinematics, energies and overlaps; an engine's own diagnostics
-are not used. The model determines the invariants of a scene. The chart lists those that do not apply, with the reasons.
-
-* **penetration**, m: the deepest overlap of two geoms that may collide.
-* **limits**, m and rad: largest violation of the range of a slide or tendon (m), or of a hinge or ball joint (rad).
-* **loops**, m and rad: largest position error of connections, welds, coupled joints and tendons of fixed length.
-* **quaternion norm**: largest deviation of an orientation's norm from 1, for free and ball joints.
-* **energy**, J: increase of kinetic and potential energy (gravity, springs) since the start, minus the work of motors and servos. The work
-  of a held control is force times displacement; damping of servos only removes energy. In scenes without dissipation, it is the largest
-  difference from the start in both directions.
-* **momentum**, kg m/s, and **angular momentum**, kg m2/s: largest change since the start, minus the impulse of gravity. The angular
-  momentum is about the common centre of mass. Both apply to scenes in which no body is attached to the world or can touch it.
-
-Energy and momentum are conserved or bounded by the laws of mechanics. All invariants are zero in a correct motion with hard contact. Soft
-contact has finite penetrations and violations of limits by definition: these numbers are a measure of its softness.
+docs/reference/studies.md defines them. The errors are computed from positions and velocities after every control period, in the same way
+for every engine. MuJoCo's library computes kinematics, energies and overlaps; an engine's own diagnostics are not used. The model
+determines the invariants of a scene. The chart lists those that do not apply, with the reasons.
 """
 
 from __future__ import annotations
@@ -147,13 +134,7 @@ class Invariants:
         return found
 
     def _episode(self, trace: Trace, e: int, count: int) -> dict[Invariant, float]:
-        """Largest error of every invariant in one episode.
-
-        Args:
-            trace: Recorded run.
-            e: Index of the episode in the run.
-            count: Number of control periods to evaluate, from the start.
-        """
+        """Largest error of every invariant in one episode."""
         path = [(trace.qpos[e], trace.qvel[e]), *zip(trace.path[0][:count, e], trace.path[1][:count, e], strict=True)]
         errors: dict[Invariant, float] = {}
         if NORM in self.kinds:
@@ -231,11 +212,7 @@ class Invariants:
         )
 
     def _over_limits(self, unit: str) -> float:
-        """Largest violation of a limit in the present state of MuJoCo's data, m or rad.
-
-        Args:
-            unit: "m" for limits of slides and tendons, "rad" for hinges and ball joints.
-        """
+        """Largest violation of a limit in the present state of MuJoCo's data, m or rad."""
         m, d, kinds = self._model, self._data, self._mujoco.mjtJoint
         worst = 0.0
         for j in np.flatnonzero(m.jnt_limited):
@@ -266,12 +243,7 @@ class Invariants:
         return ("m",) if int(kind) in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_TENDON)) else ()
 
     def _parts(self, e: int, rows: Array) -> dict[str, Array]:
-        """Components of the position error of an equality constraint, by unit: "m" and "rad".
-
-        Args:
-            e: Index of the constraint.
-            rows: Entries of MuJoCo's `efc_pos` that belong to the constraint.
-        """
+        """Components of the position error of an equality constraint, by unit: "m" and "rad"."""
         units = self._units(e)
         if self._model.eq_type[e] != self._mujoco.mjtEq.mjEQ_WELD:
             return {unit: rows for unit in units}
@@ -284,11 +256,6 @@ class Invariants:
 
         The entries are for the start and for the end of each of the T control periods in `seen`. The work does not include the energy that
         the damping of actuators removes.
-
-        Args:
-            trace: Recorded run.
-            e: Index of the episode in the run.
-            seen: Measurements of the states at these times.
         """
         m, done, off = self._model, [0.0], self._mujoco.mjtDisableBit
         if m.nu == 0 or m.opt.disableflags & int(off.mjDSBL_ACTUATION):

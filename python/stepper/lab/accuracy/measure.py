@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from stepper.lab.accuracy.budget import Budget, Stage
 from stepper.lab.accuracy.candidates import Line
-from stepper.lab.accuracy.closed_form import reference_of
-from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience
+from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience, reference_of
 from stepper.lab.accuracy.traces import Distance, Trace, run
 from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
@@ -99,15 +98,6 @@ def chart_reference(
 
     If `horizon` is None, errors are measured up to the time to which the reference of the median episode is converged. For a closed form,
     that is the whole episode. The horizon is shorter if the time budget ended the runs of the reference earlier.
-
-    Args:
-        study: The study.
-        episodes: Numbers of the episodes.
-        horizon: Simulated time up to which errors are measured, s; None chooses it.
-        unit: "m" or "rad".
-        most: Largest number of halvings of the time step.
-        stage: Stage of the time budget; None sets no time limit.
-        progress: Progress callback with the fraction done.
     """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
     distance = Distance(unit, horizon or study.seconds)
@@ -124,12 +114,6 @@ def measure(
     basis: ChartBasis, all_lines: Sequence[Line], steps: Sequence[float], progress: Callable[[str, float], None]
 ) -> tuple[list[Point], list[str], dict[str, Reference]]:
     """Runs all lines of a chart with all lengths of the time step.
-
-    Args:
-        basis: Data that all points of the chart share.
-        all_lines: Lines of the chart.
-        steps: Time steps, s.
-        progress: Progress callback with a text and the fraction done.
 
     Returns:
         Three results: the points of the chart; texts with the labels of lines that could not be run and the reasons; and by label of a
@@ -161,11 +145,6 @@ def measure(
 def _laws(basis: ChartBasis, lines: Sequence[Line], progress: Callable[[float], None]) -> dict[str, Reference | str]:
     """Converged run of each contact law that occurs in some lines of a chart, or the reason why there is none.
 
-    Args:
-        basis: Data that all points of the chart share.
-        lines: Lines of the chart.
-        progress: Called with the fraction done.
-
     Returns:
         Converged runs, or reasons as texts, by the text with which `_law` identifies a contact law.
     """
@@ -187,10 +166,6 @@ def _solved_key(line: Line, dt: float) -> str:
     """Text that identifies a line of the chart with a given time step, apart from solver settings.
 
     Lines with equal texts share the run with a tight solver tolerance.
-
-    Args:
-        line: The line.
-        dt: Time step, s.
     """
     return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
 
@@ -199,13 +174,6 @@ def _runs(
     basis: ChartBasis, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]
 ) -> list[tuple[Trace | None, str]] | str:
     """Runs of one line of the chart with all lengths of the time step.
-
-    Args:
-        basis: Data that all points of the chart share.
-        steps: Time steps, s.
-        count: Number of lines of the chart, which share the remaining time.
-        study: The study of `basis`, which `each` passes.
-        own: Index of the line in the chart, and the line.
 
     Returns:
         Pairs of a run and a note, one per time step. The run is None if the time budget left no time for it. If the line cannot be run,
@@ -227,11 +195,6 @@ def _solved(basis: ChartBasis, study: Study, own: tuple[Line, float, float]) -> 
     """Run of a line of the chart with a tight solver tolerance, up to the horizon, and a note on the run.
 
     The first result is None if the time budget left no time for the run.
-
-    Args:
-        basis: Data that all points of the chart share.
-        study: The study of `basis`, which `each` passes.
-        own: Line, time step (s), and the fraction of the remaining time that the run may take.
     """
     line, dt, share = own
     return _run(
@@ -243,13 +206,6 @@ def _run(basis: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study
     """Run of a study with changed settings, and a note, which is empty unless the run was stopped or not started.
 
     The first result is None if the time budget left no time for the run.
-
-    Args:
-        basis: Data that all points of the chart share.
-        stage: Stage of the time budget.
-        settings: Changed settings, with the time step.
-        study: The study of `basis`, which `each` passes.
-        until: Simulated time at which the run ends, s.
     """
     if stage.limited and not stage.left:
         return None, f"the budget of {basis.budget.seconds:g} s was spent before"
@@ -263,13 +219,7 @@ def _run(basis: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study
 
 
 def _converged(basis: ChartBasis, study: Study, own: tuple[Line, float]) -> Reference | str:
-    """Converged run for the contact law of a line of the chart, or the reason why it failed.
-
-    Args:
-        basis: Data that all points of the chart share.
-        study: The study of `basis`, which `each` passes.
-        own: Line of the chart, and the fraction of the remaining time that its converged run may take.
-    """
+    """Converged run for the contact law of a line of the chart, or the reason why it failed."""
     line, share = own
     # All lines of hard contact share a run with one integrator. A line of MuJoCo's law runs with its integrator, because the study's
     # integrator may exist for hard contact only.
@@ -296,15 +246,7 @@ def _converged(basis: ChartBasis, study: Study, own: tuple[Line, float]) -> Refe
 def _point(
     basis: ChartBasis, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
 ) -> Point:
-    """Point of the chart from the runs of a line with a given time step.
-
-    Args:
-        basis: Data that all points of the chart share.
-        at: Line of the chart, and time step, s.
-        own: Run of the line at this time step, and a note on the run.
-        tight: The same run with a tight solver tolerance, and a note on it.
-        law: Converged run with the contact law of the line, or the reason why it failed.
-    """
+    """Point of the chart from the runs of a line with a given time step."""
     nothing, (line, dt) = np.full(len(basis.episodes), np.nan), at
     trace, note = own
     notes = [note] if trace is not None or not note else [f"not run: {note}"]

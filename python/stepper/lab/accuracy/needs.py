@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from stepper.lab.accuracy.costs import saving
 from stepper.lab.accuracy.traces import Distance, Trace, run
 from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
-from stepper.lab.study.touching import Touching, pair_friction, pairs_of_bodies, pairs_that_may_touch, touching
+from stepper.lab.study.touching import Touching, pairs_of_bodies, pairs_that_may_touch, touching
 from stepper.loading import describe
 from stepper.shared.machine import one_core
 
@@ -24,10 +24,6 @@ _Cut = tuple[str, str, Callable[[Description], None]]
 """Removable part of a scene: its name, the reason why it may be removed, and the function that removes it from a description."""
 _NO_FRICTION = 1e-9
 """Ratio of tangential to normal force below which a contact counts as frictionless."""
-_MAX_CONE_USE = 0.9
-"""Largest used fraction of the friction cone, |f_t| / (mu f_n), at which a contact counts as never sliding."""
-_FRICTION_FACTOR = 2.0
-"""Factor by which friction is increased to test contacts that never slide: the motion must not change."""
 _LIMIT_DISTANCE = 0.01
 """Distance from a limit, as a fraction of the joint's range, beyond which the limit counts as not needed."""
 
@@ -42,9 +38,7 @@ class Spare:
         error: Largest change of the motion in any episode without the part, m or rad; NaN if it was not measured.
         saved: Saved fraction of a batch's processor time, median of rounds; NaN if it was not measured.
         min_saved: Lower bound of `saved`.
-        removed: Whether the part is removed: from the smaller model (`Tuning.smaller`), or by `setting`. A part is removed if `error` is
-            within the budget and `min_saved` is above 0.
-        setting: Option of the step that replaces the part, as text; empty if the part is removed from the model.
+        removed: Whether the smaller model (`Tuning.smaller`) lacks the part: `error` is within the budget, and `min_saved` above 0.
     """
 
     part: str
@@ -53,7 +47,6 @@ class Spare:
     saved: float
     min_saved: float
     removed: bool
-    setting: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,10 +71,6 @@ class Bench:
         """Largest change of the motion with each of some smaller models in place of the study's model, m or rad.
 
         A change is infinite if the controller or a measure of an outcome reads a removed part.
-
-        Args:
-            smaller: Models without some parts of the scene.
-            progress: Called with the fraction done.
         """
         found: dict[int, float] = {}
         for number, error in each(self.study, smaller, self._error):
@@ -104,32 +93,8 @@ class Bench:
         with one_core():
             return saving((self.study, self.settings), (self._study_with(smaller), self.settings), self.trace)
 
-    def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
-        """Change of the motion and saved time if the settings `after` replace the settings `before`.
-
-        The runs that are compared have `self.settings` with one of these two sets added.
-
-        Args:
-            before: Settings by name that are replaced.
-            after: Settings by name that replace them.
-
-        Returns:
-            Largest change of the motion (m or rad), saved fraction of the time, and its lower bound.
-        """
-        one, other = {**self.settings, **before}, {**self.settings, **after}
-        error = float(self.distance(run(self.study, self.episodes, **one), run(self.study, self.episodes, **other)).max())
-        with one_core():
-            return error, *saving((self.study, one), (self.study, other), self.trace)
-
     def spare(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
-        """Effect of removing a part of the scene. The saved time is measured here; the change of the motion is an argument.
-
-        Args:
-            cut: Name of the part, reason, and function that removes it.
-            smaller: Model without the part.
-            error: Largest change of the motion, m or rad.
-            budget: Largest allowed change, m or rad.
-        """
+        """Effect of removing a part of the scene. The saved time is measured here; the change of the motion is an argument."""
         what, why, _ = cut
         saved, least = self.saved(smaller) if math.isfinite(error) else (math.nan, math.nan)
         return Spare(what, why, error, saved, least, error <= budget and least > 0)
@@ -144,11 +109,6 @@ class Bench:
 def spares(bench: Bench, budget: float, progress: Callable[[float], None]) -> tuple[list[Spare], Model | None]:
     """Removes unused parts of a scene, one by one and then together.
 
-    Args:
-        bench: Episodes and settings with which the effect of each removal is measured.
-        budget: Largest allowed change of the motion, m or rad.
-        progress: Called with the fraction done.
-
     Returns:
         Parts with the effects of their removal, and the smaller model; None if no part can be removed.
     """
@@ -157,18 +117,12 @@ def spares(bench: Bench, budget: float, progress: Callable[[float], None]) -> tu
         why = "the model has no source from which parts can be removed; give MJCF, URDF or an MjModel"
         return [Spare("nothing", why, math.nan, math.nan, math.nan, False)], None
     seen = touching(bench.study, bench.episodes, **bench.settings)
-    found = list(_settings(bench, seen, budget))
     whole = describe(compiled)
     tries = [*_pairs(model, compiled, seen, whole), *_frictionless(model, seen, whole), *_limits(model, seen), *_sensors(model, seen)]
-    wide = cones(model, seen, whole)
-    models = [_smaller(whole, [cut]) for _, _, cut in [*tries, *wide]]
+    models = [_smaller(whole, [cut]) for _, _, cut in tries]
     errors = bench.errors(models, lambda done: progress(0.9 * done))
-    taken: list[_Cut] = []
-    for own, smaller, error in zip(tries, models, errors, strict=False):
-        found.append(bench.spare(own, smaller, error, budget))
-        if found[-1].removed:
-            taken.append(own)
-    found += [Spare(what, why, error, math.nan, math.nan, False) for (what, why, _), error in zip(wide, errors[len(tries) :], strict=True)]
+    found = [bench.spare(own, smaller, error, budget) for own, smaller, error in zip(tries, models, errors, strict=True)]
+    taken = [own for own, spare in zip(tries, found, strict=True) if spare.removed]
     if not taken:
         return found, None
     together = _smaller(whole, [cut for _, _, cut in taken])
@@ -177,27 +131,8 @@ def spares(bench: Bench, budget: float, progress: Callable[[float], None]) -> tu
     return found, together if found[-1].removed else None
 
 
-def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
-    """Yields effects of replacing settings that the episodes may not need: 64-bit precision, and the solver's Newton method."""
-    own = bench.settings
-    bits = own.get("precision", bench.study.precision)
-    error, saved, least = bench.cheaper({"precision": "f64"}, {"precision": "f32"})
-    fits = error <= budget and least > 0
-    why = "the chosen settings have 32" if bits == "f32" else "measured with 32"
-    yield Spare("64 bits", why, error, saved, least, fits and bits == "f32", 'precision="f32"')
-    solver = own.get("solver", bench.study.options.solver)
-    if solver == "auto" and not seen.newton_steps:
-        error, saved, least = bench.cheaper({}, {"solver": "pgs"})
-        yield Spare("the solver's Newton method", "no step used it", error, saved, least, False, 'solver="pgs"')
-
-
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
-    """Model without some parts of the scene.
-
-    Args:
-        whole: Description of the scene, which does not change.
-        cuts: Functions that remove parts from a description in place.
-    """
+    """Model without some parts of the scene."""
     # Meshes and height fields stay shared, because no cut changes them.
     description = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
     for cut in cuts:
@@ -210,12 +145,6 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
 
     The first entry excludes pairs of bodies that may collide but never came near enough to touch, and removes their explicit contact pairs.
     The second entry removes unused explicit contact pairs of other bodies.
-
-    Args:
-        model: The model.
-        compiled: The scene's `mujoco.MjModel`.
-        seen: Statistics of the contacts in the episodes.
-        whole: Description of the scene.
     """
     bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
     may = pairs_that_may_touch(model, compiled)
@@ -274,11 +203,6 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
     """Friction that a scene does not need, with the function that removes it from a description of the scene.
 
     It is the friction of geoms and explicit pairs whose contacts have no tangential forces. The list is empty if there is none.
-
-    Args:
-        model: The model.
-        seen: Statistics of the contacts in the episodes.
-        whole: Description of the scene.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     idle = {key for key, pair in pressed.items() if pair.used <= _NO_FRICTION and pair.twists <= _NO_FRICTION * pair.peak}
@@ -296,48 +220,6 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
 
     what = " and ".join(f"{len(own)} {name}" for own, name in ((geoms, "geoms"), (pairs, "explicit pairs of geoms")) if own)
     return [(f"friction of {what}", "none of their contacts has a tangential force", remove)] if what else []
-
-
-def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
-    """Friction cones of contacts that never slide, with the function that widens the cones in a description of the scene.
-
-    A contact that stays inside its cone would move in the same way without a bound on friction. There are two tests: the used fraction of
-    each contact's cone, and the change of the motion with a wider cone. The function serves only as a test: every contact of the engine
-    needs a bound on friction, so that no cone can be removed.
-
-    Args:
-        model: The model.
-        seen: Statistics of the contacts in the episodes.
-        whole: Description of the scene.
-    """
-    pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
-    holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _MAX_CONE_USE and pair.twists <= _NO_FRICTION * pair.peak}
-    # Geoms without any sliding contact get a larger friction. The friction of a geom affects all its contacts.
-    steady = {g for key in holds for g in key} - {g for key in pressed.keys() - holds for g in key}
-    explicit = _explicit(whole)
-    friction = np.asarray(model.geom_friction, float)
-    wide = {k: _FRICTION_FACTOR * max(pressed[key].friction for key in holds if k in key) for k in steady}
-    raised = np.array([[wide.get(k, own), *rest] for k, (own, *rest) in enumerate(friction.tolist())]).reshape(friction.shape)
-    # The cone of a pair becomes wider only if the pair takes its friction from a geom in `steady`.
-    widened = {
-        key for key in holds if key in explicit or pair_friction(model, raised, *key, {}) >= _FRICTION_FACTOR * pressed[key].friction
-    }
-    if not widened:
-        return []
-    worst = max((pressed[key] for key in widened), key=lambda pair: pair.cone)
-
-    def widen(description: Description) -> None:
-        for k, own in wide.items():
-            description["geoms"][k]["friction"][0] = own
-        for key in widened & explicit.keys():
-            description["pairs"][explicit[key]]["friction"][0] *= _FRICTION_FACTOR
-
-    what = f"cones of {len(widened)} of {len(pressed)} pairs of geoms that touch"
-    why = (
-        f"none slides: a contact uses at most {worst.cone:.0%} of its cone ({' - '.join(worst.names)}, which leaves a margin of "
-        f"{1 - worst.cone:.0%}); the change is that of cones {_FRICTION_FACTOR:g} times as wide"
-    )
-    return [(what, why, widen)]
 
 
 def _limits(model: Model, seen: Touching) -> list[_Cut]:

@@ -7,9 +7,8 @@ whole scene's step time. All shares, with that of the remaining scene, add up to
 
 from __future__ import annotations
 
-import copy
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,21 +17,19 @@ from numpy.typing import NDArray
 
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.study.batches import run_batch, world_of
+from stepper.lab.accuracy.costs import BATCH, Timed
+from stepper.lab.study.batches import running, world_of
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.touching import Touching, pairs_that_may_touch, touching
-from stepper.lab.study.worlds import StepperWorld, World
-from stepper.lab.timing import Timed
+from stepper.lab.study.worlds import StepperWorld
 from stepper.loading import describe
 from stepper.shared.arguments import check_whole
 from stepper.shared.machine import cpu_name, one_core
 from stepper.shared.progress import ProgressCallback, silent
 
 Array = NDArray[np.float64]
-Description = dict[str, Any]
 _BATCHES = 4
 """Number of batches of states from which the steps of a scene are timed."""
 _ROUNDS = 11
@@ -126,12 +123,7 @@ def profile(source: Any, *, episodes: int = 4, progress: ProgressCallback | None
 
 
 def _uses(study: Study, seen: Touching) -> Iterator[Use]:
-    """Yields rows of the table of used elements: kinds of elements of the scene, and how many of each a run used.
-
-    Args:
-        study: The study.
-        seen: Statistics of the run.
-    """
+    """Yields rows of the table of used elements: kinds of elements of the scene, and how many of each a run used."""
     model, options = study.loaded[0], study.options
     pressed = [pair for pair in seen.pairs if pair.impulse > 0]
     rubbed = [pair for pair in pressed if pair.cone > _USED_FRICTION or pair.twists > _USED_FRICTION * pair.peak]
@@ -159,13 +151,7 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
 
 
 def _uses_section(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
-    """Section of the document with the table of used elements of the scene.
-
-    Args:
-        uses: Rows of the table.
-        seen: Statistics of the run.
-        episodes: Number of episodes of the run.
-    """
+    """Section of the document with the table of used elements of the scene."""
     words = [
         f"{counted(seen.steps, 'step')} of {counted(episodes, 'episode')} at the nominal point. `stepper tune` removes unused parts, and "
         "measures on other episodes what that changes."
@@ -189,65 +175,21 @@ def _costs_section(study: Study, parts: tuple[Part, ...]) -> Section:
     return Section("Costs", words, ("part", "share of the step", "us per step of an environment", "bytes per environment"), rows)
 
 
-# Functions that remove one part of a scene from its description (`stepper.loading.describe`), in place.
+_PARTS: dict[str, dict[str, dict[str, Any] | None]] = {
+    "sensors": {"sensors": None},
+    "friction of contacts": {"geoms": {"condim": 1}, "pairs": {"condim": 1}},
+    "contacts: to find them, and their normals": {"pairs": None, "geoms": {"contype": 0, "conaffinity": 0}},
+    "limits": {"joints": {"range": None}, "tendons": {"range": None}},
+    "dry friction": {"joints": {"frictionloss": 0.0}, "tendons": {"frictionloss": 0.0}},
+    "equalities": {"equalities": None},
+    "drag of air or water": {"medium": {"density": 0.0, "viscosity": 0.0}},
+    # Keyframes contain controls.
+    "actuators": {"actuators": None, "keyframes": None},
+}
+"""Removable parts of a scene, in the order of removal: changes of its description (`stepper.loading.describe`) by kind of element.
 
-
-def _no_sensors(description: Description) -> None:
-    """Removes all sensors from the description of a model, in place."""
-    description["sensors"] = []
-
-
-def _no_friction(description: Description) -> None:
-    """Removes friction from all contacts in a description of a model, in place."""
-    for one in (*description["geoms"], *description["pairs"]):
-        one["condim"] = 1
-
-
-def _no_contacts(description: Description) -> None:
-    """Removes all contacts from the description of a model, in place."""
-    description["pairs"] = []
-    for geom in description["geoms"]:
-        geom["contype"] = geom["conaffinity"] = 0
-
-
-def _no_limits(description: Description) -> None:
-    """Removes the limits of joints and tendons from the description of a model, in place."""
-    for one in (*description["joints"], *description["tendons"]):
-        one["range"] = None
-
-
-def _no_dry_friction(description: Description) -> None:
-    """Removes dry friction from joints and tendons in a description of a model, in place."""
-    for one in (*description["joints"], *description["tendons"]):
-        one["frictionloss"] = 0.0
-
-
-def _no_equalities(description: Description) -> None:
-    """Removes all equalities from the description of a model, in place."""
-    description["equalities"] = []
-
-
-def _no_medium(description: Description) -> None:
-    """Removes the surrounding fluid from the description of a model, in place."""
-    description["medium"] |= {"density": 0.0, "viscosity": 0.0}
-
-
-def _no_actuators(description: Description) -> None:
-    """Removes all actuators from a description of a model, in place; and all keyframes, because they contain controls."""
-    description["actuators"], description["keyframes"] = [], []
-
-
-_PARTS: tuple[tuple[str, Callable[[Description], None]], ...] = (
-    ("sensors", _no_sensors),
-    ("friction of contacts", _no_friction),
-    ("contacts: to find them, and their normals", _no_contacts),
-    ("limits", _no_limits),
-    ("dry friction", _no_dry_friction),
-    ("equalities", _no_equalities),
-    ("drag of air or water", _no_medium),
-    ("actuators", _no_actuators),
-)
-"""Removable parts of a scene, in the order of removal: name of a part, and function that removes it from a description."""
+None removes all elements of a kind. Otherwise, the values are written into every element.
+"""
 _REMAINDER = "motion of the bodies"
 """Name of the part of a scene that remains when all removable parts are removed."""
 
@@ -291,11 +233,9 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
     assert isinstance(world, StepperWorld)
     sim = world.sim
     rows: list[_States] = []
-
-    def record(_: World) -> None:
-        rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
-
-    run_batch(study, world, episodes, record)
+    for is_end in running(study, world, episodes):
+        if is_end:
+            rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
     # Controls are recorded after the steps in which they act: row k of the controls acts on the state of row k - 1.
     every = [np.concatenate([row[k] for row in (rows[1:] if k == 3 else rows[:-1])]) for k in range(4)]
     chosen = np.random.default_rng(0).permutation(np.resize(np.arange(len(every[0])), max(BATCH, min(len(every[0]), _BATCHES * BATCH))))
@@ -303,26 +243,24 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
     return [(every[0][k], every[1][k], every[2][k], every[3][k]) for k in cut], sim.options
 
 
-def _costs(study: Study, episodes: range, progress: ProgressCallback) -> Iterator[Part]:
-    """Yields the costs of the whole scene, of each removable part, and of the remaining scene without these parts.
+def _changed(elements: Any, values: dict[str, Any] | None) -> Any:
+    """Elements of one kind in a description of a model with some values changed; none if the values are None."""
+    if values is None:
+        return []
+    return elements | values if isinstance(elements, dict) else [one | values for one in elements]
 
-    Args:
-        study: The study.
-        episodes: Numbers of the episodes from which steps are timed.
-        progress: Progress callback.
-    """
+
+def _costs(study: Study, episodes: range, progress: ProgressCallback) -> Iterator[Part]:
+    """Yields the costs of the whole scene, of each removable part, and of the remaining scene without these parts."""
     compiled = study.loaded[1]
     if compiled is None:
         return
     states, options = _states(study, episodes)
-    description = {
-        name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in describe(compiled).items()
-    }
+    description = describe(compiled)
     names, cases = ["all"], [_Steps(Model.from_description(description, strict=False), study, states, options)]
-    for name, cut in _PARTS:
-        before = copy.deepcopy({key: value for key, value in description.items() if key not in ("meshes", "height_fields")})
-        cut(description)
-        if all(description[key] == value for key, value in before.items()):
+    for name, changes in _PARTS.items():
+        before, description = description, description | {kind: _changed(description[kind], values) for kind, values in changes.items()}
+        if all(description[kind] == before[kind] for kind in changes):
             continue
         names.append(name)
         cases.append(_Steps(Model.from_description(description, strict=False), study, states, options))

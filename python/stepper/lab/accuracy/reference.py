@@ -1,4 +1,4 @@
-"""Reference of a study: a run that is converged by halving the time step, with an estimate of its uncertainty.
+"""Reference of a study: its closed-form solution, or a run that is converged by halving the time step, with its uncertainty.
 
 The first method is the midpoint rule, with the time steps h, h/2, h/4 and so on. Three runs x(h), x(h/2), x(h/4) give an observed order
 p = log2(|x(h) - x(h/2)| / |x(h/2) - x(h/4)|), where |...| is the distance between two runs (`Distance`). In smooth motion p is the
@@ -25,10 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.lab.accuracy.budget import Stage
-from stepper.lab.accuracy.traces import Distance, Trace, run
-from stepper.lab.study.batches import steps_of
+from stepper.lab.accuracy.traces import Distance, Trace, TraceRecorder, run
+from stepper.lab.study import controllers
+from stepper.lab.study.batches import begin, steps_of, world_of
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
+from stepper.lab.study.worlds import StepperWorld
 
 Array = NDArray[np.float64]
 _FIRST_METHOD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
@@ -49,6 +51,8 @@ _SHARE = 0.4
 """Largest fraction of the remaining time budget for one run of a reference."""
 _ROUNDING = 1e-11
 """Largest difference of two runs that counts as a rounding error, m or rad."""
+_INITIAL_DIFFERENCE = 1e-9
+"""Largest accepted difference between the initial state of a closed-form solution and that of an episode, m, rad, m/s, rad/s."""
 _SMOOTH_ORDERS = (1.6, 2.6)
 """Range of observed orders of the midpoint rule in smooth motion."""
 
@@ -186,9 +190,6 @@ def converge(
         progress: Progress callback with the fraction done.
         until: Simulated time of the runs, s.
         stage: Stage of the time budget; None sets no time limit.
-
-    Raises:
-        ValueError: The budget ended the first run within its first control period.
     """
     base, stage = _FIRST_METHOD if law is None else law, stage or Stage()
     tight = TIGHT if base.get("engine", "stepper") == "stepper" else {}
@@ -237,16 +238,85 @@ def converge(
     return replace(_assessed(runs, second, distance, target), stopped=stopped, rule=rule, without=tuple(without))
 
 
-def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
-    """Runs with another integrator at the time steps of given runs; None if one takes too long or the time budget ends.
+def reference_of(
+    study: Study,
+    episodes: Sequence[int],
+    distance: Distance,
+    *,
+    target: float,
+    most: int = 7,
+    law: dict[str, Any] | None = None,
+    stage: Stage | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Reference:
+    """Reference of some episodes: the study's closed form if it has one, otherwise a run that is converged by halving the time step.
 
     Args:
-        integrator: Name of the integrator.
-        runs: Given runs.
-        again: Function that runs the episodes with some settings.
-        stage: Stage of the computation, which limits the time of the runs.
         study: The study.
+        episodes: Numbers of the episodes.
+        distance: Definition of the difference of two runs.
+        target: Target of the uncertainty, m or rad.
+        most: Largest number of halvings of the study's time step, at least 2.
+        law: Settings of the converged run, such as those of MuJoCo's contact law. None selects hard contact and the midpoint rule.
+        stage: Stage of the time budget; None sets no time limit.
+        progress: Progress callback with the fraction done.
     """
+    if study.exact is None:
+        return converge(study, episodes, distance, target=target, most=most, law=law, stage=stage, progress=progress)
+    trace = closed_form(study, episodes)
+    if progress:
+        progress(1.0)
+    count = len(episodes)
+    return Reference(
+        runs=(trace,),
+        second=(),
+        target=target,
+        uncertainty=np.zeros(count),
+        orders=np.full(count, np.nan),
+        extrapolates=np.ones(count, np.bool_),
+        methods=np.full(count, np.nan),
+        known=np.full(count, trace.reached),
+        exact=controllers.name_of(study.exact) or "a function",
+    )
+
+
+def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
+    """Trace of episodes from the study's closed form, after every control period, with outcomes."""
+    assert study.exact is not None
+    world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
+    assert isinstance(world, StepperWorld)
+    begin(study, world, episodes)
+    name = controllers.name_of(study.exact)
+    times: Array = study.control_period * np.arange(study.num_control_steps + 1, dtype=np.float64)
+    found = study.exact(world, times)
+    if not isinstance(found, tuple | list) or len(found) != 2:
+        raise ValueError(f"{study.name}: exact, {name}, gives {type(found).__name__}, must give two arrays, qpos and qvel")
+    start = (world.qpos.copy(), world.qvel.copy())
+    rows = []
+    for what, given, own in zip(("qpos", "qvel"), found, start, strict=True):
+        made, shape = np.asarray(given, float), (len(times), *own.shape)
+        if made.shape != shape:
+            raise ValueError(f"{study.name}: exact, {name}, gives {what} of shape {made.shape}, must be (T, num_envs, n{what[0]}): {shape}")
+        if not np.isfinite(made).all():
+            raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite: it must be finite at all times")
+        if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _INITIAL_DIFFERENCE:
+            raise ValueError(
+                f"{study.name}: exact, {name}, begins {apart:.2g} away from the initial {what} of the episodes: at time 0 it must "
+                "return the world's qpos and qvel, with their noise"
+            )
+        rows.append(made)
+    seen = TraceRecorder(study, world)
+    seen.record(world)
+    for k, time in enumerate(times[1:], start=1):
+        world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])
+        world.time = np.full(world.num_envs, time)
+        seen.record(world)
+    # The duration of the reference is infinite, so that no run counts as much slower than the reference.
+    return replace(seen.trace(world, study.num_control_steps, math.inf), settings={"exact": name}, timestep=math.nan)
+
+
+def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
+    """Runs with another integrator at the time steps of given runs; None if one takes too long or the time budget ends."""
     made: list[Trace] = []
     for of in runs:
         settings = _FIRST_METHOD | TIGHT | {"integrator": integrator, "timestep": of.timestep}
@@ -262,14 +332,7 @@ def _stays_finite(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
 
 
 def _assessed(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, target: float) -> Reference:
-    """Reference from runs at successive halvings of the time step, with an estimate of the finest run's uncertainty.
-
-    Args:
-        runs: Up to three runs of the first method, the finest last.
-        second: Two runs of the second method at the two finest steps, or none.
-        distance: Definition of the difference of two runs.
-        target: Target of the uncertainty, m or rad.
-    """
+    """Reference from runs at successive halvings of the time step, with an estimate of the finest run's uncertainty."""
     nothing = np.full(len(runs[-1].qpos), np.nan)
     one = distance(runs[-3], runs[-2]) if len(runs) == 3 else nothing
     two = distance(runs[-2], runs[-1]) if len(runs) > 1 else np.full(len(nothing), np.inf)

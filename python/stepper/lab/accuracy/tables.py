@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.accuracy.distributions import names
-from stepper.lab.accuracy.dots import CAUSES, Dot, front
+from stepper.lab.accuracy.dots import CAUSES, Dot, front, names
 from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
 from stepper.lab.accuracy.reference import Reference
@@ -44,26 +43,25 @@ class ChartData:
 
 
 def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
-    """Writes the files of a chart: chart.png, .csv, .npz, .html, .md, and chart_later.png with invariants and outcomes.
+    """Writes the files of a chart: chart.png, .csv, .npz, .html and .md.
 
     Returns:
         The document, and the paths of all files.
     """
-    from stepper.lab.accuracy.draw import draw, draw_later  # noqa: PLC0415  (matplotlib is optional, and slow to import)
+    from stepper.lab.accuracy.draw import draw  # noqa: PLC0415  (matplotlib is optional, and slow to import)
 
     basis, came_from = found.basis, provenance()
     study, distance, reference = basis.study, basis.distance, basis.reference
     note = f"{came_from['cpu']}, one core, {came_from['utc']}"
     picture = draw(study, distance, reference, found.dots, path=folder / "chart.png", note=note)
-    later = draw_later(study, found.dots, path=folder / "chart_later.png")
     table = folder / "chart.csv"
     header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": basis.budget.seconds}
     header |= study.resolved_settings() | came_from
     notes = [f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n" for key, value in header.items()]
     columns = list(dict.fromkeys(name for dot in found.dots for name in dot.row))
     write_csv(table, [columns, *([dot.row.get(name, "") for name in columns] for dot in found.dots)], "".join(notes))
-    document = Document(f"Error against cost: {study.name}", _sections(found, picture, later))
-    return document, [picture, *([later] if later else []), table, _episodes(found, folder / "chart.npz"), *document.save(folder, "chart")]
+    document = Document(f"Error against cost: {study.name}", _sections(found, picture))
+    return document, [picture, table, _episodes(found, folder / "chart.npz"), *document.save(folder, "chart")]
 
 
 def _episodes(found: ChartData, path: Path) -> Path:
@@ -87,14 +85,8 @@ def _episodes(found: ChartData, path: Path) -> Path:
     return write_arrays(path, kept, compressed=True)
 
 
-def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Section]:
-    """Sections of the document of a chart.
-
-    Args:
-        found: Data of the chart.
-        picture: Picture of error against cost.
-        later: Picture of invariants and outcomes; None if there is none.
-    """
+def _sections(found: ChartData, picture: Path) -> list[Section]:
+    """Sections of the document of a chart."""
     dots, basis = found.dots, found.basis
     best = set(map(id, [*front(dots, "us_single_env"), *front(dots, "batch")]))
     study, unit = basis.study, basis.distance.unit
@@ -118,7 +110,7 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
             list(map(row, fronts)),
         ),
         Section("All points", [], (*head, *more), list(map(row, dots))),
-        _invariants(found, later),
+        _invariants(found),
         _distributions(found),
     ]
 
@@ -155,13 +147,8 @@ def _words(found: ChartData) -> list[str]:
     return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
 
 
-def _invariants(found: ChartData, picture: Path | None) -> Section:
-    """Section of a chart's document with the errors of invariants, such as energy: quantities that every correct motion conserves.
-
-    Args:
-        found: Data of the chart.
-        picture: Path of the picture of the invariants; None adds no picture.
-    """
+def _invariants(found: ChartData) -> Section:
+    """Section of a chart's document with the errors of invariants, such as energy: quantities that every correct motion conserves."""
     kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
     words = [
         "Errors of laws that every correct motion satisfies, also a chaotic one: the largest of all episodes, after every control period, "
@@ -171,7 +158,7 @@ def _invariants(found: ChartData, picture: Path | None) -> Section:
     ]
     words += [f"Left out: {reason}." for reason in left]
     rows = [[dot.label, 1e3 * dot.timestep, *dot.invariants.values(), "; ".join(dot.notes)] for dot in found.dots] if kinds else []
-    return Section("Invariants", words, ("settings", "time step, ms", *kinds, "notes"), rows, picture)
+    return Section("Invariants", words, ("settings", "time step, ms", *kinds, "notes"), rows)
 
 
 def _distributions(found: ChartData) -> Section:

@@ -155,13 +155,7 @@ class TraceRecorder:
             now.sim.reset(lost, qpos=self._start[0], qvel=self._start[1])
 
     def trace(self, world: World, controls: int, spent: float) -> Trace:
-        """Trace of the run. Outcomes are NaN for episodes that were not finite or did not run to their end.
-
-        Args:
-            world: Environments of the run.
-            controls: Number of control periods of a complete run.
-            spent: Processor time of the run, s.
-        """
+        """Trace of the run. Outcomes are NaN for episodes that were not finite or did not run to their end."""
         assert self._start is not None
         assert self._watch is not None
         worst, model, count = world.solver_quality(), world.model, len(self.rows)
@@ -195,15 +189,7 @@ def runs(
     patience: Sequence[float],
     progress: Callable[[float], None] | None = None,
 ) -> list[Trace]:
-    """Traces of the same episodes with several settings, computed on Ray if `study.ray` is set.
-
-    Args:
-        study: The study.
-        episodes: Numbers of the episodes.
-        settings: Settings of each run that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
-        patience: Processor time after which each run is stopped, s.
-        progress: Progress callback with the fraction done.
-    """
+    """Traces of the same episodes with several settings, computed on Ray if `study.ray` is set."""
     made: dict[int, Trace] = {}
     for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_run_limited, episodes)):
         made[number] = trace
@@ -214,11 +200,6 @@ def runs(
 
 def _run_limited(episodes: Sequence[int], study: Study, task: tuple[Mapping[str, Any], float]) -> Trace:
     """Runs episodes of a study with changed settings, and stops after a limit of processor time.
-
-    Args:
-        episodes: Numbers of the episodes.
-        study: The study.
-        task: Settings by name that differ from the study's, such as timestep=0.001, and the limit, s.
 
     Returns:
         Recorded motion of the episodes.
@@ -282,16 +263,7 @@ def _between(a: Array, b: Array) -> Array:
 
 
 def quantity(given: str | float, *, name: str, units: Sequence[str]) -> tuple[float, str]:
-    """Parses a quantity: "1 mm" gives its value in the base unit, and the base unit: (1e-3, "m").
-
-    Args:
-        given: Text, or a number if there is only one base unit.
-        name: Name of the argument in error messages.
-        units: Allowed base units, some of "m", "rad", "s".
-
-    Raises:
-        ValueError: The text has another form or unit, or the number is not positive.
-    """
+    """Parses a quantity: "1 mm" gives its value in the base unit, and the base unit: (1e-3, "m")."""
     known = [unit for unit, (base, _) in _UNITS.items() if base in units]
     if isinstance(given, int | float | np.number) and not isinstance(given, bool) and len(units) == 1:
         if 0 < given < np.inf:

@@ -19,12 +19,10 @@ from stepper._options import Options
 from stepper._stepper import Model
 from stepper.lab.accuracy.budget import Stage
 from stepper.lab.accuracy.candidates import hard_lines, timesteps
-from stepper.lab.accuracy.closed_form import reference_of
 from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.needs import Bench, Spare, spares
-from stepper.lab.accuracy.reference import Reference, check_moves, patience
+from stepper.lab.accuracy.reference import Reference, check_moves, patience, reference_of
 from stepper.lab.accuracy.traces import Distance, Trace, quantity, run, runs
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.document import Document, Section, check_pages, counted
 from stepper.lab.study.intervals import least_share, trials_for
@@ -33,6 +31,7 @@ from stepper.lab.study.study import Study
 from stepper.shared.arguments import check_fraction, check_whole, path_of
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import one_core, provenance
+from stepper.shared.progress import ProgressCallback
 
 Array = NDArray[np.float64]
 _REFERENCE_SHARE = 0.1
@@ -297,15 +296,6 @@ def _candidates(
 
     First, all settings are run at the time step of the study, and at longer and shorter ones by factors of two. Some settings
     may become the cheapest at longer time steps. They also run between the longest time step within the budget and the next longer one.
-
-    Args:
-        study: The study.
-        episodes: Numbers of the episodes.
-        distance: Definition of errors.
-        reference: Reference of these episodes.
-        budget: Allowed error, m or rad.
-        alone: Whether to compare the costs of a single environment, instead of the costs in a batch.
-        report_progress: Progress callback.
     """
     by = 0 if alone else 1
     timestep = study.options.timestep or float(study.loaded[0].timestep)
@@ -382,14 +372,6 @@ def _removable(
 ) -> tuple[list[Spare], Model | None]:
     """Finds parts of the scene, such as pairs of bodies that never touch, whose removal saves time and hardly changes the motion.
 
-    Args:
-        study: The study.
-        episodes: Numbers of the episodes.
-        candidate: Candidate with whose settings the episodes run.
-        distance: Measure of a change of the motion.
-        budget: Largest allowed change of the motion, m or rad (`distance.unit`).
-        report_progress: Progress callback.
-
     Returns:
         Examined parts with the effects of their removal, and the model without the removable ones (None if there are none). Empty list and
         None if the candidate's error is not finite.
@@ -420,16 +402,7 @@ def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> lis
 
 
 def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance: Distance, budget: float, *, confidence: float) -> Trial:
-    """Tests a candidate on held-out episodes.
-
-    Args:
-        study: The study.
-        candidate: The candidate.
-        episodes: Numbers of the held-out episodes.
-        distance: Definition of errors.
-        budget: Allowed error, m or rad.
-        confidence: Confidence of the lower bound of the fraction of episodes within the budget.
-    """
+    """Tests a candidate on held-out episodes."""
     parts = [episodes[k : k + _HELD_OUT_BATCH] for k in range(0, len(episodes), _HELD_OUT_BATCH)]
     apart, unsure = np.empty(len(episodes)), np.empty(len(episodes))
     for number, (own, doubt) in each(study, parts, functools.partial(_held_out, candidate, distance, budget)):
@@ -445,13 +418,6 @@ def _held_out(candidate: Candidate, distance: Distance, budget: float, study: St
     """Errors of a candidate in held-out episodes, and the uncertainty of their reference, (episodes,) each, m or rad.
 
     All errors are infinite if the run was stopped.
-
-    Args:
-        candidate: The candidate.
-        distance: Definition of errors.
-        budget: Allowed error, m or rad, which determines the target uncertainty of the reference.
-        study: The study.
-        episodes: Numbers of the held-out episodes.
     """
     reference = reference_of(study, episodes, distance, target=_REFERENCE_SHARE * budget)
     stage = Stage().within(patience(study, reference.trace, candidate.settings["timestep"]))
@@ -480,16 +446,7 @@ def words_of(options: Options, precision: str | None) -> str:
 
 
 def _sections(found: Tuning, reference: Reference, *, coverage: float, confidence: float, alone: bool, exhausted: bool) -> list[Section]:
-    """Sections of the report of `tune`.
-
-    Args:
-        found: Result of the tuning.
-        reference: Run relative to which errors were measured.
-        coverage: Required fraction of episodes within the error budget.
-        confidence: Required confidence of this fraction.
-        alone: Whether costs are those of a single environment, instead of a batch.
-        exhausted: Whether too few distinct episodes remained for a test of another candidate.
-    """
+    """Sections of the report of `tune`."""
     unit, cost = found.distance.unit, "us_single_env" if alone else "batch"
     words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {reference.words}."]
     if found.chosen is not None and found.options is not None:
@@ -562,10 +519,6 @@ def _compared(found: Tuning, cost: str) -> str:
     """Sentence that compares the chosen settings with the study's settings.
 
     It has the ratio of their costs, and whether the study's settings are within the error budget.
-
-    Args:
-        found: Result of the tuning, with chosen settings.
-        cost: Kind of cost: "us_single_env" or "batch".
     """
     assert found.chosen is not None
     unit, usual = found.distance.unit, found.usual
@@ -588,12 +541,7 @@ def _compared(found: Tuning, cost: str) -> str:
 
 
 def _usual_error(usual: Candidate, unit: str) -> str:
-    """Sentence on the error of the study's own settings, or on the reason why it is not known.
-
-    Args:
-        usual: Result of these settings.
-        unit: Unit of the error, "m" or "rad".
-    """
+    """Sentence on the error of the study's own settings, or on the reason why it is not known."""
     if usual.stopped:
         return "With the study's own settings, episodes were stopped: they took far longer than the reference, as diverging motions do."
     if not math.isfinite(usual.error):
@@ -615,19 +563,10 @@ def _cheaper(found: Tuning) -> str:
 
 
 def _removal(own: Spare, budget: float) -> str:
-    """Text for the table of removable parts: whether a part is removed, or the reason why it is not.
-
-    Args:
-        own: Effect of removing the part.
-        budget: Largest allowed change of the motion, m or rad.
-    """
-    if own.removed:
-        return f"yes: {own.setting}" if own.setting else "yes"
-    if math.isnan(own.saved):
-        return "no"
-    if own.error > budget:
-        return "no: it changes too much"
-    return f"no: it is a setting, {own.setting}" if own.setting and own.min_saved > 0 else "no: it saves nothing"
+    """Text for the table of removable parts: whether a part is removed, or the reason why it is not."""
+    if own.removed or math.isnan(own.saved):
+        return "yes" if own.removed else "no"
+    return "no: it changes too much" if own.error > budget else "no: it saves nothing"
 
 
 def _save(found: Tuning, folder: Path) -> list[Path]:

@@ -19,7 +19,6 @@ import numpy as np
 from stepper.lab.calibration.certificate import Certificate, confidence_of, worlds_for
 from stepper.lab.calibration.report import document_of
 from stepper.lab.calibration.search import UNMEASURED, Array, Search, Space, Trial
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document
 from stepper.lab.study.journal import Journal, Row
@@ -33,6 +32,7 @@ from stepper.lab.study.sweep import measured
 from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_number, check_whole
 from stepper.shared.files import write_text
+from stepper.shared.progress import ProgressCallback
 
 _SEARCH, _CERTIFICATE, _MINIMALITY = 4, 5, 6
 """Second of the numbers that seed the worlds of the search, of certificates, and of the proof of minimality."""
@@ -222,14 +222,7 @@ def _space(study: Study, names: Sequence[str]) -> Space:
 
 
 def _certified(search: Search, seed: int, worlds: int, tries: int) -> tuple[list[int], Array, list[Certificate]]:
-    """Set, tolerances and certificates of all tries, of which the last one holds unless all fail.
-
-    Args:
-        search: The search.
-        seed: Seed of the study.
-        worlds: Number of worlds of each certificate.
-        tries: Largest number of tries.
-    """
+    """Set, tolerances and certificates of all tries, of which the last one holds unless all fail."""
     certificates: list[Certificate] = []
     for number in range(1, tries + 1):
         chosen = search.smallest()

@@ -54,9 +54,6 @@ def fit(loss: Loss, low: Array, high: Array, *, samples: int = 20, elite: int = 
 
     Returns:
         The fitted values.
-
-    Raises:
-        ValueError: Fewer than two samples of a round have a finite loss.
     """
     low, high = np.asarray(low, float), np.asarray(high, float)
     rng = np.random.default_rng([seed, 0])

@@ -15,7 +15,6 @@ import numpy as np
 
 from stepper.lab.calibration.fit import Fit, bootstrap, fit
 from stepper.lab.calibration.search import Array, smallest_set
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import least_share
@@ -27,6 +26,7 @@ from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
 from stepper.shared.arguments import check_number, check_whole
+from stepper.shared.progress import ProgressCallback
 
 
 @dataclass(frozen=True)

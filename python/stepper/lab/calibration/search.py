@@ -164,14 +164,7 @@ class Search:
         return smallest_set(lambda chosen: self.passes(self._exact(chosen)), self._importance)
 
     def widest(self, chosen: Sequence[int]) -> Array:
-        """Widest tolerances of a set that passes, (parameters,), as fractions of the ranges: powers of 2 up to 1/2.
-
-        Args:
-            chosen: Indices of the parameters, in descending order of importance.
-
-        Raises:
-            ValueError: The finest tolerance, 1/1024 of each range, fails.
-        """
+        """Widest tolerances of a set that passes, (parameters,), as fractions of the ranges: powers of 2 up to 1/2."""
         tolerances = self._exact(set(chosen))
         if not chosen:
             return tolerances

@@ -46,11 +46,7 @@ class LawComparison:
         return {course.name: self._figures(course) for course in self.courses}
 
     def _figures(self, course: Course) -> dict[str, float]:
-        """Values of one engine in the comparison table, by heading of the table's row, which includes the unit.
-
-        Args:
-            course: Recorded run of the engine.
-        """
+        """Values of one engine in the comparison table, by heading of the table's row, which includes the unit."""
         apart = np.abs(course.qpos - self.courses[0].qpos).max(axis=2) > ONSET
         parted = np.where(apart.any(axis=0), (apart.argmax(axis=0) + 1) * course.timestep, np.inf)
         first = np.where((course.pairs > 0).any(axis=0), ((course.pairs > 0).argmax(axis=0) + 1) * course.timestep, np.inf)

@@ -16,10 +16,10 @@ from stepper._stepper import Model
 from stepper.lab.demo.referee import Measured, Referee
 from stepper.lab.demo.report import show
 from stepper.lab.engines import Array, EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
-from stepper.lab.progress import ProgressCallback, show_files, show_progress
 from stepper.loading import load
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
+from stepper.shared.progress import ProgressCallback, show_files, show_progress
 
 MATCHED = MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC", "NEWTON")
 """Settings of MuJoCo that are most similar to stepper's default settings."""
@@ -89,10 +89,6 @@ def humanoid_path() -> str:
 def random_control(path: str, plan: Plan) -> Array:
     """Random controls, each held for `plan.hold` steps; the same array serves every engine.
 
-    Args:
-        path: The MJCF file, for the actuators' ranges.
-        plan: Settings of the race: number of steps, duration of a control, and seed.
-
     Returns:
         Controls, (k, num_envs, nu) with k = ceil(steps / hold), uniform in the actuators' ranges; without a range, from
         -1 to 1.
@@ -131,15 +127,7 @@ def _chunk(batch: EngineBatch, control: Array, plan: Plan, steps: range, clock: 
 
 
 def _add_measurements(batch: EngineBatch, track: Track, phase: str, referee: Referee, plan: Plan) -> None:
-    """Adds measurements of the present states of an engine to its track.
-
-    Args:
-        batch: Environments of the engine.
-        track: Measurements of the engine, which are extended.
-        phase: "control" or "rest".
-        referee: Measurement by MuJoCo.
-        plan: Settings of the demo.
-    """
+    """Adds measurements of the present states of an engine to its track."""
     track.samples[phase].append(referee.measure(batch.qpos[: plan.num_peers], batch.qvel[: plan.num_peers]))
     if isinstance(batch, StepperBatch):
         track.own[phase].append(_own_contacts(batch))
@@ -203,24 +191,13 @@ def _ratios(ours: Track, theirs: Track) -> dict[str, float]:
     """Speed of the first engine divided by the speed of the second, by phase of the race ("control", "rest").
 
     This ratio is the median, over chunks of steps, of the ratios of the two engines' times for the chunk.
-
-    Args:
-        ours: Measurements of the first engine.
-        theirs: Measurements of the second engine.
     """
     pairs = {phase: list(zip(times, theirs.times[phase], strict=True)) for phase, times in ours.times.items() if times}
     return {phase: median(their / our for our, their in both) for phase, both in pairs.items()}
 
 
 def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str, Track]) -> dict[str, object]:
-    """Results of one engine for the demo's table, by name: speeds (medians over chunks of steps), contacts, penetration and energy.
-
-    Args:
-        batch: Environments of the engine.
-        one: Measurements on one core.
-        many: Measurements on all cores.
-        peers: Measurements of the engines with which this engine is compared, by name.
-    """
+    """Results of one engine for the demo's table, by name: speeds (medians over chunks of steps), contacts, penetration and energy."""
     rates = {phase: 1e6 / median(times) for phase, times in one.times.items() if times}
     spread = {phase: [1e6 / max(times), 1e6 / min(times)] for phase, times in one.times.items() if times}
     samples = one.samples["control"] + one.samples["rest"]
@@ -248,10 +225,6 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
 def measure(plan: Plan, progress: ProgressCallback) -> dict[str, object]:
     """Runs the whole plan on one core, and only its first phase, the fall with random controls, on all cores.
 
-    Args:
-        plan: Settings of the race.
-        progress: Progress callback with a text and the fraction done.
-
     Returns:
         Results of all engines, and settings, as values that JSON can represent.
     """
@@ -277,10 +250,6 @@ def measure(plan: Plan, progress: ProgressCallback) -> dict[str, object]:
 
 def demo(plan: Plan, out: Path) -> dict[str, object]:
     """Runs the demo: prints the table, and writes `demo.json`.
-
-    Args:
-        plan: Settings of the race.
-        out: Output folder, which is created if necessary.
 
     Returns:
         Results and settings, as returned by `measure`.

@@ -27,11 +27,7 @@ def _phases(values: dict[str, float], form: str) -> str:
 
 
 def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
-    """Rows of the demo's table: pairs of a label, and a function from the results of an engine to the text of the table's cell.
-
-    Args:
-        peers: Names of the engines with which speeds are compared.
-    """
+    """Rows of the demo's table: pairs of a label, and a function from the results of an engine to the text of the table's cell."""
     return [
         ("environments", lambda f: f"{f['num_envs']:,}"),
         ("steps per second, one core, control / rest", lambda f: _phases(f["steps_per_second_one_core"], ",.0f")),
@@ -55,12 +51,7 @@ def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
 
 
 def _certified(figures: Figures, form: Callable[[Figures], str]) -> str:
-    """Text on how well an engine solved its steps, by phase; "not reported" for MuJoCo.
-
-    Args:
-        figures: Results of the engine.
-        form: Function from the statistics of a phase to text.
-    """
+    """Text on how well an engine solved its steps, by phase; "not reported" for MuJoCo."""
     return " / ".join(form(statistics) for statistics in figures.get("solver_statistics", {}).values()) or "not reported"
 
 

@@ -43,12 +43,6 @@ class _Batch:
 def run_points(study: Study, points: Sequence[Point], journal: Journal, progress: Callable[[float], None] | None = None) -> list[Row]:
     """Results of all episodes at some points. Episodes whose results are already in the journal are not run again.
 
-    Args:
-        study: The study.
-        points: Points, each with values of the parameters and a name of settings.
-        journal: Journal of the study. The rows (results) of new episodes are added to it.
-        progress: Progress callback with the fraction done.
-
     Returns:
         Rows of all episodes: those of the first point, then those of the second, and so on.
 
@@ -104,12 +98,7 @@ def together(study: Study) -> bool:
 
 
 def group_of(study: Study, point: Point) -> str:
-    """Text that is equal for two points of a study if their episodes can be stepped in one batch.
-
-    Args:
-        study: The study.
-        point: Parameter values and name of the settings.
-    """
+    """Text that is equal for two points of a study if their episodes can be stepped in one batch."""
     shared = {name: value for name, value in point.values.items() if study.parameters[name].kind == "options"}
     fields = model_fields(study.parameters, study.loaded[0], [point.values])
     engine, _, options, _ = options_of(study, point.setting, point.values)
@@ -213,11 +202,7 @@ def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, 
 
 
 def _started(made: Any, world: World) -> tuple[Array, Array]:
-    """Positions and velocities that the study's function `start` has returned, as arrays (num_envs, ...) after a check.
-
-    Raises:
-        ValueError: The function has not returned two arrays with one row per environment.
-    """
+    """Positions and velocities that the study's function `start` has returned, as arrays (num_envs, ...) after a check."""
     shapes = (world.num_envs, world.model.nq), (world.num_envs, world.model.nv)
     parts = [np.array(part, float) for part in made] if isinstance(made, tuple | list) and len(made) == 2 else []
     if [part.shape for part in parts] != list(shapes):
@@ -227,11 +212,7 @@ def _started(made: Any, world: World) -> tuple[Array, Array]:
 
 
 def steps_of(study: Study, timestep: float) -> int:
-    """Number of time steps (timestep in s) per control period.
-
-    Raises:
-        ValueError: The time step does not divide the control period.
-    """
+    """Number of time steps (timestep in s) per control period."""
     count = round(study.control_period / timestep)
     if count < 1 or abs(count * timestep - study.control_period) > 1e-6 * study.control_period:
         near = " or ".join(f"{study.control_period / n:g}" for n in sorted({max(1, count - 1), max(1, count), max(1, count + 1)}))
@@ -244,12 +225,6 @@ def steps_of(study: Study, timestep: float) -> int:
 
 def running(study: Study, world: World, episodes: Sequence[int], *, by_step: bool = False) -> Iterator[bool]:
     """Runs episodes to their end, as a generator that pauses after every step or control period.
-
-    Args:
-        study: The study.
-        world: Environments, one for each episode.
-        episodes: Numbers of the episodes.
-        by_step: Whether to pause after every time step; otherwise after every control period.
 
     Yields:
         Whether outcomes must be measured now: at the start and after every control period.
@@ -278,13 +253,7 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
 
 
 def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
-    """Raises ValueError if controls have a wrong shape, or are not finite in an episode whose state is finite.
-
-    Args:
-        controller: The controller that returned the controls, for the message.
-        world: The environments.
-        ctrl: The controls.
-    """
+    """Raises ValueError if controls have a wrong shape, or are not finite in an episode whose state is finite."""
     if ctrl is None:
         return
     n, nu = world.num_envs, world.model.nu
@@ -313,23 +282,20 @@ def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
     return {name: np.where(world.diverged, np.nan, value) for name, value in watch.values(world).items()}
 
 
-def run_batch(
-    study: Study, world: World, episodes: Sequence[int], on_control: Callable[[World], None], on_step: Callable[[World], None] | None = None
-) -> None:
-    """Runs episodes to their end.
+def run_batch(study: Study, world: World, episodes: Sequence[int], on_step: Callable[[World], None] | None = None) -> dict[str, Array]:
+    """Runs episodes to their end, one in each environment, and returns their outcomes as `outcomes_of`.
 
-    Args:
-        study: The study.
-        world: Environments, one for each episode.
-        episodes: Numbers of the episodes.
-        on_control: Function that is called at the start and after every control period.
-        on_step: Function that is called after every time step; None calls nothing.
+    The function `on_step` is called after every time step.
     """
+    watch: Watch | None = None
     for number, looks in enumerate(running(study, world, episodes, by_step=on_step is not None)):
         if on_step is not None and number:
             on_step(world)
-        if looks:
-            on_control(world)
+        if looks and watch is not None:
+            watch.record(world)
+        watch = watch or Watch(tuple(study.all_outcomes), world)
+    assert watch is not None
+    return outcomes_of(watch, world)
 
 
 def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int], **changed: Any) -> list[Row]:
@@ -346,25 +312,9 @@ def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], ep
 
 
 def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
-    """Runs a batch of episodes in given environments, and returns their results as rows, without the keys of rows in the journal.
-
-    Args:
-        world: Environments, one for each episode.
-        study: The study.
-        setting: Name of the settings.
-        values_by_env: Values of the parameters by name, for each episode.
-        episodes: Numbers of the episodes.
-    """
-    seen: list[Watch] = []
-
-    def record(now: World) -> None:
-        if seen:
-            seen[0].record(now)
-        else:
-            seen.append(Watch(tuple(study.all_outcomes), now))
-
-    run_batch(study, world, episodes, record)
-    return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes_of(seen[0], world))
+    """Runs a batch of episodes in given environments, and returns their results as rows, without the keys of rows in the journal."""
+    outcomes = run_batch(study, world, episodes)
+    return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes)
 
 
 def _run(study: Study, batch: _Batch) -> list[Row]:

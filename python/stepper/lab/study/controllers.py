@@ -9,12 +9,13 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import io
 import os
+import pickle
 import sys
-from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection
 from pathlib import Path
-from types import BuiltinFunctionType, ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -28,8 +29,6 @@ from stepper.shared.files import existing, read_arrays, read_csv
 from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
-_DECLARE = "give it, or the object that has it, an attribute `digest`, a str that declares its version"
-"""End of error messages about values whose version is unknown."""
 FILES = "stepper_study_"
 """Prefix of the names under which `load_file` imports Python files of studies."""
 Controller = Callable[[World], Any]
@@ -156,7 +155,7 @@ class PolicyController:
     """Controller that calls a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
 
     Args:
-        act: PolicyController, in one of these forms:
+        act: Policy, in one of these forms:
 
             * a function of arrays that returns an array or a torch tensor
             * a `torch.nn.Module`, which is called with tensors
@@ -249,14 +248,18 @@ def digest_of(thing: Any) -> str:
     * Object or function with an attribute `digest`, the version that its author declares: that attribute.
     * Other object: its class, its `state_dict()` if it has one, and its attributes, recursively. Attributes whose names begin with an
       underscore are internal state and are left out.
-    * Number, text or array: its value.
-
-    Raises:
-        TypeError: A part of the object has no digest; the message has the remedy.
+    * Number, text, array and others: what `pickle` stores of them.
     """
-    found = _Digest()
-    found.take(thing, name_of(thing))
-    return found.hexdigest()
+    content = io.BytesIO()
+    try:
+        _Pickler(content, protocol=5).dump(thing)
+    except (TypeError, AttributeError, pickle.PicklingError) as error:
+        raise TypeError(
+            f"{name_of(thing)} has no digest, so that the journal could not distinguish its rows from those of another: {error}. Give it, "
+            "or the object that has the part, an attribute `digest`, a str that declares its version. If rows do not depend on the part, "
+            "begin its name with an underscore"
+        ) from error
+    return hashlib.sha256(content.getvalue()).hexdigest()
 
 
 class StateCheck:
@@ -310,188 +313,65 @@ def _state_of(value: Any) -> str | None:
         return None
 
 
-class _Digest:
-    """SHA-256 of values of any type. Each part is preceded by its type and length, so that different values give different bytes."""
+class _Pickler(pickle.Pickler):
+    """Pickler of a controller for its digest. Functions and classes are stored with their source files, objects by public attributes."""
 
-    def __init__(self) -> None:
-        self._hash = hashlib.sha256()
-        # Index of each object that was added, by `id`. The object is kept alive, so that its id is not reused.
-        self._seen: dict[int, tuple[int, Any]] = {}
-
-    def hexdigest(self) -> str:
-        return self._hash.hexdigest()
-
-    def take(self, value: Any, where: str) -> None:
-        """Adds a value of any type to the digest; `where` names the value in error messages."""
-        if value is None or isinstance(value, int | float | complex | str | bytes | Path):
-            self._part(type(value).__qualname__, repr(value).encode())
-        elif isinstance(value, np.ndarray | np.generic) and value.dtype.hasobject:
-            self._sequence(f"array {value.shape}", np.ravel(value).tolist(), where)
-        elif isinstance(value, np.ndarray | np.generic):
-            self._part(f"array {value.dtype.descr} {value.shape}", value.tobytes())
-        elif id(value) in self._seen:
-            self._part("seen", str(self._seen[id(value)][0]).encode())
-        else:
-            self._seen[id(value)] = len(self._seen), value
-            self._compound(value, where)
-
-    def _part(self, kind: str, data: bytes) -> None:
-        """Adds bytes to the digest, preceded by the name of their type and by the lengths of both."""
-        self._hash.update(f"{len(kind)} {kind} {len(data)} ".encode() + data)
-
-    def _source(self, file: Path | None) -> None:
-        """Adds the bytes of a Python file to the digest, and those of the modules that it imports from the folder of a study.
-
-        Args:
-            file: The file; None adds nothing.
-        """
-        self._part("file", b"" if file is None else file.read_bytes())
-        if file is not None and file.parent in _study_folders():
-            for module in sorted(_imported_neighbours(file)):
-                self._part("imported module", module.read_bytes())
-
-    def _sequence(self, kind: str, values: Collection[Any], where: str) -> None:
-        """Adds a sequence to the digest: a text that names its type, and its values.
-
-        Args:
-            kind: Text that names the type of the sequence.
-            values: The sequence.
-            where: Name of the sequence in error messages.
-        """
-        self._part(kind, str(len(values)).encode())
-        for number, own in enumerate(values):
-            self.take(own, f"{where}[{number}]")
-
-    def _mapping(self, kind: str, values: Mapping[Any, Any], where: str, called: str = "[{!r}]") -> None:
-        """Adds a mapping to the digest: a text that names its type, and its entries sorted by key.
-
-        Args:
-            kind: Text that names the type of the mapping.
-            values: The mapping.
-            where: Name of the mapping in error messages.
-            called: Format of a key. The formatted key follows `where` in error messages on the key's entry.
-        """
-        self._part(kind, str(len(values)).encode())
-        for name, own in sorted(values.items(), key=lambda item: repr(item[0])):
-            self.take(name, where)
-            self.take(own, where + called.format(name))
-
-    def _compound(self, value: Any, where: str) -> None:
-        """Adds a container, function, class or object to the digest; `where` names it in error messages."""
-        kind = type(value).__qualname__
-        if isinstance(value, Mapping):
-            self._mapping(kind, value, where)
-        elif isinstance(value, tuple | list | deque):
-            self._sequence(kind, value, where)
-        elif isinstance(value, set | frozenset):
-            self._sequence(kind, sorted(value, key=repr), where)
-        elif isinstance(value, functools.partial):
-            self.take(value.func, where)
-            self._sequence("arguments", value.args, where)
-            self._mapping("keywords", value.keywords, where)
+    def reducer_override(self, value: Any) -> Any:
+        """Reduced form of an object: a tuple of the parts that the digest depends on, or NotImplemented for pickle's own form."""
+        parts: list[Any] | None = None
+        if inspect.isclass(value):
+            parts = self._class(value)
+        elif isinstance(declared := getattr(value, "digest", None), str | bytes):
+            parts = [type(value).__qualname__, declared]
+        elif inspect.ismethod(value):
+            parts = [value.__func__, value.__self__]
+        elif inspect.isfunction(value):
+            parts = self._function(value)
         elif isinstance(value, ModuleType):
-            self._part(kind, value.__name__.encode())
-        elif isinstance(value, np.ufunc | np.dtype):
-            self._part(kind, repr(value).encode())
-        elif isinstance(value, np.random.Generator):
-            self.take(value.bit_generator.state, where)
-        elif inspect.isclass(value):
-            self._class(value, where)
-        elif inspect.isroutine(value) and isinstance(declared := getattr(value, "digest", None), str):
-            self._part(kind, declared.encode())
-        elif inspect.isroutine(value):
-            self._routine(value, where)
-        else:
-            self._object(value, where)
-
-    def _routine(self, value: Any, where: str) -> None:
-        """Adds a function or method, with its source file, to the digest; `where` names it in error messages."""
-        owner = getattr(value, "__self__", None)
-        if inspect.ismethod(value):
-            self.take(value.__func__, where)
-        else:
-            file = _file_of(value)
-            self._part("function", name_of(value).encode())
-            self._part("module", str(getattr(value, "__module__", None)).encode())
-            self._source(file)
-            if file is None and not isinstance(value, BuiltinFunctionType):
-                raise TypeError(f"{where}: {name_of(value)} has no source file: {_DECLARE}")
-            # Lambdas and nested functions of a file may share a name.
-            if "<" in getattr(value, "__qualname__", "") and hasattr(value, "__code__"):
-                self._part("place", repr(list(value.__code__.co_positions())).encode())
-            self.take(getattr(value, "__defaults__", None), f"{where}: defaults")
-            self.take(getattr(value, "__kwdefaults__", None), f"{where}: defaults")
-            names = value.__code__.co_freevars if hasattr(value, "__code__") else ()
-            for name, cell in zip(names, getattr(value, "__closure__", None) or (), strict=True):
-                self._part("around it", name.encode())
-                with contextlib.suppress(ValueError):
-                    # Reading raises ValueError for a variable that has no value yet.
-                    self.take(cell.cell_contents, f"{where}: {name}")
-        if not isinstance(owner, ModuleType):
-            self.take(owner, where)
-
-    def _class(self, value: type, where: str) -> None:
-        """Adds a class, with the source files of its bases, to the digest; `where` names it in error messages."""
-        for base in value.__mro__[:-1]:
-            file = _file_of(base)
-            self._part("class", f"{base.__module__} {base.__qualname__}".encode())
-            self._source(file)
-            if "<" in base.__qualname__:
-                for name, own in sorted(vars(base).items()):
-                    if inspect.isfunction(own):
-                        self.take(own, f"{where}.{name}")
-
-    def _object(self, value: Any, where: str) -> None:
-        """Adds an object to the digest: its type and its contents.
-
-        The contents are the attribute `digest`, if the object has one. Otherwise they are the numbers of a tensor or of an object that
-        NumPy can convert, and the attributes of any other object.
-
-        Args:
-            value: The object.
-            where: Name of the object in error messages.
-        """
-        self.take(type(value), where)
-        digest = getattr(value, "digest", None)
-        if isinstance(digest, str | bytes):
-            self.take(digest, where)
-        elif hasattr(value, "detach"):
-            # A tensor. NumPy has no bfloat16; float32 represents all its values.
+            parts = [value.__name__]
+        elif hasattr(value, "detach"):  # A tensor. NumPy has no bfloat16; float32 represents all its values.
             tensor = value.detach().cpu()
-            self.take(str(tensor.dtype), where)
-            self.take(np.asarray((tensor.float() if "bfloat16" in str(tensor.dtype) else tensor).numpy()), where)
-        elif hasattr(value, "__array__"):
-            self.take(np.asarray(value), where)
-        else:
-            self._attributes(value, where)
+            parts = [str(tensor.dtype), np.asarray((tensor.float() if "bfloat16" in str(tensor.dtype) else tensor).numpy())]
+        elif not any({"__reduce__", "__reduce_ex__"} & vars(base).keys() for base in type(value).__mro__[:-1]):
+            parts = self._attributes(value)
+        return NotImplemented if parts is None else (tuple, (parts,))
 
-    def _attributes(self, value: Any, where: str) -> None:
-        """Adds the attributes of an object to the digest, except those that begin with an underscore.
+    @staticmethod
+    def _class(value: type) -> list[Any] | None:
+        """Name and sources of a class and its bases, and the methods of local classes; None for a class without a source."""
+        files = [file for base in value.__mro__ if (file := _file_of(base)) is not None]
+        local = [own for base in value.__mro__ if "<" in base.__qualname__ for own in vars(base).values() if inspect.isfunction(own)]
+        return [value.__qualname__, *map(_source, files), *local] if files else None
 
-        Args:
-            value: The object.
-            where: Name of the object in error messages.
+    @staticmethod
+    def _function(value: FunctionType) -> list[Any]:
+        """Name, source, defaults and closure variables of a function, and its place in the file, because lambdas share a name."""
+        if (file := _file_of(value)) is None:
+            raise TypeError(f"{name_of(value)} has no source file")
+        place = list(value.__code__.co_positions()) if "<" in value.__qualname__ else []
+        cells = []
+        for cell in value.__closure__ or ():
+            with contextlib.suppress(ValueError):  # A variable that has no value yet.
+                cells.append(cell.cell_contents)
+        return [value.__qualname__, _source(file), place, value.__defaults__, value.__kwdefaults__, cells]
 
-        Raises:
-            TypeError: The object has no attributes.
-        """
+    @staticmethod
+    def _attributes(value: Any) -> list[Any] | None:
+        """Class, state and public attributes of an object; None if it has no attributes."""
+        slots = [name for base in type(value).__mro__ for name in base.__dict__.get("__slots__", ()) if hasattr(value, name)]
+        held = getattr(value, "__dict__", {}) | {name: getattr(value, name) for name in slots}
         state = getattr(value, "state_dict", None)
-        if state is not None:
-            self.take(dict(state()), f"{where}.state_dict()")
-        slots = [name for base in type(value).__mro__ for name in _names(base.__dict__.get("__slots__", ()))]
-        if state is None and not slots and not hasattr(value, "__dict__"):
-            raise TypeError(
-                f"{where}: a {type(value).__qualname__} has no digest, so that the journal could not distinguish rows of different ones: "
-                f"{_DECLARE}. If rows do not depend on it, begin its name with an underscore"
-            )
-        held = getattr(value, "__dict__", {}) | {name: getattr(value, name) for name in slots if hasattr(value, name)}
         # Submodules of a torch module: `state_dict` has their weights, not their types.
-        kept = {name: own for name, own in held.items() if not name.startswith("_") or (state is not None and name == "_modules")}
-        self._mapping("attributes", kept, where, ".{}")
+        kept = {name: own for name, own in held.items() if name[0] != "_" or (state is not None and name == "_modules")}
+        sets = {name: sorted(own, key=repr) for name, own in kept.items() if isinstance(own, set | frozenset)}
+        has_attributes = hasattr(value, "__dict__") or hasattr(type(value), "__slots__")
+        return [type(value), sorted((kept | sets).items()), dict(state()) if state else None] if has_attributes else None
 
 
-def _names(slots: str | Iterable[str]) -> list[str]:
-    return [name for name in ([slots] if isinstance(slots, str) else slots) if not name.startswith("_")]
+def _source(file: Path) -> bytes:
+    """Digest of a Python file, and of the modules that it imports from its folder if the folder has a study."""
+    neighbours = sorted(_imported_neighbours(file)) if file.parent in _study_folders() else []
+    return hashlib.sha256(b"".join(hashlib.sha256(own.read_bytes()).digest() for own in (file, *neighbours))).digest()
 
 
 def _study_folders() -> set[Path]:

@@ -42,10 +42,7 @@ A cliff is a value of a parameter at which success ends. The first height is for
 the intervals of small fractions. The second is for text on the other side, below the intervals of large fractions.
 """
 _ANNOTATED = 5
-"""Largest number of settings for which the panels of a sweep have the values of cliffs as text.
-
-A cliff is a value of a parameter at which success ends. `draw_cliffs` draws the cliffs of any number of settings.
-"""
+"""Largest number of settings for which the panels of a sweep have the values of cliffs (where success ends) as text."""
 
 
 def draw(sweep: Sweep, path: Path) -> Path:
@@ -98,73 +95,8 @@ def figure_of(sweep: Sweep) -> Any:
     return figure
 
 
-def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
-    """Draws the values at which success ends, by settings, into a PNG file, and returns its path; None if there is nothing to draw.
-
-    Raises:
-        MissingPackageError: matplotlib is not installed.
-    """
-    figure = cliffs_of(sweep)
-    if figure is None:
-        return None
-    return write_figure(path, figure)
-
-
-def cliffs_of(sweep: Sweep) -> Any | None:
-    """Figure of the values of parameters at which success ends, by settings.
-
-    The figure has a panel for each parameter that has such a value with two or more settings. The result is None without such a parameter.
-
-    Raises:
-        MissingPackageError: matplotlib is not installed.
-    """
-    settings = [USUAL, *sweep.study.settings]
-    own = {name: [cliff for cliff in sweep.cliffs if cliff.parameter == name] for name in sweep.study.parameters}
-    names = [name for name, cliffs in own.items() if len({cliff.setting for cliff in cliffs}) > 1]
-    if not names:
-        return None
-    figures = require("matplotlib.figure", "to draw cliffs")
-    columns, lines = min(_COLUMNS, len(names)), math.ceil(len(names) / _COLUMNS)
-    size = (max(6.0, 2.9 * columns + 1.8), 0.4 + (0.7 + 0.26 * len(settings)) * lines)
-    figure = figures.Figure(figsize=size, dpi=DPI, layout="constrained")
-    axes = figure.subplots(lines, columns, squeeze=False, sharey=True)
-    for k in range(lines * columns):
-        panel = axes.flat[k]
-        if k >= len(names):
-            panel.set_visible(False)
-            continue
-        name = names[k]
-        for cliff in own[name]:
-            row = settings.index(cliff.setting)
-            colour, middle = COLOURS[row % len(COLOURS)], (cliff.low + cliff.high) / 2
-            panel.errorbar([middle], [row], xerr=[(cliff.high - cliff.low) / 2], fmt="o", color=colour, capsize=2, markersize=4)
-            # The text is above the error bar, which may be wider than the text.
-            panel.annotate(f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour)
-        for row, setting in enumerate(settings):
-            if not any(cliff.setting == setting for cliff in own[name]):
-                note = "none in this range" if sweep.levels_of(name, setting) else "not run"
-                panel.text(0.5, row, note, transform=panel.get_yaxis_transform(), ha="center", va="center", fontsize=8, color="#666666")
-        panel.margins(x=0.25)
-        panel.set_xlabel(_axis_label(sweep, name))
-        panel.grid(visible=True, axis="x", color="#dddddd")
-        panel.locator_params(axis="x", nbins=5)
-    axes[0, 0].set_yticks(range(len(settings)), [textwrap.shorten(name, 32, placeholder=" ...") for name in settings])
-    for panel in axes[:, 0]:
-        panel.tick_params(axis="y", labelsize=8)
-    axes[0, 0].set_ylim(len(settings) - 0.5, -0.8)
-    figure.suptitle(textwrap.fill(f"{sweep.study.name}: where success ends", int(11 * size[0])), fontsize=11)
-    return figure
-
-
 def _panel(panel: Axes, sweep: Sweep, name: str, outcome: Outcome | None) -> None:
-    """Draws the panel of a parameter: means of an outcome, or success rates.
-
-    Args:
-        panel: The panel.
-        sweep: The sweep.
-        name: Name of the parameter.
-        outcome: The outcome; None draws success rates.
-    """
+    """Draws the panel of a parameter: means of an outcome, or success rates."""
     study, parameter = sweep.study, sweep.study.parameters[name]
     settings = [USUAL, *study.settings]
     words = any(isinstance(value, str) for value in parameter.levels())
@@ -195,12 +127,6 @@ def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
     """Writes the value of a cliff next to its line in a panel, on the side of the failures.
 
     If that side is narrower than the text, the text is on the side of the successes.
-
-    Args:
-        panel: The panel.
-        sweep: The sweep.
-        cliff: The cliff.
-        number: Index of the cliff's settings, which determines the colour.
     """
     values = [float(level.value or 0) for level in sweep.points(cliff.parameter, cliff.setting)]
     middle, width = (cliff.low + cliff.high) / 2, max(values) - min(values)
@@ -217,15 +143,7 @@ def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
 
 
 def _series(panel: Axes, sweep: Sweep, name: str, number: int, outcome: Outcome | None) -> None:
-    """Draws success rates or means of an outcome for one of the settings. Markers of later settings are smaller, so that all stay visible.
-
-    Args:
-        panel: The panel.
-        sweep: The sweep.
-        name: Name of the parameter.
-        number: Index of the settings: 0 for those of the study, 1 for its first alternative settings.
-        outcome: The outcome; None draws success rates.
-    """
+    """Draws success rates or means of an outcome for one of the settings. Markers of later settings are smaller, so all are visible."""
     settings = [USUAL, *sweep.study.settings]
     setting, colour = settings[number], COLOURS[number % len(COLOURS)]
     points, levels = sweep.points(name, setting), sweep.levels_of(name, setting)
@@ -247,11 +165,7 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, outcome: Outcome 
 
 
 def _axis_values(levels: Sequence[Level]) -> list[Any]:
-    """Values of a parameter for an axis of Matplotlib: texts or numbers.
-
-    Args:
-        levels: Statistics at each value of the parameter.
-    """
+    """Values of a parameter for an axis of Matplotlib: texts or numbers."""
     return [level.value if isinstance(level.value, str) else float(level.value or 0) for level in levels]
 
 
@@ -267,12 +181,7 @@ def _wrapped(setting: str) -> str:
 
 
 def _legend_columns(labels: Sequence[str], width: float) -> int:
-    """Number of columns of a legend that fit into a picture. A character needs 0.08 inches, a marker with its margin 0.7 inches.
-
-    Args:
-        labels: Texts of the legend.
-        width: Width of the picture, inches.
-    """
+    """Number of columns of a legend that fit into a picture. A character needs 0.08 inches, a marker with its margin 0.7 inches."""
     longest = max(len(line) for label in (*labels, "where success ends") for line in label.split("\n"))
     return max(1, min(4, int(width / (0.08 * longest + 0.7))))
 
@@ -283,12 +192,7 @@ def _line(**style: Any) -> Any:
 
 
 def _bars(levels: Sequence[Level], outcome: Outcome | None) -> tuple[list[float], list[float], list[float]]:
-    """Heights of the points in a panel of a sweep, and lengths of their error bars below and above.
-
-    Args:
-        levels: Statistics at the values of a parameter.
-        outcome: The outcome whose means are the heights; None for success rates.
-    """
+    """Heights of the points in a panel of a sweep, and lengths of their error bars below and above."""
     if outcome is None:
         y = [level.share for level in levels]
         if all(level.episodes == 1 for level in levels):

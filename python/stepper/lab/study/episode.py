@@ -69,11 +69,7 @@ class Episodes:
 
     @property
     def sim(self) -> Stepper:
-        """Stepper of the environments.
-
-        Raises:
-            ValueError: The settings run in MuJoCo.
-        """
+        """Stepper of the environments."""
         if isinstance(self.world, StepperWorld):
             return self.world.sim
         raise ValueError(f"settings {self._point.setting!r} run in MuJoCo, which cannot be viewed or recorded: choose other settings")

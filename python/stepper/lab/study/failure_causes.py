@@ -1,18 +1,7 @@
 """Causes of failures, found by repeating a failed episode with one change at a time, such as ideal sensors (a trial).
 
-The first rule that applies gives the cause:
-
-    physics      the episode diverged: a state was not finite or too large, or MuJoCo reset itself
-    (declared)   the study declares the cause (`Outcome.cause`)
-    physics      steps set flags of failure in `Stepper.status`
-    evaluation   the outcome is not finite, or within its margin of the threshold
-    perception   the episode succeeds with ideal sensors
-    physics      the episode, with ideal sensors, succeeds at half the time step with a hundredth of the tolerance
-    physics      with soft contact: the episode, with ideal sensors, succeeds with hard contact
-    controller   no other rule applies: the controller fails although physics and sensors are correct
-    scene        no other rule applies, and there is no controller: the model fails, with its parameters and its start
-
-A controller with internal state restarts in every run.
+The first rule of `rules_of` that applies gives the cause; docs/reference/studies.md has them in order. A controller with internal state
+restarts in every run.
 """
 
 from __future__ import annotations
@@ -96,13 +85,7 @@ class Verdict:
 
 
 def causes_of(study: Study, rows: Sequence[Row], journal: Journal) -> list[Verdict]:
-    """Cause of each failure in stepper, and of each episode that diverged in MuJoCo.
-
-    Args:
-        study: The study.
-        rows: Rows of finished episodes.
-        journal: Journal, to which rows of repeated episodes are added.
-    """
+    """Cause of each failure in stepper, and of each episode that diverged in MuJoCo."""
     failed = {row["key"]: row for row in rows if row["success"] is False and (row["settings"]["engine"] == "stepper" or diverged(row))}
     verdicts = {key: _cause_in(study, row) for key, row in failed.items()}
     for name, change, cause, rule in _TRIALS:
@@ -137,11 +120,6 @@ def _applies(study: Study, trial: str, row: Row) -> bool:
     """Whether an episode can change if it is repeated with the settings of a trial.
 
     With ideal sensors it changes only if the sensors have errors, and with hard contact only if contact was soft.
-
-    Args:
-        study: The study.
-        trial: Name of the trial: "ideal sensors", "finer" or "hard contact".
-        row: Row (result) of the episode.
     """
     if trial == "hard contact":
         return bool(row["settings"]["contact"] != "hard")
@@ -173,15 +151,7 @@ cause of the failure and the rule, if the repetition succeeds.
 def _repeated(
     study: Study, rows: Sequence[Row], journal: Journal, name: str, change: Callable[[dict[str, Any]], dict[str, Any]]
 ) -> list[Row]:
-    """Results (rows) of given episodes, which are repeated with changed settings.
-
-    Args:
-        study: The study.
-        rows: Rows of the episodes.
-        journal: Journal, to which the new rows are added.
-        name: Name of the trial, which is part of the keys of the new rows.
-        change: Function from an episode's settings to the changed ones.
-    """
+    """Results (rows) of given episodes, which are repeated with changed settings."""
     groups: dict[str, list[Row]] = {}
     for row in rows:
         key = json.dumps([group_of(study, Point(row["parameters"], row["setting"])), row["settings"]], sort_keys=True)
@@ -201,10 +171,5 @@ def _repeated(
 
 
 def _key(row: Row, name: str) -> str:
-    """Key under which the journal stores the repetition of a failed episode with the changed settings of a trial.
-
-    Args:
-        row: Row of the failed episode.
-        name: Name of the trial.
-    """
+    """Key under which the journal stores the repetition of a failed episode with the changed settings of a trial."""
     return f"{row['key']}, {name}"

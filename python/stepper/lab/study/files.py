@@ -1,32 +1,4 @@
-"""Studies from files: TOML, or Python with a `Study` named `study`.
-
-Example of a TOML file:
-
-    name = "grasp"
-    model = "grasp.xml"                    # path relative to this file; or "module:function", "file.py:function", or MJCF text
-    controller = "grasp.py:lift"           # a function; or "controls.npz", "controls.csv", "random". Instead of a controller, a policy:
-                                           # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz"
-    seconds = 1.0
-    episodes = 16
-    sensors = "sensors.toml"               # a file for SensorModel.from_file, or tables; actuators likewise
-
-    [options]                              # attributes of Options
-
-    [[outcomes]]
-    name = "lifted"
-    measure = "body cube z"                # or "file.py:function"
-    reduce = "change"
-    success = ">= 0.05"
-
-    [parameters.friction]
-    selector = "geom_friction[floor,box][0]"
-    low = 0.2
-    high = 1.0
-    source = "rubber on wood, measured"
-
-    [settings."5 iterations"]
-    iterations = 5
-"""
+"""Studies from files: TOML, or Python with a `Study` named `study`. docs/reference/studies.md has all keys."""
 
 from __future__ import annotations
 
@@ -52,13 +24,7 @@ if TYPE_CHECKING:
 
 
 def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None:
-    """Raises ValueError for unknown entries of a table in a study file; the message has similar known entries.
-
-    Args:
-        given: Names of the entries.
-        known: Names that the table may have.
-        place: Name of the table in the message.
-    """
+    """Raises ValueError for unknown entries of a table in a study file; the message has similar known entries."""
     unknown = sorted(set(given) - set(known))
     if unknown:
         guesses = "".join(did_you_mean(name, known) for name in unknown[:1])
@@ -85,13 +51,7 @@ def read_study(path: Path, kind: type[Study]) -> Study:
 
 
 def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
-    """Study from the contents of a TOML file.
-
-    Args:
-        data: Contents of the file.
-        path: Path of the file.
-        kind: Class `Study`.
-    """
+    """Study from the contents of a TOML file."""
     folder, given = path.resolve().parent, dict(data)
     known = {field.name for field in fields(kind) if not field.name.startswith("_")} | {"policy"}
     check_keys(given, known, "the study")
@@ -123,12 +83,7 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
 
 
 def _tables(own: dict[str, Any], name: str) -> dict[str, Any]:
-    """Dictionary for `SensorModel.from_dict` or `ActuatorModel.from_dict` from a table of a study file.
-
-    Args:
-        own: Table with an entry per element, and "default" for all other elements.
-        name: Key for the entries per element: "sensors" or "actuators".
-    """
+    """Dictionary for `SensorModel.from_dict` or `ActuatorModel.from_dict` from a table of a study file."""
     return {name: {k: v for k, v in own.items() if k != "default"}} | ({"default": own["default"]} if "default" in own else {})
 
 
@@ -159,12 +114,7 @@ def _controller(source: str, folder: Path) -> Callable[[Any], Any]:
 
 
 def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Copy of the table of an outcome in a study file, with the measure function instead of its name "file.py:function".
-
-    Args:
-        table: The table.
-        folder: Folder of the study, to which paths of files are relative.
-    """
+    """Copy of the table of an outcome in a study file, with the measure function instead of its name "file.py:function"."""
     measure = table.get("measure", "")
     return table | {"measure": find(measure, folder)} if ":" in measure else table
 
@@ -177,13 +127,7 @@ def _parameters(tables: Any) -> dict[str, Parameter]:
 
 
 def _part(kind: type[Any], table: Any, place: str) -> Any:
-    """Object of a dataclass, from a table of a study file.
-
-    Args:
-        kind: The class, such as `Outcome`.
-        table: Attributes of the object, by name.
-        place: Name of the table in error messages.
-    """
+    """Object of a dataclass, from a table of a study file."""
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table")
     known = {field.name for field in fields(kind)}

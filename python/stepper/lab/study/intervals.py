@@ -16,16 +16,7 @@ def _stats() -> Any:
 
 
 def _trial(successes: int, trials: int, alternative: str) -> Any:
-    """Result of SciPy's binomial test, from which confidence intervals are computed.
-
-    Args:
-        successes: Number of successes.
-        trials: Number of trials.
-        alternative: Alternative hypothesis, as in SciPy: "two-sided", "greater" or "less".
-
-    Raises:
-        ValueError: There is no trial, or there are more successes than trials.
-    """
+    """Result of SciPy's binomial test, from which confidence intervals are computed."""
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes of {trials} trials: there must be a trial, and no more successes than trials")
     return _stats().binomtest(int(successes), int(trials), alternative=alternative)
@@ -33,11 +24,6 @@ def _trial(successes: int, trials: int, alternative: str) -> Any:
 
 def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
     """Wilson's score interval of a probability (E. B. Wilson, JASA 22, 1927).
-
-    Args:
-        successes: Number of successes.
-        trials: Number of trials, at least 1.
-        confidence: Probability that the interval contains the true value.
 
     Returns:
         Lower and upper end.
@@ -69,10 +55,6 @@ def trials_for(share: float, confidence: float) -> int:
 
 def student(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
     """Student's interval of the mean of independent values (Biometrika 6, 1908).
-
-    Args:
-        values: Independent values, at least two.
-        confidence: Probability that the interval contains the mean.
 
     Returns:
         Lower and upper end, in the unit of the values.

@@ -25,11 +25,6 @@ class WorkerVersionError(ValueError):
 def each(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:
     """Runs jobs one after the other, or as tasks of Ray if `study.ray` is set.
 
-    Args:
-        study: The study.
-        jobs: The jobs.
-        run: Function that runs one job.
-
     Yields:
         Index of a job and its result. With Ray the order is that in which the jobs end.
     """

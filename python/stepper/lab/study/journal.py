@@ -87,10 +87,6 @@ class Journal:
 def rows_of(path: Path, study: str | None = None) -> list[Row]:
     """Rows of a journal, also while another process is writing it; empty if there is no such file.
 
-    Args:
-        path: The file.
-        study: Name of the study; None accepts any name.
-
     Raises:
         JournalError: The journal is damaged, belongs to another study, or has another version of the tables.
     """
@@ -117,13 +113,7 @@ def _create(file: sqlite3.Connection, study: str) -> None:
 
 
 def _read(file: sqlite3.Connection, path: Path, study: str | None) -> Iterator[Row]:
-    """Yields the rows of a journal in the order in which they were written, after a check of version and study.
-
-    Args:
-        file: Open database.
-        path: Path of the file, for messages.
-        study: Name of the study; None accepts any name.
-    """
+    """Yields the rows of a journal in the order in which they were written, after a check of version and study."""
     if (version := file.execute("PRAGMA user_version").fetchone()[0]) != _VERSION:
         raise JournalError(
             f"{path} is a journal of version {version}, must be version {_VERSION}: delete it to run the study from the start, or use the "

@@ -142,15 +142,7 @@ def _compare(text: str, name: str) -> tuple[Any, float]:
 
 
 def _parse(text: str, model: Model | None = None) -> tuple[str, str, int | None]:
-    """First word, name of the element, and index of the axis or channel (None without one), of the text of a measure.
-
-    Args:
-        text: Text of the measure, such as "body cube z".
-        model: Model that has the element. None checks the form of the text alone.
-
-    Raises:
-        ValueError: The text has another form, or the model has no such element.
-    """
+    """First word, name of the element, and index of the axis or channel (None without one), of the text of a measure."""
     word, _, words = text.strip().partition(" ")
     if word not in _QUANTITIES or not words:
         raise ValueError(
@@ -173,11 +165,7 @@ def _parse(text: str, model: Model | None = None) -> tuple[str, str, int | None]
 
 
 def measure_of(text: str) -> Measure:
-    """Measure (a function of a `World`) from its text, such as "body cube z".
-
-    Raises:
-        ValueError: The text has another form.
-    """
+    """Measure (a function of a `World`) from its text, such as "body cube z"."""
     _parse(text)
 
     def measure(now: Any) -> Array:

@@ -1,13 +1,6 @@
 """Parameters of a study: uncertain numbers of a model, its sensors, actuators, settings or controller, with their ranges.
 
-A selector (`stepper.shared.selectors`) names the numbers that a parameter changes:
-
-    geom_friction[floor,box][0]                 numbers of a field of `Model.replace`
-    actuator_kp[hip], actuator_kv[hip]          gains of servos
-    sensor.delay[imu], sensor.noise_std ...     an attribute of `stepper.Transfer`
-    actuator.delay[hip], actuator.servo.kp ...  an attribute of `stepper.Drive`, its motor or servo
-    options.timestep, options.contact ...       an attribute of `stepper.Options`, or "precision"
-    controller                                  a number for the controller and the measures, which read `now.parameters[name]`
+A selector (`stepper.shared.selectors`, docs/reference/what_can_vary.md) names the numbers that a parameter changes.
 """
 
 from __future__ import annotations
@@ -203,12 +196,7 @@ def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: M
 
 
 def _with_range(text: str, parameters: Mapping[str, Parameter]) -> tuple[str, Parameter]:
-    """Name and parameter from a selector with its range, such as "geom_friction[floor][0]=0.2..1".
-
-    Args:
-        text: The selector with its range.
-        parameters: Parameters of the study, for the error message.
-    """
+    """Name and parameter from a selector with its range, such as "geom_friction[floor][0]=0.2..1"."""
     selector, bounds = parse_range(text, "parameters") if _selects(text) else (None, None)
     if selector is None or bounds is None:
         raise ValueError(_no_parameter(text, parameters, "give a selector with its range, as 'geom_friction[floor][0]=0.2..1'"))
@@ -232,17 +220,11 @@ def _set_numbers(parameter: Parameter, model: Model) -> frozenset[tuple[str, int
 
 
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
-    """Error message for a text that is neither the name of a parameter nor a selector.
-
-    Args:
-        text: The text.
-        parameters: Parameters of the study.
-        otherwise: Remedy at the end of the message, such as "give a selector".
-    """
+    """Error message for a text that is neither the name of a parameter nor a selector."""
     field = text.partition("=")[0].partition("[")[0].strip()
     head, dot, _ = field.partition(".")
     word, words = (head, _HEADS[:3]) if dot else (field, [*FIELDS, *COMPOUNDS])
-    hint = did_you_mean(text, parameters) or ("" if word in words else did_you_mean(word, words, text=text))
+    hint = did_you_mean(text, parameters) or ("" if word in words else did_you_mean(word, words))
     return f"there is no parameter {text!r}{hint or ','} there are: {', '.join(parameters) or 'none'}; or {otherwise}"
 
 
@@ -253,11 +235,7 @@ def _selects(text: str) -> bool:
 
 
 def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value]) -> dict[str, Parameter]:
-    """Parameters with new nominal values, by name or selector.
-
-    Raises:
-        ValueError: A text is neither a name nor a selector, or a value is invalid.
-    """
+    """Parameters with new nominal values, by name or selector."""
     found = dict(parameters)
     for text, value in values.items():
         if text not in parameters and not _selects(text):
@@ -270,11 +248,6 @@ def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value
 
 def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values: Values | None = None) -> None:
     """Checks that no two parameters set the same number.
-
-    Args:
-        chosen: Parameters by name, which all apply at once.
-        model: The model.
-        values: Values of the parameters; two parameters with equal values may set the same number. None stands for unknown values.
 
     Raises:
         ValueError: Two parameters with operation="set" select the same number, with different values. The message has both names.
@@ -294,10 +267,6 @@ def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], mod
         names: Names of the varied parameters.
         parameters: All parameters of the study by name, in the order in which they apply.
         model: The model.
-
-    Raises:
-        ValueError: All numbers that a varied parameter changes are overwritten by later parameters with operation="set" and a nominal
-            value. The message has the names of these parameters.
     """
     order = list(parameters)
     applied = {name: _set_numbers(p, model) for name, p in parameters.items() if p.nominal is not None}
@@ -438,83 +407,58 @@ def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
 def sensor_model(
     parameters: Mapping[str, Parameter], base: SensorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> SensorModel | None:
-    """Sensor model in which parameters of sensors have one value per environment; None for ideal sensors.
-
-    Args:
-        parameters: Parameters of the study by name.
-        base: Sensor model of the study.
-        model: The model.
-        values_by_env: Values of the parameters by name, for each environment.
-    """
-    given = {name: p for name, p in parameters.items() if p.kind == "sensor" and any(name in values for values in values_by_env)}
-    if not given:
-        return base
+    """Sensor model in which parameters of sensors have one value per environment; None for ideal sensors."""
     names = [s["name"] or f"#{i}" for i, s in enumerate(model.sensors)]
-    named: dict[str, Transfer] = dict(base.named) if base else {}
-    for name, parameter in given.items():
-        for index in rows_of(model, "sensor", parameter.parsed.elements, _where(parameter)):
-            label = names[index]
-            own = fitting(named, base.default if base else None, label) or Transfer()
-            before = getattr(own, parameter.leaf)
-            changed: dict[str, Any] = {parameter.leaf: _numbers(parameter, before, [values.get(name) for values in values_by_env])}
-            named[label] = replace(own, **changed)
-    return SensorModel(named, default=base.default if base else None)
-
-
-def _numbers(parameter: Parameter, before: Any, values: Sequence[Value | None]) -> Array:
-    """Numbers per environment after the operation of a parameter.
-
-    Args:
-        parameter: The parameter.
-        before: Number or numbers before the operation; None stands for 0.
-        values: Value of the parameter in each environment; None keeps the number.
-    """
-    own = 0.0 if before is None else before
-    return np.array([own if value is None else parameter.change(own, float(value)) for value in values], float)
+    named = _varied("sensor", names, Transfer(), base, parameters=parameters, model=model, values=values_by_env)
+    return base if named is None else SensorModel(named, default=base.default if base else None)
 
 
 def actuator_model(
     parameters: Mapping[str, Parameter], base: ActuatorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> ActuatorModel | None:
-    """Actuator model in which parameters of actuators have one value per environment; None for ideal actuators.
+    """Actuator model in which parameters of actuators have one value per environment; None for ideal actuators."""
+    names = [name or f"#{i}" for i, name in enumerate(model.actuator_names)]
+    named = _varied("actuator", names, Drive(), base, parameters=parameters, model=model, values=values_by_env)
+    return base if named is None else ActuatorModel(named, default=base.default if base else None)
+
+
+def _varied(
+    kind: str, names: Sequence[str], ideal: Any, base: Any, *, parameters: Mapping[str, Parameter], model: Model, values: Sequence[Values]
+) -> dict[str, Any] | None:
+    """Parts of a sensor or actuator model by name, in which parameters have one value per environment; None if no parameter changes them.
 
     Args:
+        kind: "sensor" or "actuator".
+        names: Names of all elements of this kind.
+        ideal: Part of an ideal element.
+        base: Sensor or actuator model of the study.
         parameters: Parameters of the study by name.
-        base: Actuator model of the study.
         model: The model.
-        values_by_env: Values of the parameters by name, for each environment.
-
-    Raises:
-        ValueError: A parameter belongs to a servo or motor that the drive does not have.
+        values: Values of the parameters by name, for each environment.
     """
-    given = {name: p for name, p in parameters.items() if p.kind == "actuator" and any(name in values for values in values_by_env)}
+    given = {name: p for name, p in parameters.items() if p.kind == kind and any(name in own for own in values)}
     if not given:
-        return base
-    named: dict[str, Drive] = dict(base.named) if base else {}
+        return None
+    named = dict(base.named) if base else {}
     for name, parameter in given.items():
-        changes = [values.get(name) for values in values_by_env]
-        for index in rows_of(model, "actuator", parameter.parsed.elements, _where(parameter)):
-            label = model.actuator_names[index] or f"#{index}"
-            own = named.get(label) or (base.drive_of(label) if base else None) or Drive()
-            named[label] = _driven(own, parameter, changes, f"parameter {name!r}: actuator {label!r}")
-    return ActuatorModel(named, default=base.default if base else None)
+        changes = [own.get(name) for own in values]
+        for index in rows_of(model, kind, parameter.parsed.elements, _where(parameter)):
+            own = fitting(named, base.default if base else None, names[index]) or ideal
+            named[names[index]] = _with_values(own, parameter.leaf, parameter, changes, f"parameter {name!r}: {kind} {names[index]!r}")
+    return named
 
 
-def _driven(own: Drive, parameter: Parameter, values: Sequence[Value | None], place: str) -> Drive:
-    """Copy of a drive in which a parameter has one value per environment.
+def _with_values(part: Any, leaf: str, parameter: Parameter, values: Sequence[Value | None], place: str) -> Any:
+    """Copy of a part of a sensor or actuator model in which a parameter has one value per environment. None keeps the part's number.
 
-    Args:
-        own: The drive.
-        parameter: The parameter.
-        values: Value of the parameter in each environment; None keeps the drive's number.
-        place: Name of the parameter and actuator in error messages.
+    `leaf` is the name of the changed attribute, such as "delay" or "servo.kp". `place` begins error messages.
     """
-    part, _, leaf = parameter.leaf.rpartition(".")
-    holder: Drive | PID | DCMotor | None = own if not part else getattr(own, part, None)
-    if holder is None or not hasattr(holder, leaf):
-        raise ValueError(f"{place} has no {parameter.leaf}; give the study an actuator model with one")
-    changed: dict[str, Any] = {leaf: _numbers(parameter, getattr(holder, leaf), values)}
-    if isinstance(holder, Drive):
-        return replace(holder, **changed)
-    changed = {part: replace(holder, **changed)}
-    return replace(own, **changed)
+    holder, _, rest = leaf.partition(".")
+    before = getattr(part, holder, None)
+    if rest:
+        if before is None or not hasattr(before, rest):
+            raise ValueError(f"{place} has no {leaf}; give the study an actuator model with one")
+        return replace(part, **{holder: _with_values(before, rest, parameter, values, place)})
+    number = 0.0 if before is None else before
+    changed = np.array([number if value is None else parameter.change(number, float(value)) for value in values], float)
+    return replace(part, **{leaf: changed})

@@ -63,11 +63,7 @@ def nominal_of(study: Study, setting: str) -> dict[str, Value]:
 
 
 def point_at(study: Study, values: Mapping[str, Value], setting: str = USUAL) -> Point:
-    """Point with given values of parameters by name; the others are nominal.
-
-    Raises:
-        ValueError: A parameter is unknown or has no effect with the settings, or a value is invalid.
-    """
+    """Point with given values of parameters by name; the others are nominal."""
     chosen = nominal_of(study, setting)
     for name, value in values.items():
         if name not in study.parameters:

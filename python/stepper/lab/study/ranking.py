@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
@@ -35,6 +34,7 @@ from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_whole
 from stepper.shared.files import write_figure
 from stepper.shared.machine import package_version, require
+from stepper.shared.progress import ProgressCallback
 
 Array = NDArray[np.float64]
 _THIRDS = 3
@@ -168,13 +168,7 @@ def rank(
 
 
 def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str]:
-    """Names of the parameters to rank, after a check.
-
-    Args:
-        study: The study.
-        chosen: Names from the user; None selects all parameters with low and high.
-        setting: Name of the settings.
-    """
+    """Names of the parameters to rank, after a check."""
     if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to rank by; give it one")
     study.setting(setting)
@@ -254,15 +248,7 @@ def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Poin
 
 
 def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
-    """Mean outcome over the episodes of each point of a ranking, (points,).
-
-    Args:
-        study: The study.
-        rows: Results of all episodes, in the order of the points.
-
-    Raises:
-        ValueError: A mean outcome is not finite, or all are equal.
-    """
+    """Mean outcome over the episodes of each point of a ranking, (points,)."""
     name = measured(study)
     if study.success_outcome is not None:
         values = np.array([row["success"] for row in rows], float)
@@ -315,13 +301,7 @@ def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
 
 
 def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Section]:
-    """Sections of the document of a ranking.
-
-    Args:
-        found: Result of the ranking.
-        samples: Number of base samples.
-        picture: Path of the picture of the Sobol indices; None adds no picture.
-    """
+    """Sections of the document of a ranking."""
     study = found.study
     share = study.success_outcome is not None
     what = f"the success of {measured(study)}" if share else measured(study)

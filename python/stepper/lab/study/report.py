@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.document import Document, Section, cell, counted
-from stepper.lab.study.draw import draw, draw_cliffs
+from stepper.lab.study.draw import draw
 from stepper.lab.study.failure_causes import Verdict, causes_of, rules_of
 from stepper.lab.study.journal import diverged
 from stepper.lab.study.outcomes import Outcome
@@ -28,6 +27,7 @@ from stepper.lab.study.table import Table
 from stepper.lab.study.touching import Touching, touching
 from stepper.sensors import Transfer
 from stepper.shared.machine import package_version
+from stepper.shared.progress import ProgressCallback
 
 LAW, PEER = "MuJoCo's law", "MuJoCo"
 """Names of the two settings that `report` adds to a study: MuJoCo's contact law in stepper, and the engine MuJoCo."""
@@ -91,7 +91,7 @@ def sweep(
         document = Document(f"Sweep of {study.name}")
         document.sections += [
             *_perturbations(found, results.folder),
-            *_cliffs(found, results.folder, searched=cliffs),
+            *_cliffs(found, searched=cliffs),
             *settings_sections(study, len(found.table)),
         ]
         files = [*found.table.save(results.folder), *document.save(results.folder, "sweep")]
@@ -136,7 +136,7 @@ def report(
             *_contacts(study, seen, len(some)),
             *_settings(study, found),
             *_perturbations(found, results.folder),
-            *_cliffs(found, results.folder),
+            *_cliffs(found),
             *_transfer(study, found),
             *_failures(verdicts, found),
             *_left_out(study),
@@ -253,11 +253,7 @@ def _observation(study: Study) -> list[Section]:
 
 
 def _transfer_words(own: dict[str, Any] | None) -> str:
-    """Text with the entries of a sensor's transfer function that differ from those of an ideal sensor; "ideal" if none differ.
-
-    Args:
-        own: Entries by name; None for an ideal sensor.
-    """
+    """Text with the entries of a sensor's transfer function that differ from those of an ideal sensor; "ideal" if none differ."""
     ideal = Transfer()._row(1)
     entries = (
         []
@@ -286,13 +282,7 @@ def _drives(study: Study) -> list[Section]:
 
 
 def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
-    """Section with the contact pairs: durations, impulses and friction.
-
-    Args:
-        study: The study.
-        seen: Statistics of the contacts.
-        episodes: Number of episodes of these statistics.
-    """
+    """Section with the contact pairs: durations, impulses and friction."""
     model, _ = study.loaded
     head = (
         *("pair", "pressed, share of time", "impulse, N s", "peak, N", "friction in force", "largest ratio used", "impulse at that bound"),
@@ -334,10 +324,6 @@ def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
     """Text with the options that differ between some settings and those of the study, such as "iterations 5".
 
     "no NAME" marks an option that the engine does not have. Without differences the text is "the same".
-
-    Args:
-        own: All options of the settings, by name.
-        usual: All options of the study, by name.
     """
     names = list(dict.fromkeys((*usual, *own)))
     changed = [name for name in names if own.get(name) != usual.get(name)]
@@ -432,17 +418,10 @@ def _picture(found: Sweep, folder: Path) -> Path | None:
     return draw(found, folder / "sweep.png")
 
 
-def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Section]:
-    """Sections on cliffs, the values of parameters at which success ends.
-
-    Args:
-        found: The sweep.
-        folder: Folder of the picture.
-        searched: Whether the sweep searched for cliffs.
-    """
+def _cliffs(found: Sweep, *, searched: bool = True) -> list[Section]:
+    """Sections on cliffs, the values of parameters at which success ends."""
     if found.study.success_outcome is None:
         return []
-    (folder / "cliffs.png").unlink(missing_ok=True)
     if not searched:
         return [Section("Cliffs", ["Not searched: cliffs=False, or --no-cliffs."])]
     head = ("settings", "parameter", "at", "+-", "share below", "share above")
@@ -458,16 +437,11 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
         "is the width of the bisection. It excludes the error of the time step: repeat the sweep with half the time step to see that."
     ]
     words = words if found.cliffs else ["The share of successes crosses one half nowhere within the ranges of the parameters."]
-    picture = draw_cliffs(found, folder / "cliffs.png") if package_version("matplotlib") else None
-    return [Section("Cliffs", words, head, rows, picture)]
+    return [Section("Cliffs", words, head, rows)]
 
 
 def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:
-    """Row of the report's table of cliffs for a parameter at whose values success does not end. Without levels there is no row.
-
-    Args:
-        levels: Statistics at the values of the parameter, with one of the settings.
-    """
+    """Row of the report's table of cliffs for a parameter at whose values success does not end. Without levels there is no row."""
     if not levels:
         return []
     numbers = not any(isinstance(level.value, str) for level in levels)
@@ -551,11 +525,6 @@ def settings_sections(study: Study, count: int, table: str = "table") -> list[Se
     """Section "In force" of a document: digests (SHA-256), versions and seed on which the study's results depend.
 
     It also names the files in which the settings of each episode and all digests and versions are stored.
-
-    Args:
-        study: The study.
-        count: Number of rows of the table of episodes.
-        table: Name of the files with this table, without their endings.
     """
     used = study.resolved_settings()
     rows = [

@@ -30,7 +30,7 @@ from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import Origin, compile_source, is_saved, load
 from stepper.sensors import SensorModel
-from stepper.shared.arguments import check_file_name, check_mapping, check_whole, path_of
+from stepper.shared.arguments import check_file_name, check_mapping, check_number, check_whole, path_of
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import package_version, require
 
@@ -160,15 +160,6 @@ class Study:
         object.__setattr__(self, "parameters", dict(self.parameters))
         object.__setattr__(self, "settings", {name: dict(given) for name, given in self.settings.items()})
         self._check_numbers()
-        for name in ("seconds", "episodes", "batch"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}, must be above 0")
-        check_whole("seed", self.seed, least=0)
-        for name in ("qpos_noise", "qvel_noise"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0 and finite")
-        if self.control is not None and not 0 < self.control <= self.seconds:
-            raise ValueError(f"control is {self.control} s, must be above 0 and at most seconds, which is {self.seconds}")
         self._check_functions()
         names = [outcome.name for outcome in self.all_outcomes]
         if len(set(names)) < len(names):
@@ -185,13 +176,15 @@ class Study:
             _ = self.loaded
 
     def _check_numbers(self) -> None:
-        """Raises TypeError if a number of the study is of another type, such as a text or an array."""
+        """Raises TypeError or ValueError if the name or a number of the study is of another type, or out of its range."""
         check_file_name("name", self.name, "the folder of the results")
-        for name in ("seconds", "control", "qpos_noise", "qvel_noise", "episodes", "seed", "batch", "threads"):
-            value, whole = getattr(self, name), name in ("episodes", "seed", "batch", "threads")
-            if (name == "control" and value is None) or isinstance(value, int | np.integer if whole else int | float | np.number):
-                continue
-            raise TypeError(f"{name} is {value!r}, must be a {'whole ' if whole else ''}number")
+        check_number("seconds", self.seconds, above=0.0)
+        if self.control is not None:
+            check_number("control", self.control, above=0.0, most=self.seconds)
+        for name in ("qpos_noise", "qvel_noise"):
+            check_number(name, getattr(self, name), least=0.0)
+        for name, least in (("episodes", 1), ("batch", 1), ("seed", 0), ("threads", 0)):
+            check_whole(name, getattr(self, name), least=least)
 
     def _check_kinds(self) -> None:
         """Raises TypeError or ValueError if outcomes or parameters have wrong types."""

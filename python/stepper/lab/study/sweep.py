@@ -11,7 +11,6 @@ from itertools import pairwise
 import numpy as np
 
 from stepper._status import Status
-from stepper.lab.progress import ProgressCallback
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import Journal, Row, diverged
@@ -21,6 +20,7 @@ from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_fraction
+from stepper.shared.progress import ProgressCallback
 
 CLIFF = 0.5
 """Fraction of successes that defines a cliff, which is a value of a parameter at which success ends.
@@ -190,20 +190,8 @@ def run_sweep(
 ) -> Sweep:
     """Vary one parameter at a time over its range, with all settings of a study.
 
-    Args:
-        study: The study; it must have parameters and an outcome.
-        journal: Journal of the study. Finished episodes in it are not repeated, and the results of new ones are added.
-        parameters: Names, or selectors with a range, such as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
-        cliffs: Whether to locate the values at which success ends.
-        resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
-        progress: Progress callback with a text and the fraction done.
-
     Returns:
         Statistics at each value of a parameter (levels), and the values at which success ends (cliffs).
-
-    Raises:
-        ValueError: The study has no outcome, a parameter is unknown, `resolution` is out of range, or a later parameter overwrites the
-            numbers that a varied parameter changes.
     """
     check_fraction("resolution", resolution, ": the width of a cliff's bracket over the range")
     if not study.all_outcomes:
@@ -242,12 +230,7 @@ def run_sweep(
 
 
 def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
-    """Point of a study: a given value of one parameter, and nominal values of all others.
-
-    Args:
-        study: The study.
-        cell: Name of the settings, name of the parameter ("" for the nominal point), and value.
-    """
+    """Point of a study: a given value of one parameter, and nominal values of all others."""
     setting, name, value = cell
     chosen = nominal_of(study, setting)
     if value is not None:
@@ -296,13 +279,7 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
 
 
 def _statistics(outcome: str, rows: Sequence[Row], nominal: Sequence[Row]) -> Statistics:
-    """Statistics of an outcome over episodes.
-
-    Args:
-        outcome: Name of the outcome.
-        rows: Rows of the episodes.
-        nominal: Rows of the same episodes at the nominal point.
-    """
+    """Statistics of an outcome over episodes."""
     pairs = [
         (row["outcomes"][outcome], was["outcomes"][outcome], diverged(was))
         for row, was in zip(rows, nominal, strict=True)
@@ -321,10 +298,6 @@ def _different(study: Study, rows: Sequence[Row]) -> int:
     """Number of episodes that differ from one another.
 
     With random initial states or controls, all episodes count as different. Otherwise, episodes with equal results count once.
-
-    Args:
-        study: The study.
-        rows: Results of the episodes.
     """
     if study.qpos_noise or study.qvel_noise or (study.controller == "random" and study.loaded[0].nu):
         return len(rows)
@@ -365,11 +338,6 @@ def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[
     """Intervals for bisections: pairs of neighbouring values of a parameter between which success ends, and width at which to stop.
 
     The list is empty if the values are counts or words.
-
-    Args:
-        study: The study.
-        levels: Statistics at the values of the parameter.
-        resolution: Width as a fraction of the parameter's range.
     """
     numeric = [level for level in levels if isinstance(level.value, int | float) and not isinstance(level.value, bool)]
     if not levels or study.parameters[levels[0].parameter].leaf in COUNTS:
@@ -380,13 +348,7 @@ def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[
 
 
 def _rounds(one: Level, other: Level, width: float) -> int:
-    """Number of rounds in which a bisection narrows the interval between two values of a parameter to a given width.
-
-    Args:
-        one: Statistics at one value.
-        other: Statistics at the other value.
-        width: Width at which the bisection stops, in the parameter's unit.
-    """
+    """Number of rounds in which a bisection narrows the interval between two values of a parameter to a given width."""
     apart = abs(float(other.value or 0) - float(one.value or 0))
     return max(1, math.ceil(math.log(apart / width) / math.log(_POINTS_PER_ROUND + 1) - 1e-9)) if apart > width else 0
 
@@ -403,13 +365,6 @@ def _bisect(
     study: Study, one: Level, other: Level, width: float, run: Callable[[Sequence[Point]], list[tuple[float, list[Row]]]]
 ) -> tuple[Cliff, Bisected]:
     """Locates the value of a parameter at which success ends (cliff), by bisection. Each round runs several values at once.
-
-    Args:
-        study: The study.
-        one: Statistics at the lower end of the interval.
-        other: Statistics at the upper end of the interval.
-        width: Largest width of the resulting interval, in the parameter's unit.
-        run: Function that runs some points and returns the fraction of successes and the rows of each.
 
     Returns:
         The cliff, and all values that were run, with their rows.

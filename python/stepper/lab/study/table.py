@@ -60,12 +60,7 @@ class Table:
 
 
 def _flat(row: Row, cause: str | None) -> dict[str, Any]:
-    """Row of the journal as a flat dictionary with the names of the table's columns.
-
-    Args:
-        row: The row.
-        cause: Cause of the episode's failure; None leaves the column out.
-    """
+    """Row of the journal as a flat dictionary with the names of the table's columns."""
     success = row["success"]
     return {
         "setting": row["setting"],

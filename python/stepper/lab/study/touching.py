@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from stepper._status import Status
 from stepper._stepper import Model
 from stepper.lab.study.batches import run_batch, world_of
-from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import StepperWorld, World
@@ -93,11 +92,7 @@ class Touching:
 
 
 def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
-    """Sliding friction of the explicit contact pairs of a model, by their geoms, the lower index first.
-
-    Args:
-        compiled: The `mujoco.MjModel`. None gives an empty result.
-    """
+    """Sliding friction of the explicit contact pairs of a model, by their geoms, the lower index first."""
     if compiled is None:
         return {}
     pairs = np.sort(np.stack([compiled.pair_geom1, compiled.pair_geom2], axis=1), axis=1)
@@ -108,10 +103,6 @@ def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], f
     """Sliding friction of the explicit contact pairs of a model, by their geoms, the lower index first.
 
     Of two pairs of the same geoms the first is used.
-
-    Args:
-        model: The model.
-        friction: Friction coefficients of the explicit pairs.
     """
     found: dict[tuple[int, int], float] = {}
     for k in range(model.npair):
@@ -299,15 +290,6 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     own = world.sim.randomized
     geoms, pairs = (own[name][0] if name in own else getattr(world.model, name) for name in ("geom_friction", "pair_friction"))
     ledger = _Ledger(world.model, len(episodes), np.asarray(geoms, np.float64), _friction_of_pairs(world.model, np.asarray(pairs)))
-    watches: list[Watch] = []
-
-    def record(now: World) -> None:
-        # Outcomes are measured too, to record whether they read sensors.
-        if watches:
-            watches[0].record(now)
-        else:
-            watches.append(Watch(tuple(study.all_outcomes), now))
-
-    run_batch(study, world, episodes, record, ledger.record)
-    watches[0].values(world)
+    # Outcomes are measured too, to record whether they read sensors.
+    run_batch(study, world, episodes, ledger.record)
     return ledger.result(senses=world.senses)

@@ -32,6 +32,8 @@ _LARGEST_STATE = 1e10
 
 MuJoCo resets an environment at the same value (mjMAXVAL).
 """
+_WORST = ("residual", "max_penetration", "max_limit_violation", "max_equality_violation")
+"""Quantities of `Stepper` whose largest values `World.solver_quality` returns."""
 _RNG_KEY = 2
 """Last of the three numbers that seed `World.rng`, after the study's seed and the episode's number.
 
@@ -112,6 +114,7 @@ class World(BatchView):
         self.default_qpos: Array = np.asarray(plan.model.qpos0, np.float64)
         self._stored: dict[str, Any] = {}
         self._stored_at: Any = None
+        self._quality: dict[str, NDArray[Any]] = {"status": np.zeros(num_envs, np.int64)} | {name: np.zeros(num_envs) for name in _WORST}
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this only for attributes that do not exist.
@@ -152,15 +155,6 @@ class World(BatchView):
         """
         raise NotImplementedError
 
-    def advance(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments, and updates the values that `solver_quality` returns (status flags, residuals, violations).
-
-        Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
-            nstep: Number of steps.
-        """
-        raise NotImplementedError
-
     def step(self, ctrl: Any, nstep: int) -> None:
         """Steps all environments `nstep` times, without an update of the values that `solver_quality` returns. Benchmarks time this method.
 
@@ -170,13 +164,26 @@ class World(BatchView):
         """
         raise NotImplementedError
 
+    def advance(self, ctrl: Any, nstep: int) -> None:
+        """Steps all environments as `step` does, and updates the status flags, residuals and violations that `solver_quality` returns."""
+        self.step(ctrl, nstep)
+        self._update_quality()
+        # MuJoCo itself checks this state only in the next step.
+        state = np.concatenate([self.qpos, self.qvel], axis=1)
+        self._quality["status"][~(np.abs(state) <= _LARGEST_STATE).all(axis=1)] |= int(Status.NON_FINITE)
+
+    def _update_quality(self) -> None:
+        """Adds the quality of the last steps to `_quality`."""
+        raise NotImplementedError
+
     def solver_quality(self) -> dict[str, NDArray[Any]]:
         """Returns the quality of the steps of the episode so far, by name, (num_envs,) each.
 
-        "status" has flags of `Status`. "residual" (m/s), "max_penetration" (m), "max_limit_violation" (m, rad) and
-        "max_equality_violation" (m, rad) are largest values; NaN if the engine does not report them.
+        "status" has the flags of `Status` that any step set. "residual" (m/s) is the largest of the steps that end a call of `advance`. The
+        others are largest values of all steps: "max_penetration" (m), "max_limit_violation" and "max_equality_violation" (m, rad). In
+        MuJoCo, the penetration is that after control periods, and the other values are NaN.
         """
-        raise NotImplementedError
+        return self._quality
 
     def settings(self) -> dict[str, Any]:
         """Returns all settings of the engine, with defaults filled in."""
@@ -187,12 +194,6 @@ class World(BatchView):
         """Whether each environment's episode diverged, (num_envs,): a state was not finite or too large, or the engine reset itself."""
         lost: NDArray[np.bool_] = (self.solver_quality()["status"] & int(Status.NON_FINITE)) != 0
         return lost
-
-    def _beyond(self) -> NDArray[np.bool_]:
-        """Whether the current state of each environment is not finite or larger than `_LARGEST_STATE`, (num_envs,)."""
-        state = np.concatenate([self.qpos, self.qvel], axis=1)
-        beyond: NDArray[np.bool_] = ~(np.abs(state) <= _LARGEST_STATE).all(axis=1)
-        return beyond
 
 
 class StepperWorld(World):
@@ -216,8 +217,6 @@ class StepperWorld(World):
         if varying:
             self.sim.randomize(**varying)
         self.timestep = float(self.sim.timestep)
-        names = ("residual", "max_penetration", "max_limit_violation", "max_equality_violation")
-        self._worst: dict[str, NDArray[Any]] = {"status": np.zeros(num_envs, np.int64)} | {name: np.zeros(num_envs) for name in names}
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "sim" or name in CHANGING or not hasattr(Stepper, name):
@@ -227,14 +226,7 @@ class StepperWorld(World):
         return np.asarray(value, np.float64) if isinstance(value, np.ndarray) and value.dtype == np.float32 else value
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Starts an episode in all environments.
-
-        Args:
-            qpos: Initial positions, (num_envs, nq), m and rad.
-            qvel: Initial velocities, (num_envs, nv), m/s and rad/s.
-            keyframe: Keyframe of the initial controls and activations; None sets them to 0.
-            seed: Seed of the sensor errors.
-        """
+        """Starts an episode in all environments; see `World.start`."""
         if keyframe is not None:
             self.sim.reset(keyframe=keyframe)
             held = np.array(self.sim.ctrl)
@@ -244,31 +236,12 @@ class StepperWorld(World):
         else:
             self.sim.reset(qpos=qpos, qvel=qvel, seed=seed)
             self._held = None
-        for worst in self._worst.values():
+        for worst in self._quality.values():
             worst[:] = 0
         self.time = np.zeros(self.num_envs)
 
-    def advance(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments `nstep` times, and updates the values that `solver_quality` returns (status flags, residuals, violations).
-
-        Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
-            nstep: Number of steps.
-        """
-        self.step(ctrl, nstep)
-        worst = self._worst
-        worst["status"] = worst["status"] | np.asarray(self.sim.status, np.int64)
-        worst["status"][self._beyond()] |= int(Status.NON_FINITE)
-        for name in ("residual", "max_penetration", "max_limit_violation", "max_equality_violation"):
-            worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
-
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments `nstep` times, without an update of the values that `solver_quality` returns.
-
-        Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
-            nstep: Number of steps.
-        """
+        """Steps all environments; see `World.step`."""
         if ctrl is None:
             ctrl = self._held
         # After a step the simulation itself holds the controls.
@@ -276,14 +249,10 @@ class StepperWorld(World):
         self.sim.step(ctrl, nstep)
         self.time = self.time + nstep * self.timestep
 
-    def solver_quality(self) -> dict[str, NDArray[Any]]:
-        """Quality of the steps of the episode so far, by name, (num_envs,) each.
-
-        "status" has the flags of `Status` that any step set. "residual" (m/s) is the largest residual of the steps that end a call of
-        `advance`. Residuals of the other steps do not count. The other entries are largest values of all steps: "max_penetration" (m),
-        "max_limit_violation" (m, rad) and "max_equality_violation" (m, rad).
-        """
-        return self._worst
+    def _update_quality(self) -> None:
+        self._quality["status"] |= np.asarray(self.sim.status, np.int64)
+        for name in _WORST:
+            self._quality[name] = np.maximum(self._quality[name], np.asarray(getattr(self.sim, name), float))
 
     def settings(self) -> dict[str, Any]:
         """All settings of the step, with defaults filled in."""
@@ -313,9 +282,6 @@ def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
 
     Returns:
         Model with the shared values; and the values of the other fields by name, (num_envs, *shape) each.
-
-    Raises:
-        ValueError: A field has different values, and stepper needs one value for all environments.
     """
     shared, varying, may_vary = {}, {}, own_fields(plan.options)
     for field, rows in plan.fields.items():
@@ -340,6 +306,10 @@ _MUJOCO_COUNTS = frozenset({"iterations", "noslip_iterations"})
 """Names of MuJoCo's options whose values are whole numbers."""
 _MUJOCO_POSITIVE = frozenset({"impratio", "timestep"})
 """Names of MuJoCo's options whose values must be above 0."""
+
+
+_OF_DATA = frozenset({"xpos", "xquat", "site_xpos", "geom_xpos", "sensordata"})
+"""Names of the quantities of a stepper that an `MjData` has in the same form."""
 
 
 class MujocoWorld(World):
@@ -372,8 +342,6 @@ class MujocoWorld(World):
         self._is_current, self._pushed = False, False
         self.timestep = float(self._models[0].opt.timestep)
         self._applied = np.zeros((num_envs, plan.model.nbody, 6))
-        self._depth = np.zeros(num_envs)
-        self._status = np.zeros(num_envs, np.int64)
 
     def _models_of(self, plan: Plan, num_envs: int) -> list[Any]:
         """Compiled `MjModel` of each environment of a plan; environments with equal parameters share one."""
@@ -388,15 +356,13 @@ class MujocoWorld(World):
             models.append(made[key])
         return models
 
-    def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Starts an episode in all environments.
+    def __getattr__(self, name: str) -> Any:
+        if name not in _OF_DATA:
+            return super().__getattr__(name)
+        return np.array([getattr(data, name) for data in self._now()])
 
-        Args:
-            qpos: Initial positions, (num_envs, nq), m and rad.
-            qvel: Initial velocities, (num_envs, nv), m/s and rad/s.
-            keyframe: Keyframe of the initial controls and activations; None sets them to 0.
-            seed: Unused, because MuJoCo's sensors have no errors.
-        """
+    def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
+        """Starts an episode in all environments; see `World.start`. MuJoCo's sensors have no errors, so that the seed has no effect."""
         for data, model, q, v in zip(self._data, self._models, qpos, qvel, strict=True):
             if keyframe is None:
                 self._mujoco.mj_resetData(model, data)
@@ -404,33 +370,20 @@ class MujocoWorld(World):
                 self._mujoco.mj_resetDataKeyframe(model, data, self.model.keyframe(keyframe).id)
             data.qpos[:], data.qvel[:], data.time = q, v, 0.0
         self._applied[:] = 0.0
-        self._depth[:], self._status[:] = 0.0, 0
+        for name, worst in self._quality.items():
+            worst[:] = 0 if name in ("status", "max_penetration") else np.nan
         self.time, self._is_current, self._pushed = np.zeros(self.num_envs), False, False
 
-    def advance(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments `nstep` times, and updates the values that `solver_quality` returns (status flags, residuals, violations).
-
-        Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
-            nstep: Number of steps.
-        """
-        self.step(ctrl, nstep)
+    def _update_quality(self) -> None:
         for env, data in enumerate(self._data):
             depth = max((float(c.includemargin - c.dist) for c in data.contact), default=0.0)
-            self._depth[env] = max(self._depth[env], depth)
+            self._quality["max_penetration"][env] = max(self._quality["max_penetration"][env], depth)
             for flag, kinds in self._flags:
                 if any(data.warning[kind].number for kind in kinds):
-                    self._status[env] |= flag
-        # MuJoCo itself checks this state only in the next step.
-        self._status[self._beyond()] |= int(Status.NON_FINITE)
+                    self._quality["status"][env] |= flag
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Steps all environments `nstep` times, without an update of the values that `solver_quality` returns.
-
-        Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
-            nstep: Number of steps.
-        """
+        """Steps all environments; see `World.step`."""
         rows = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
         pushed = self._pushed or bool(self._applied.any())
         self._pushed = bool(self._applied.any())
@@ -476,34 +429,10 @@ class MujocoWorld(World):
         return np.array([data.qvel for data in self._data])
 
     @property
-    def xpos(self) -> Array:
-        """Positions of body frames, (num_envs, nbody, 3), m."""
-        return np.array([data.xpos for data in self._now()])
-
-    @property
-    def xquat(self) -> Array:
-        """Orientations of body frames, (num_envs, nbody, 4), quaternions (w, x, y, z)."""
-        return np.array([data.xquat for data in self._now()])
-
-    @property
-    def site_xpos(self) -> Array:
-        """Positions of sites, (num_envs, nsite, 3), m."""
-        return np.array([data.site_xpos for data in self._now()])
-
-    @property
-    def geom_xpos(self) -> Array:
-        """Positions of geoms, (num_envs, ngeom, 3), m."""
-        return np.array([data.geom_xpos for data in self._now()])
-
-    @property
-    def sensordata(self) -> Array:
-        """Readings of the sensors, (num_envs, nsensordata), in their units."""
-        return np.array([data.sensordata for data in self._now()])
-
-    @property
     def sensordata_ideal(self) -> Array:
         """Readings without errors, (num_envs, nsensordata); in MuJoCo the same as `sensordata`."""
-        return self.sensordata
+        readings: Array = self.sensordata
+        return readings
 
     @property
     def body_contact_force(self) -> Array:
@@ -558,14 +487,6 @@ class MujocoWorld(World):
         """Applied force (N) and torque (N m) on each body, world axes, (num_envs, nbody, 6); writable."""
         return self._applied
 
-    def solver_quality(self) -> dict[str, NDArray[Any]]:
-        """Quality of the steps of the episode so far, by name, (num_envs,) each.
-
-        "status" has flags of `Status`. "max_penetration" is the deepest penetration after a control period, m. Other entries are NaN.
-        """
-        nothing = dict.fromkeys(("residual", "max_limit_violation", "max_equality_violation"), np.full(self.num_envs, np.nan))
-        return {"status": self._status, "max_penetration": self._depth, **nothing}
-
     def settings(self) -> dict[str, Any]:
         """All settings of the step, with defaults filled in."""
         opt, mujoco = self._models[0].opt, self._mujoco
@@ -592,16 +513,7 @@ def _ignore(_: str) -> None:
 
 
 def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
-    """Copy of a `mujoco.MjModel` with other values of some fields.
-
-    Args:
-        mujoco: The module `mujoco`.
-        base: The `MjModel`.
-        fields: Values by name of the field, in the field's shape and unit.
-
-    Raises:
-        ModelError: MuJoCo does not have a field.
-    """
+    """Copy of a `mujoco.MjModel` with other values of some fields."""
     model = base.__copy__()
     for field, value in fields.items():
         if hasattr(model.opt, field):
@@ -622,9 +534,6 @@ def check_mujoco(settings: Mapping[str, Any], mujoco: Any = None) -> None:
     Args:
         settings: Values by name, without "engine".
         mujoco: The module `mujoco`, to check words such as "elliptic"; None leaves them unchecked.
-
-    Raises:
-        ValueError: MuJoCo does not have a setting, or not with this value. The message has the name and similar ones.
     """
     for name, value in settings.items():
         if name not in MUJOCO_SETTINGS:

@@ -54,12 +54,7 @@ def reasons_to_omit(source: Source, a: int) -> list[str]:
 
 
 def force_of(source: Source, a: int) -> Description | None:
-    """Gain and bias of an actuator as a dictionary for the Rust library; None if stepper does not support the actuator.
-
-    Args:
-        source: The compiled model.
-        a: Index of the actuator in MuJoCo's model.
-    """
+    """Gain and bias of an actuator as a dictionary for the Rust library; None if stepper does not support the actuator."""
     m = source.m
     kinds = int(m.actuator_gaintype[a]), int(m.actuator_biastype[a])
     gain, bias, inputs = m.actuator_gainprm[a], m.actuator_biasprm[a], int(m.actuator_ctrlspec[a])
@@ -95,14 +90,7 @@ def _depends_on_motion(force: Description | None) -> bool:
 
 
 def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str) -> Description:
-    """Gain and bias of an actuator as a dictionary for the Rust library.
-
-    Args:
-        gain: Parameters of the gain.
-        bias: Parameters of the bias.
-        gain_type: Name of the type of gain in the Rust library, such as "Fixed".
-        bias_type: Name of the type of bias, such as "Affine".
-    """
+    """Gain and bias of an actuator as a dictionary for the Rust library."""
     return {"gain": gain, "bias": bias, "force_model": {"gain": gain_type, "bias": bias_type, "disabled": False}}
 
 
@@ -169,12 +157,7 @@ def actuator(source: Source, i: int) -> Description:
 
 
 def _transmission(source: Source, i: int) -> Description:
-    """Transmission of an actuator (joint, tendon, site, body or slider-crank) as a dictionary for the Rust library.
-
-    Args:
-        source: The compiled model.
-        i: Index of the actuator in MuJoCo's model.
-    """
+    """Transmission of an actuator (joint, tendon, site, body or slider-crank) as a dictionary for the Rust library."""
     m, kind = source.m, int(source.m.actuator_trntype[i])
     target, reference = m.actuator_trnid[i].tolist()
     wrench = m.actuator_gear[m.actuator_outadr[i]].tolist()
@@ -188,12 +171,7 @@ def _transmission(source: Source, i: int) -> Description:
 
 
 def activation(source: Source, i: int) -> str | Description:
-    """Activation dynamics of an actuator, as a name or dictionary for the Rust library; time constants of filters are in s.
-
-    Args:
-        source: The compiled model.
-        i: Index of the actuator in MuJoCo's model.
-    """
+    """Activation dynamics of an actuator, as a name or dictionary for the Rust library; time constants of filters are in s."""
     kind, (tau, fall, smoothing) = int(source.m.actuator_dyntype[i]), source.m.actuator_dynprm[i, :3].tolist()
     if kind == DYN_MUSCLE:
         return {"Muscle": {"rise": tau, "fall": fall, "smoothing": smoothing}}

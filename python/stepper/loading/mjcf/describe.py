@@ -285,12 +285,6 @@ def _points(source: Source, i: int, data: list[float], objects: list[int]) -> De
     """Bodies and anchors of a connect or weld, and the relative orientation of a weld, as a dictionary for the Rust library.
 
     For an equality between sites, these are the bodies of the sites and the positions and orientations of the sites in their bodies.
-
-    Args:
-        source: The compiled model.
-        i: Index of the equality in MuJoCo's model.
-        data: MuJoCo's `eq_data` of the equality.
-        objects: Indices of its two bodies or sites.
     """
     m, weld = source.m, int(source.m.eq_type[i]) == WELD
     anchors, relpose = ([data[3:6], data[0:3]] if weld else [data[0:3], data[3:6]]), np.array(data[6:10])
@@ -305,12 +299,7 @@ def _points(source: Source, i: int, data: list[float], objects: list[int]) -> De
 
 
 def _keyframe(source: Source, i: int) -> Description:
-    """Keyframe as a dictionary for the Rust library, without controls and activations of actuators that are left out.
-
-    Args:
-        source: The compiled model.
-        i: Index of the keyframe in MuJoCo's model.
-    """
+    """Keyframe as a dictionary for the Rust library, without controls and activations of actuators that are left out."""
     m = source.m
     qpos = np.array(m.key_qpos[i])
     source.mujoco.mj_normalizeQuat(m, qpos)

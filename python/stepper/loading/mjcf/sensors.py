@@ -112,13 +112,7 @@ def _history(source: Source, i: int, word: str, name: str) -> Description:
 
 
 def _kind(source: Source, i: int, word: str) -> str | Description:
-    """Measured quantity of a sensor, as a name or dictionary for the Rust library; a `_NotReadError` if it is not supported.
-
-    Args:
-        source: The compiled model.
-        i: Index of the sensor in MuJoCo's model.
-        word: Type of the sensor in MJCF.
-    """
+    """Measured quantity of a sensor, as a name or dictionary for the Rust library; a `_NotReadError` if it is not supported."""
     target = int(source.m.sensor_objid[i])
     if word in MISSING:
         raise _NotReadError(MISSING[word])
@@ -159,13 +153,7 @@ def _loop(source: Source, body: int) -> str | None:
 
 
 def _frame(source: Source, i: int, what: str) -> Description:
-    """Dictionary for the Rust library of a sensor that measures the frame of an object, such as its position or orientation.
-
-    Args:
-        source: The compiled model.
-        i: Index of the sensor in MuJoCo's model.
-        what: Measured quantity, as named in the Rust library.
-    """
+    """Dictionary for the Rust library of a sensor that measures the frame of an object, such as its position or orientation."""
     m, reference = source.m, None
     if m.sensor_refid[i] >= 0 and what not in ("LinAcc", "AngAcc"):
         reference = _object(source, int(m.sensor_reftype[i]), int(m.sensor_refid[i]))
@@ -191,13 +179,7 @@ def _object_types(source: Source) -> dict[int, str]:
 
 
 def _object(source: Source, kind: int, index: int) -> Description:
-    """Dictionary for the Rust library of an object with a frame: body, geom or site. Cameras raise `_NotReadError`.
-
-    Args:
-        source: The compiled model.
-        kind: MuJoCo's number of the object's type.
-        index: Index of the object.
-    """
+    """Dictionary for the Rust library of an object with a frame: body, geom or site. Cameras raise `_NotReadError`."""
     types = _object_types(source)
     if kind not in types:
         raise _NotReadError("cameras are not part of the model")
@@ -205,13 +187,7 @@ def _object(source: Source, kind: int, index: int) -> Description:
 
 
 def _geoms_of(source: Source, kind: int, index: int) -> list[int]:
-    """Indices of the geoms at one end of a distance sensor: a single geom, or all geoms of a body.
-
-    Args:
-        source: The compiled model.
-        kind: MuJoCo's number of the object's type.
-        index: Index of the geom or body.
-    """
+    """Indices of the geoms at one end of a distance sensor: a single geom, or all geoms of a body."""
     if _object_types(source).get(kind) == "Geom":
         return [index]
     return [int(g) for g in np.flatnonzero(source.m.geom_bodyid == index)]

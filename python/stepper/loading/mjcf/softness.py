@@ -37,12 +37,7 @@ def joint_softness(source: Source, i: int) -> Description:
 
 
 def contact_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of a geom's contacts, and its weight `solmix` in the mean over the two geoms of a contact.
-
-    Args:
-        source: The compiled model.
-        i: Index of the geom in MuJoCo's model.
-    """
+    """Softness (solref and solimp) of a geom's contacts, and its weight `solmix` in the mean over the two geoms of a contact."""
     rows = source.rows
     return {"softness": _contact(source, rows.geom_solref[i], rows.geom_solimp[i]), "solmix": rows.geom_solmix[i]}
 
@@ -52,10 +47,6 @@ def pair_softness(source: Source, i: int) -> Description:
 
     The anisotropy has two ratios, for sliding and for rolling: the coefficient in the second tangential direction divided by the
     coefficient in the first.
-
-    Args:
-        source: The compiled model.
-        i: Index of the pair in MuJoCo's model.
     """
     m = source.m
     slide, other_slide, _, roll, other_roll = (m.opt.o_friction if source.overrides else m.pair_friction[i]).tolist()

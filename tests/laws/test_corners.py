@@ -128,11 +128,8 @@ def test_a_tied_ball_rebounds_by_newtons_law(restitution, mass, integrator):
     Euler's rule, as textbooks have it, applies the law to the velocity that gravity and the equality leave.
     """
     velocity = strike_corner(restitution, 0.0, mass, integrator)
-    before = np.array([SPEED, -SPEED])
-    if integrator == "euler":
-        after = -restitution * (before - [fall(mass), 0])
-    else:
-        after = -restitution * before - [fall(mass), 0]
+    before, pull = np.array([SPEED, -SPEED]), np.array([fall(mass), 0])
+    after = -restitution * (before - pull) if integrator == "euler" else -restitution * before - pull
     np.testing.assert_allclose(velocity, after, atol=1e-6)  # Tolerance of the solver.
 
 

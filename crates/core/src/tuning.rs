@@ -125,7 +125,7 @@ pub(crate) const MAX_RESOLVED_MOTION: f64 = 0.02;
 /// converge within the iteration limit stays below 10.
 pub(crate) const MAX_IMPACT_RESIDUAL: f64 = 100.0;
 
-/// Largest number of times that a step moves the end of a flight to its first impact. Newton's method needs several moves, because bodies
+/// Largest number of evaluations at predicted times of the first impact. Newton's method needs several moves, because bodies
 /// that pass each other obliquely approach on a curve.
 pub(crate) const MAX_FLIGHT_CHANGES: usize = 4;
 
@@ -135,7 +135,8 @@ pub(crate) const PLACEMENT_TOLERANCE: f64 = 1e-3;
 /// Shortest flight before an impact, as a fraction of the step; in 32 bits at least 16 roundings.
 pub(crate) const SHORTEST_FLIGHT: f64 = 1e-9;
 
-/// Duration of an impact, as a fraction of the step: forces change no velocity in this time, while the numbers stay finite in 32 bits.
+/// Duration with which the rows of an impact are computed, as a fraction of the step, so that all numbers stay finite in 32 bits. Forces do
+/// not act.
 pub(crate) const IMPACT_DURATION: f64 = 1.0 / 1_048_576.0;
 
 /// Largest number of impacts that divide a step. Later ones in the same step do not divide it: Newton's law then applies as with Euler's

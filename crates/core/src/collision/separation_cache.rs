@@ -77,6 +77,12 @@ impl SeparationCache {
         }
     }
 
+    /// Copies all entries of `from`, a cache of the same size.
+    pub(crate) fn copy_from(&mut self, from: &Self) {
+        self.count.copy_from_slice(&from.count);
+        self.held.copy_from_slice(&from.held);
+    }
+
     /// Removes the entries of all lanes.
     pub(crate) fn clear(&mut self) {
         if !self.is_unused() {

@@ -52,8 +52,10 @@ pub(crate) struct RowInput<'a, R: Real> {
     pub longest: R,
     /// Lanes whose substep is an impact.
     pub is_impact: R::Mask,
-    /// Lanes whose substep no impact ends.
-    pub has_no_end: R::Mask,
+    /// Lanes whose flight does not end at impacts.
+    pub bounces_at_end: R::Mask,
+    /// Lanes whose flight ignores impacts.
+    pub ignores_impacts: R::Mask,
     /// Time in the step at which the rows of each mechanism are evaluated.
     pub times: &'a EvaluationTimes<R>,
     /// Whether the step evaluates forces and contacts in its middle (midpoint rule).

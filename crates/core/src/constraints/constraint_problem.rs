@@ -58,6 +58,8 @@ pub(crate) struct Impact<R: Real> {
     /// Lanes in which the contact bounces. They include lanes in which its surfaces touch and separate: an impact elsewhere may push them
     /// together again.
     pub(crate) lanes: R::Mask,
+    /// Lanes in which the contact collides in a flight that ignores impacts. It has no rows there.
+    pub(crate) ignored: R::Mask,
     /// Bias of the normal row, m/s: the coefficient of restitution times the normal velocity without the impact. 0 where
     /// [`ConstraintProblem::drop_restitution`] made the impact inelastic.
     pub(crate) rebound: R,

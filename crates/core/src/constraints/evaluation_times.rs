@@ -140,6 +140,11 @@ impl<R: Real> EvaluationTimes<R> {
         }
     }
 
+    /// Lanes in which any mechanism is evaluated at the beginning of the step, and not at the time of the integration rule.
+    pub(crate) fn lanes_at_start(&self) -> R::Mask {
+        (0..self.fast.len()).fold(R::Mask::splat(false), |lanes, mechanism| lanes.or(self.moved_lanes(mechanism)))
+    }
+
     /// Lanes in which the mechanism is evaluated at another time than that of the integration rule.
     #[inline(always)]
     pub(crate) fn moved_lanes(&self, mechanism: usize) -> R::Mask {

@@ -57,11 +57,11 @@ impl<R: Real> Assembler<'_, R> {
         offset: &mut R,
     ) -> R::Mask {
         kernel!(R, || {
-            let RowInput { compiled, options, h, longest, in_the_middle, is_impact, has_no_end, .. } = *input;
+            let RowInput { compiled, options, h, longest, in_the_middle, is_impact, bounces_at_end, ignores_impacts, .. } = *input;
             let slot = &contacts.data[k];
             let (e, gap, free) = (slot.restitution, slot.point.distance, *offset - bias);
             let elastic = exists.and(e.gt(R::zero()));
-            let mut impact = Impact { lanes: elastic, rebound: e * free };
+            let mut impact = Impact { lanes: elastic, ignored: elastic, rebound: e * free };
             let mut needed = exists;
             if elastic.any() {
                 let [slop, threshold] = [options.slop, options.restitution_threshold].map(R::of);
@@ -69,15 +69,17 @@ impl<R: Real> Assembler<'_, R> {
                 let (is_fast, touching) = (free.abs().gt(threshold), elastic.and(is_impact));
                 // Without an impact time: gaps that a slow contact and gravity can close within the step rest.
                 let near = gap.le(h * (threshold + h * gravity) + slop);
-                let slow = elastic.and(has_no_end).and(before.abs().le(threshold)).and(near);
-                let closes = elastic.and(has_no_end).and(gap.le(slop).or((gap + h * free).lt(R::zero())));
-                let bounces_at_end = closes.and(is_fast).and_not(slow);
-                self.problem.needs_position_solve = self.problem.needs_position_solve.or(bounces_at_end);
+                let slow = elastic.and(bounces_at_end).and(before.abs().le(threshold)).and(near);
+                let closes = elastic.and(bounces_at_end).and(gap.le(slop).or((gap + h * free).lt(R::zero())));
+                let rebounds_at_end = closes.and(is_fast).and_not(slow);
+                self.problem.needs_position_solve = self.problem.needs_position_solve.or(rebounds_at_end);
                 // Flights that an impact may end: contacts that collide have no rows.
                 let time_before = input.times_of_slot(contacts, k, elastic.bits()).before;
                 let flight = Flight { gap, before, free, time_before, h, longest, in_the_middle };
-                let ImpactPrediction { rests, separates, .. } = flight.predict(options, gravity, e, elastic.and_not(has_no_end));
-                impact.lanes = touching.and(is_fast).or(bounces_at_end);
+                let ImpactPrediction { rests, separates, collides, .. } =
+                    flight.predict(options, gravity, e, elastic.and_not(bounces_at_end));
+                impact.ignored = collides.and(ignores_impacts);
+                impact.lanes = touching.and(is_fast).or(rebounds_at_end);
                 needed = exists.and_not(elastic).or(touching).or(impact.lanes).or(slow).or(rests.or(separates));
                 *offset = R::select(impact.lanes, free + impact.rebound, *offset);
             }

@@ -26,7 +26,9 @@ impl<R: Real> Assembler<'_, R> {
             None => beyond.max(R::zero()),
             Some(solved) => R::select(solved.lt(-R::of(options.slop)), beyond, R::zero()),
         };
-        let (wanted, fastest) = (overlap * R::of(options.baumgarte) / h, R::of(fastest));
+        // Baumgarte's correction keeps its velocity, whatever the length of a part of the step.
+        let time = if options.stabilization == Stabilization::Baumgarte { R::of(options.timestep) } else { h };
+        let (wanted, fastest) = (overlap * R::of(options.baumgarte) / time, R::of(fastest));
         let mut correction = wanted.min(fastest);
         if options.stabilization == Stabilization::Split && overlap.gt(R::zero()).any() {
             // With `min`, two large corrections would become equal. With this smooth bound, the larger of two contradicting corrections
@@ -57,7 +59,8 @@ impl<R: Real> Assembler<'_, R> {
 #[inline(always)]
 pub(crate) fn stabilized<R: Real>(input: &RowInput<'_, R>, uncorrected: R, corrected: R) -> [R; 2] {
     match input.options.stabilization {
-        Stabilization::Baumgarte => [corrected, uncorrected],
+        // Impacts correct nothing.
+        Stabilization::Baumgarte => [R::select(input.is_impact, uncorrected, corrected), uncorrected],
         Stabilization::Split => [uncorrected, corrected],
         Stabilization::None => [uncorrected; 2],
     }

@@ -37,7 +37,7 @@ pub(super) struct HardNominal<R: Real> {
     limits: Vec<R>,
     /// Predicted velocity after the step, nv, at which the solved step evaluated velocity-dependent forces.
     v_expected: Vec<R>,
-    /// Lanes (bits) whose step impacts divided.
+    /// Lanes (bits) in which impacts divided the step.
     divided: u32,
     /// Lanes (bits) in which the step corrects positions.
     corrected: u32,
@@ -154,7 +154,7 @@ impl<R: Real> HardNominal<R> {
             Recomputed::Configuration => {
                 evaluation.collision.begin_step();
                 // The response counts only in lanes that no impact divides.
-                evaluation.substep = Substep { passes_over: R::Mask::splat(true), ..Substep::whole(options) };
+                evaluation.substep = Substep { ignores_impacts: R::Mask::splat(true), ..Substep::whole(options) };
                 locate(input, evaluation, free, NoProbe);
                 self.scheme = evaluation.scheme;
                 evaluation.match_contacts(compiled, &mut state.contacts);

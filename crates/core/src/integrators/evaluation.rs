@@ -21,7 +21,7 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) scheme: Scheme<R>,
     /// Substep that each lane makes.
     pub(crate) substep: Substep<R>,
-    /// Lanes whose last step impacts divided.
+    /// Lanes in which impacts divided the last step.
     pub(crate) divided: R::Mask,
     /// Evaluation time of each mechanism.
     pub(crate) times: EvaluationTimes<R>,
@@ -58,17 +58,19 @@ pub(crate) struct Substep<R: Real> {
     pub(crate) is_impact: R::Mask,
     /// Lanes whose last substep was an impact.
     pub(crate) follows_impact: R::Mask,
-    /// Lanes whose substep no impact ends: after many impacts, and with Euler's rule, which applies Newton's law as textbooks do.
-    pub(crate) has_no_end: R::Mask,
-    /// Lanes whose flight passes over impacts, because its result counts only for mechanisms without one.
-    pub(crate) passes_over: R::Mask,
+    /// Lanes whose flight does not end at impacts: after many impacts, and with Euler's rule. Newton's law acts at its end, as in textbooks.
+    pub(crate) bounces_at_end: R::Mask,
+    /// Lanes whose flight ignores impacts: colliding elastic contacts have no rows. Only mechanisms without impacts use the result.
+    pub(crate) ignores_impacts: R::Mask,
     /// Lanes whose flight ends at an impact. [`locate`](crate::integrators::locate::locate) finds them.
     pub(crate) ends_at_impact: R::Mask,
-    /// Lanes that the search for impacts evaluates `search_time` s after the beginning of the flight, and not where the rule has it.
+    /// Lanes that the search for impacts evaluates `search_time` s after the beginning of the flight, instead of at the point of the
+    /// integration rule.
     pub(crate) is_searched: R::Mask,
+    /// Time at which the search evaluates a lane, s after the beginning of the flight.
     pub(crate) search_time: R,
     /// Lanes in which the search for impacts has ended.
-    pub(crate) is_settled: R::Mask,
+    pub(crate) search_ended: R::Mask,
 }
 
 impl<R: Real> Substep<R> {
@@ -82,12 +84,12 @@ impl<R: Real> Substep<R> {
             next: h,
             is_impact: none,
             follows_impact: none,
-            has_no_end: R::Mask::splat(options.integrator == Integrator::Euler),
-            passes_over: none,
+            bounces_at_end: R::Mask::splat(options.integrator == Integrator::Euler),
+            ignores_impacts: none,
             ends_at_impact: none,
             is_searched: none,
             search_time: R::zero(),
-            is_settled: none,
+            search_ended: none,
         }
     }
 }
@@ -112,7 +114,7 @@ impl<R: Real> Evaluation<R> {
         }
     }
 
-    /// Places the evaluation point of the substep: in flights of `length` s where the integration rule has it, in impacts at their
+    /// Sets the length of flights to `length` s, and with it the integration scheme and the evaluation times. Impacts are evaluated at their
     /// configuration.
     #[inline(always)]
     pub(crate) fn place(&mut self, options: &StepSettings, length: R) {

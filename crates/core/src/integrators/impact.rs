@@ -22,11 +22,11 @@ use crate::tuning::{
     PLACEMENT_TOLERANCE, SHORTEST_FLIGHT,
 };
 
-/// Lets the flight of each lane end at its first elastic impact. Returns whether any flight changed, so that the step must be evaluated
+/// Makes one step of the search for the first elastic impact of each lane, which ends its flight. Returns whether any flight changed, so that the step must be evaluated
 /// again.
 ///
 /// `v_free` is the velocity after the flight without constraints. `changes` is the number of earlier changes in this step. A predicted impact
-/// is evaluated at its time, from which Newton's method continues. In the end, the flight is evaluated where the integration rule has it.
+/// is evaluated at its time, from which Newton's method continues. After the search, the flight is evaluated where the integration rule has it.
 ///
 /// A contact that overlaps beyond the slop (the overlap that position correction leaves) while its surfaces separate must have touched
 /// earlier. In the first call, its lane is evaluated at the beginning of the flight.
@@ -35,7 +35,7 @@ pub(crate) fn end_at_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation:
     let StepInput { compiled, options, state, alive, .. } = input;
     kernel!(R, || {
         let Evaluation { scheme, times, kinematics, contacts, link_velocities, substep, .. } = &mut *evaluation;
-        let flights = alive.and_not(substep.is_impact.or(substep.has_no_end).or(substep.passes_over).or(substep.is_settled));
+        let flights = alive.and_not(substep.is_impact.or(substep.bounces_at_end).or(substep.ignores_impacts).or(substep.search_ended));
         let [before, free] = link_velocities;
         kinematics.velocities(compiled, &state.v, before);
         kinematics.velocities(compiled, v_free, free);
@@ -59,8 +59,7 @@ pub(crate) fn end_at_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation:
             passed = passed.or(elastic.and(overlaps).and(before.gt(R::zero())));
         }
         let passed = if changes == 0 { passed } else { R::Mask::splat(false) };
-        let rounding = <R::Scalar as Scalar>::EPSILON.to_f64();
-        let shortest = R::of(SHORTEST_FLIGHT.max(16.0 * rounding) * options.timestep);
+        let shortest = R::of(shortest_flight::<R>() * options.timestep);
         // An impact at the very end of the flight belongs to the next step.
         let ends = hits.and_not(passed).and(time.lt(substep.longest - shortest));
         let time = R::select(ends, time.max(shortest), substep.longest);
@@ -73,7 +72,7 @@ pub(crate) fn end_at_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation:
         let changed = flights.and(was_searched.or(ends).or(searched));
         substep.ends_at_impact = flights.and(ends).or(substep.ends_at_impact.and_not(flights));
         (substep.is_searched, substep.search_time) = (searched, R::select(passed, R::zero(), time));
-        substep.is_settled = substep.is_settled.or(flights.and_not(searched));
+        substep.search_ended = substep.search_ended.or(flights.and_not(searched));
         if changed.none() {
             return false;
         }
@@ -81,6 +80,11 @@ pub(crate) fn end_at_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation:
         evaluation.place(options, length);
         true
     })
+}
+
+/// Shortest flight before an impact, as a fraction of the step.
+pub(super) fn shortest_flight<R: Real>() -> f64 {
+    SHORTEST_FLIGHT.max(16.0 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
 /// Normal velocities of the contacts in slot `k` (one per lane) for two sets of link velocities, m/s.

@@ -84,7 +84,9 @@ pub(crate) fn find_tunnelling<R: Real>(
     let flights = input.alive.and_not(substep.is_impact);
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
     let is_free = !outcome.impulses_act && !scheme.predicts();
-    let time = R::select(substep.ends_at_impact, scheme.h - scheme.time_before, times.closing());
+    // Very fast bodies are evaluated at the beginning of the flight.
+    let before = R::select(times.lanes_at_start(), R::zero(), scheme.time_before);
+    let time = R::select(substep.ends_at_impact, scheme.h - before, times.closing());
     let tested = if rebounding.none() {
         &velocity.v
     } else {
@@ -101,7 +103,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     if moved.none() {
         return passed;
     }
-    let flight = TestedMotion { velocity: &input.state.v, is_free: false, time: scheme.time_before, contacts_at_end: true };
+    let flight = TestedMotion { velocity: &input.state.v, is_free: false, time: before, contacts_at_end: true };
     passed.or(may_have_passed(input.compiled, kinematics, flight, moved, collision))
 }
 

@@ -37,11 +37,13 @@ pub(crate) struct Buffers<R: Real> {
     pub(crate) is_current: bool,
     /// Lanes in which impacts touch each mechanism.
     pub(super) touched: Vec<R::Mask>,
+    /// Evaluated configuration and predicted velocity of the first pass.
+    evaluated: [Vec<R>; 2],
     /// Separating planes of the lanes that reach the end of the step in the first pass.
     planes: SeparationCache,
 }
 
-/// State of all lanes, with what the next substep starts from.
+/// State of all lanes, with the impulses that start the next part.
 #[derive(Clone, Debug)]
 pub(super) struct Snapshot<R: Real> {
     pub(super) state: State<R>,
@@ -95,6 +97,7 @@ impl<R: Real> Snapshot<R> {
         summed.add_impulses(&self.state.contacts, lanes.bits());
         let earlier = &self.state.contacts;
         summed.add_missing(earlier, lanes.bits(), |k, l| earlier.bearing(k) >> l & 1 == 1);
+        summed.full |= earlier.full & lanes.bits();
         self.state.contacts.copy_lanes(summed, lanes.bits());
         kernel!(R, || {
             for (sums, impulses) in [(&mut self.state.impulse, &state.impulse[..]), (&mut self.scalar_impulse, scalar_impulse)] {
@@ -133,6 +136,7 @@ impl<R: Real> Buffers<R> {
             saturated: vec![R::Mask::splat(false); s.free_motion.actuator_forces.found_saturated.len()],
             is_current: false,
             touched: vec![R::Mask::splat(false); mechanisms],
+            evaluated: [s.evaluation.q.clone(), s.free_motion.v_expected.clone()],
             planes: s.evaluation.collision.narrow_phase.new_planes.clone(),
         })
     }
@@ -163,19 +167,24 @@ impl<R: Real> Buffers<R> {
         });
     }
 
-    /// Keeps the separating planes that the lanes `lanes` (bits) found, and clears those of the other lanes.
-    pub(super) fn keep_planes(&mut self, s: &Workspace<R>, lanes: u32) {
+    /// Keeps results of the first pass that later steps and derivatives read in the lanes `lanes` (bits), which it completes: separating
+    /// planes, the evaluated configuration and the predicted velocity.
+    pub(super) fn keep_first_pass(&mut self, s: &Workspace<R>, lanes: u32) {
+        self.evaluated[0].copy_from_slice(&s.evaluation.q);
+        self.evaluated[1].copy_from_slice(&s.free_motion.v_expected);
         if !self.planes.is_unused() {
-            self.planes.clone_from(&s.evaluation.collision.narrow_phase.new_planes);
+            self.planes.copy_from(&s.evaluation.collision.narrow_phase.new_planes);
             (0..R::LANES).filter(|lane| lanes >> lane & 1 == 0).for_each(|lane| self.planes.forget(lane));
         }
     }
 
-    /// Gives the kept separating planes to the next step. What a lane finds there must not depend on the passes of other lanes.
-    pub(super) fn restore_planes(&self, s: &mut Workspace<R>) {
+    /// Restores the results that [`Self::keep_first_pass`] has kept. They must not depend on the passes of other lanes.
+    pub(super) fn restore_first_pass(&self, s: &mut Workspace<R>) {
+        s.evaluation.q.copy_from_slice(&self.evaluated[0]);
+        s.free_motion.v_expected.copy_from_slice(&self.evaluated[1]);
         s.evaluation.collision.forget_planes();
         if !self.planes.is_unused() {
-            s.evaluation.collision.narrow_phase.new_planes.clone_from(&self.planes);
+            s.evaluation.collision.narrow_phase.new_planes.copy_from(&self.planes);
         }
     }
 }

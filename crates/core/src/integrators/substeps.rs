@@ -1,10 +1,11 @@
-//! Substeps: the parts of a step, which each lane has for itself. There are two reasons to divide a step.
+//! Division of a step into parts, in each lane for itself. There are two reasons to divide a step.
 //!
 //! **Impacts.** A flight ends at the first elastic impact of its lane ([`crate::integrators::locate`]). The impact is a part of its own: the
 //! velocity jumps at one configuration. The rest of the step is the next flight. Mechanisms that no impact touches keep their whole step
 //! ([`crate::integrators::untouched`]).
 //!
-//! **Steps that keep an error.** The estimated error of the positions in each interval is within a share of the user's bound. The estimate
+//! **Steps that keep an error.** The estimated error of the positions in each interval is within a share of the user's bound, unless the
+//! interval is the shortest. The estimate
 //! is that of step doubling (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.4). An interval is stepped
 //! once as a whole and once in two halves, each with the impacts in it. The distance between both results is the estimate, and the two
 //! halves are the result. If the distance is too large, the first half becomes the next interval. The result of a step over it is known
@@ -21,6 +22,7 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{quat_at, select_into};
 use crate::integrators::evaluation::Substep;
+use crate::integrators::impact::shortest_flight;
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::substep_buffers::Buffers;
 use crate::integrators::untouched::{note_impacts, spread, step_untouched};
@@ -30,12 +32,15 @@ use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::StepSettings;
 use crate::stages::s10_record::{Record, Status};
-use crate::tuning::{IMPACT_DURATION, MAX_HALVINGS, MAX_IMPACTS, MIN_ERROR_SHARE, SHORTEST_FLIGHT};
+use crate::tuning::{IMPACT_DURATION, MAX_HALVINGS, MAX_IMPACTS, MIN_ERROR_SHARE};
+
+/// Largest factor by which impulses grow as a start for a longer part.
+const MAX_IMPULSE_RATIO: f64 = 100.0;
 
 /// Number of the shortest intervals in a step.
 const TICKS: u32 = 1 << MAX_HALVINGS;
 
-/// What a lane computes over its interval.
+/// Phase of step doubling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// The whole interval.
@@ -112,7 +117,7 @@ pub(crate) fn step_in_parts<R: Real>(
         let lanes = [active, keeping];
         let completed = end_parts(compiled, s, &mut buffers, options, (&intervals, &mut progress), lanes, &mut span);
         if std::mem::take(&mut is_first_pass) {
-            buffers.keep_planes(s, completed);
+            buffers.keep_first_pass(s, completed);
         }
         let in_phase =
             |phase| R::Mask::from_bits(each_of(completed).filter(|&l| intervals[l].phase == phase).fold(0, |bits, l| bits | 1 << l));
@@ -171,7 +176,10 @@ pub(crate) fn step_in_parts<R: Real>(
     }
     match options.error {
         Some(error) => total.flag_inaccurate(error, all),
-        None => step_untouched(compiled, options, s, &mut buffers, kept, make),
+        None => {
+            total.substeps = kernel!(R, || R::select(s.evaluation.divided, total.substeps, R::zero()));
+            step_untouched(compiled, options, s, &mut buffers, (kept, &mut total), make);
+        }
     }
     end(&buffers, s, options, all, kept);
     total.add_flag(Status::CONTACTS_FULL, s.state.contacts.full & all.bits());
@@ -207,7 +215,7 @@ fn end<R: Real>(buffers: &Buffers<R>, s: &mut Workspace<R>, options: &StepSettin
     s.position.act.copy_from_slice(act);
     s.alive = alive;
     s.evaluation.substep = Substep::whole(options);
-    buffers.restore_planes(s);
+    buffers.restore_first_pass(s);
 }
 
 impl Interval {
@@ -274,7 +282,7 @@ fn begin_pass<R: Real>(
         without_end |= u32::from(progress.impacts >= MAX_IMPACTS) << lane;
     }
     [substep.is_impact, substep.follows_impact] = [impacts, after_impacts].map(R::Mask::from_bits);
-    substep.has_no_end = substep.has_no_end.or(R::Mask::from_bits(without_end));
+    substep.bounces_at_end = substep.bounces_at_end.or(R::Mask::from_bits(without_end));
     s.alive = R::Mask::from_bits(active);
     s.evaluation.substep = substep;
     s.evaluation.collision.forget_planes();
@@ -283,7 +291,8 @@ fn begin_pass<R: Real>(
     }
     kernel!(R, || {
         let duration = R::select(substep.is_impact, substep.longest * R::of(IMPACT_DURATION), substep.longest);
-        let factor = duration / *span;
+        // Impulses of a very short flight are no start for a long one.
+        let factor = (duration / *span).min(R::of(MAX_IMPULSE_RATIO));
         s.state.contacts.scale_impulses(factor);
         for impulse in s.state.impulse.iter_mut().chain(&mut s.velocity.scalar_impulse) {
             *impulse *= factor;
@@ -312,7 +321,7 @@ fn end_parts<R: Real>(
         let own = &mut progress[lane];
         divided |= u32::from(own.flown > 0.0 || own.is_impact) << lane;
         let [_, of_phase] = intervals[lane].times(options.timestep);
-        let shortest = SHORTEST_FLIGHT * options.timestep;
+        let shortest = shortest_flight::<R>() * options.timestep;
         let ended = if own.is_impact {
             (own.impacts, own.is_impact, own.follows_impact) = (own.impacts + 1, false, true);
             of_phase - own.flown <= shortest
@@ -328,9 +337,11 @@ fn end_parts<R: Real>(
     if summing.any() {
         parts.add(summed, &s.state, &s.velocity.scalar_impulse, summing);
     }
-    if impacts.any() {
-        note_impacts(compiled, &s.problem, &s.state.contacts, touched);
+    if !s.problem.impacts.is_empty() {
+        note_impacts(compiled, &s.problem, &s.state.contacts, R::Mask::from_bits(active), touched);
         spread(compiled, &s.state.contacts, touched);
+    }
+    if impacts.any() {
         // The velocity jumps, and the rest of the state stays.
         flown.state.v.copy_from_slice(&s.state.v);
         flown.restore((&mut s.state, &mut s.velocity.scalar_impulse), span, impacts);

@@ -14,36 +14,39 @@ use crate::integrators::substep_buffers::Buffers;
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::options::StepSettings;
-use crate::stages::s10_record::Record;
+use crate::stages::s10_record::{Record, Status};
 
-/// Adds the mechanisms that bounce in an impact to `touched`, which has the lanes of each mechanism. `contacts` are those of the impact.
+/// Adds mechanisms with a bouncing contact to `touched`, which has the lanes of each mechanism, in the lanes `lanes`. So does it with contacts
+/// that collide in a flight that ignores impacts. `contacts` are those of the last part.
 pub(super) fn note_impacts<R: Real>(
     compiled: &LaneModel<R>,
     problem: &ConstraintProblem<R>,
     contacts: &Contacts<R>,
+    lanes: R::Mask,
     touched: &mut [R::Mask],
 ) {
-    for (i, impact) in problem.impacts.iter().enumerate().filter(|(_, impact)| impact.lanes.any()) {
-        for (pair, lanes) in contacts.pairs(problem.slot_of(i), impact.lanes.bits()) {
+    for (i, impact) in problem.impacts.iter().enumerate() {
+        let impact_lanes = lanes.and(impact.lanes.or(impact.ignored));
+        for (pair, lanes) in contacts.pairs(problem.slot_of(i), impact_lanes.bits()) {
             mechanisms_of(compiled, pair).for_each(|m| touched[m] = touched[m].or(R::Mask::from_bits(lanes)));
         }
     }
 }
 
 /// Makes the whole step in lanes that impacts have divided, without division. Its result replaces that of `buffers` in mechanisms that no
-/// impact touches, not even through the contact forces of others. `make` is that of [`super::substeps::step_in_parts`], and the lanes `kept`
-/// (bits) keep their state.
+/// impact touches, not even through the contact forces of others. `make` is that of [`super::substeps::step_in_parts`]. The lanes `kept`
+/// (bits) keep their state, and `record` is that of the step.
 pub(super) fn step_untouched<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     s: &mut Workspace<R>,
     buffers: &mut Buffers<R>,
-    kept: u32,
+    (kept, record): (u32, &mut Record<R>),
     make: impl Fn(&mut Workspace<R>, Option<StepOutcome<R>>) -> (Record<R>, u32),
 ) {
     let Buffers { touched, total, before, end, .. } = buffers;
     spread(compiled, &total.state.contacts, touched);
-    let all_touched = touched.iter().fold(R::Mask::splat(true), |lanes, &touched| lanes.and(touched));
+    let all_touched = compiled.mechanisms.parts.iter().fold(R::Mask::splat(true), |lanes, part| lanes.and(touched[part.mechanism]));
     let lanes = s.evaluation.divided.and_not(R::Mask::from_bits(kept)).and_not(all_touched);
     if lanes.none() {
         return;
@@ -54,15 +57,22 @@ pub(super) fn step_untouched<R: Real>(
     // The impulses of the parts are a start for the solver.
     total.restore_impulses((&mut s.state, &mut s.velocity.scalar_impulse), R::Mask::splat(true));
     s.alive = lanes;
-    s.evaluation.substep = Substep { passes_over: R::Mask::splat(true), ..Substep::whole(options) };
+    s.evaluation.substep = Substep { ignores_impacts: R::Mask::splat(true), ..Substep::whole(options) };
     s.evaluation.collision.forget_planes();
-    let (_, keeping) = make(s, None);
+    let (undivided, keeping) = make(s, None);
+    note_impacts(compiled, &s.problem, &s.state.contacts, lanes, touched);
     // Very fast mechanisms are evaluated at the beginning of a long step, of first order. Their parts are more accurate.
     for (mechanism, touched) in touched.iter_mut().enumerate() {
         *touched = touched.or(s.evaluation.times.moved_lanes(mechanism));
     }
     spread(compiled, &s.state.contacts, touched);
-    let lanes = lanes.and_not(R::Mask::from_bits(keeping));
+    // A mechanism that is not finite in the undivided step alone keeps its parts, with those beside it.
+    let broken = undivided.lanes(Status::NON_FINITE) & !record.lanes(Status::NON_FINITE);
+    let lanes = lanes.and_not(R::Mask::from_bits(keeping | broken));
+    record.residual = kernel!(R, || R::select(lanes, record.residual.max(undivided.residual), record.residual));
+    for flag in [Status::NOT_CONVERGED, Status::CONTACTS_FULL] {
+        record.add_flag(flag, undivided.lanes(flag) & lanes.bits());
+    }
     let keeps_step = |mechanism: usize| lanes.and_not(touched[mechanism]);
     let of_tree = |tree: &Option<usize>| tree.map_or_else(|| R::Mask::splat(false), |tree| keeps_step(compiled.mechanisms.of_tree[tree]));
     let [v, q, act] = end;
@@ -97,6 +107,10 @@ pub(super) fn spread<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, t
         contacts,
         |k| contacts.bearing(k),
         |[a, b], lanes| {
+            // Mocap bodies pass no forces on.
+            if [a, b].iter().any(|m| compiled.mechanisms.of_mocap.contains(m) && !compiled.mechanisms.of_tree.contains(m)) {
+                return R::Mask::splat(false);
+            }
             let both = touched[a].or(touched[b]).and(lanes);
             let changed = both.and_not(touched[a].and(touched[b]));
             (touched[a], touched[b]) = (touched[a].or(both), touched[b].or(both));

@@ -73,6 +73,11 @@ def test_the_table_of_a_sweep_stays(tmp_path):
     ("study", "given", "message"),
     [
         (of(ishigami), {"samples": 48}, "samples is 48, must be a power of 2"),
+        (
+            of(lambda now: np.asarray(now.parameters["x"], float) * np.asarray(now.parameters["y"], float), success="> 4", seed=4),
+            {"samples": 2},
+            "the outcome is the same at all 4 independent points and differs at others",
+        ),
         (of(ishigami), {"parameters": ["w"]}, "there is no parameter 'w', there are: x, y, z; or give a selector with its range"),
         (of(ishigami), {"parameters": ["x"]}, "1 parameter with low and high, must have two"),
         (of(ishigami), {"setting": "fast"}, "no settings 'fast'"),

@@ -145,8 +145,13 @@ def rank(
         rows = run_points(study, points, results.journal, None if progress is None else lambda done: progress(f"rank {study.name}", done))
         values = _values(study, rows)
         n = samples
-        total, first_order, total_ends, first_ends = _indices(stats, study, values, n)
         independent = values[: 2 * n]
+        if np.ptp(independent) == 0.0:
+            raise ValueError(
+                f"the outcome is the same at all {2 * n} independent points and differs at others, so that its variance is unknown; "
+                f"give more samples than {n}"
+            )
+        total, first_order, total_ends, first_ends = _indices(stats, study, values, n)
         ranks = []
         for k, name in enumerate(names):
             column = np.concatenate([first[:, k], second[:, k]])
@@ -155,7 +160,7 @@ def rank(
             if study.success_outcome is not None:
                 # If outcomes are equal in all n pairs of points, the bootstrap gives an interval of length 0. The upper end is therefore at
                 # least the index that follows from Wilson's bound of the fraction of pairs that differ, with changes from 0 to 1.
-                bound = min(1.0, wilson(0, n)[1] / (2.0 * float(values[: 2 * n].var())))
+                bound = min(1.0, wilson(0, n)[1] / (2.0 * float(independent.var())))
                 ends = [(0.0, bound)] * 2 if total[k] == 0.0 else [(low, max(high, bound)) for low, high in ends]
             ranks.append(Rank(name, float(total[k]), ends[0], float(first_order[k]), ends[1], thirds, intervals))
         ranks.sort(key=lambda entry: -entry.total)

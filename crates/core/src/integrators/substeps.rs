@@ -157,8 +157,11 @@ pub(crate) fn step_in_parts<R: Real>(
                 total.add(&first, taken);
                 total.add_error(distance, taken);
                 start.store((&s.state, &s.velocity.scalar_impulse), span, taken);
+                sums.add(summed, &s.state, &s.velocity.scalar_impulse, taken);
+            } else {
+                // The only phase: even the signs of zeros stay.
+                sums.store((&s.state, &s.velocity.scalar_impulse), span, taken);
             }
-            sums.add(summed, &s.state, &s.velocity.scalar_impulse, taken);
             total.add(&parts, taken);
             for (end, now) in end.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
                 select_into(end, now, R::Mask::from_bits(done));

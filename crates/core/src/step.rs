@@ -23,7 +23,8 @@ use crate::stages::s10_record::Record;
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
 /// the inputs, and receives the next state.
 ///
-/// Stages 1 to 10 run in order, except for the loops in `locate` and `solve_velocities`. The next state is accepted between stages 8 and 9.
+/// Stages 1 to 10 run in order, except for the loops in `locate` and `solve_velocities`, and stage 10, which comes before stage 9. The next
+/// state is accepted after stage 8.
 ///
 /// The stages call kernels: functions that are compiled once for every lane type and CPU level. This function is a kernel too, because it
 /// has lane masks, which are vectors. Outside a kernel every operation on a vector is a function call.
@@ -66,9 +67,7 @@ pub fn step<R: Real>(
             return record;
         };
         let accepted = span!(probe, Accept, || accept(compiled, s, options.timestep));
-        // 9 sense
-        span!(probe, Sense, || sense_state(compiled, options, s, devices));
-        // 10 record
+        // 10 record, before stage 9: sensors read the contacts that the state keeps.
         let Workspace { state, inputs, evaluation, free_motion, problem, velocity, alive, .. } = s;
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
         let end = (R::of(state.elapsed), &mut evaluation.kinematics);
@@ -77,6 +76,8 @@ pub fn step<R: Real>(
         // their geoms passed each other without touching. `solve_velocities` has activated those whose gap stays open, which the state
         // keeps.
         problem.remove_deferred(&mut state.contacts, accepted.finite);
+        // 9 sense
+        span!(probe, Sense, || sense_state(compiled, options, s, devices));
         record
     })
 }

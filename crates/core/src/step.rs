@@ -94,8 +94,8 @@ fn sense_state<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut
     observe(input, velocity, &mut evaluation.kinematics, sensors, devices);
 }
 
-/// Makes the part of a step in `s.evaluation.substep`. Returns its record, and the lanes (bits) that keep their whole state. The time of the
-/// state does not advance. If stages 1 to 8 are made already, `solved` is their outcome.
+/// Makes the part of a step in `s.evaluation.substep`. Returns its record, and the lanes (bits) that keep their whole state. The time of
+/// the state does not advance. If stages 1 to 8 are made already, `solved` is their outcome.
 #[inline(never)]
 fn make_part<R: Real>(
     compiled: &LaneModel<R>,

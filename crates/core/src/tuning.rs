@@ -43,8 +43,8 @@ pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
 /// `stages/s05_solve.rs`).
 pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 
-/// Residual at which the solver stops in an impact, relative to the tolerance, in double precision. Evidence: with 1, the energy of 216 elastic
-/// spheres changes by 5e-3 of 34,500 J, and a touching cradle of Newton by 1e-4.
+/// Residual at which the solver stops in an impact, relative to the tolerance, in double precision. Evidence: with 1, the energy of 216
+/// elastic spheres changes by 5e-3 of 34,500 J, and a touching cradle of Newton by 1e-4.
 pub(crate) const IMPACT_TOLERANCE_RATIO: f64 = 1e-2;
 
 /// Smallest limit of Newton steps at which lanes whose solve fails are solved a second time, without curvature terms.

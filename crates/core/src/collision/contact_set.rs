@@ -235,8 +235,8 @@ impl<R: Real> Contacts<R> {
     /// force would be too small. The error, as a fraction of the force, is the ratio of the gap to `drop`. `drop` is the distance that
     /// gravity covers in the step, g h^2, m.
     ///
-    /// The rounding error is that of [`rounded_gap`]. If a pair has two contacts and one of them touches, the other one closes a gap of up to
-    /// [`PAIR_ROUNDING_RATIO`] rounding errors.
+    /// The rounding error is that of [`rounded_gap`]. If a pair has two contacts and one of them touches, the other one closes a gap of up
+    /// to [`PAIR_ROUNDING_RATIO`] rounding errors.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

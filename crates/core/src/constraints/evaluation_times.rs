@@ -21,8 +21,8 @@ pub(crate) struct EvaluationTimes<R: Real> {
     rule: R,
     /// Time from the end of the step to the evaluation point of the next one, s.
     next: R,
-    /// Time from the evaluation point of the integration rule to that of the next step, s, and the fraction of a gap that may close in the
-    /// step.
+    /// Time from the evaluation point of the integration rule to that of the next step, s. The second number is the fraction of a gap that
+    /// may close in the step.
     closing: [R; 2],
     /// Time from the beginning of the step to the evaluation of each mechanism, s. Current only if `moved` is true.
     before: Vec<R>,

@@ -1,8 +1,8 @@
 //! Contacts that bounce: restitution by Newton's law.
 //!
-//! A flight ends where the first elastic contact of its lane collides ([`crate::constraints::impact_time`]). The contact has no rows in this
-//! flight. The substep that follows is the impact: a jump of the velocity at this configuration, in which all touching contacts take part.
-//! With the velocities v- before it, the rows of those that bounce are (Moreau 1988)
+//! A flight ends where the first elastic contact of its lane collides ([`crate::constraints::impact_time`]). The contact has no rows in
+//! this flight. The substep that follows is the impact: a jump of the velocity at this configuration, in which all touching contacts take
+//! part. With the velocities v- before it, the rows of those that bounce are (Moreau 1988)
 //!
 //! ```text
 //! 0 <= lambda_n, complementary to v_n+ + e v_n- >= 0     so g_n = (1 + e) v_n-
@@ -12,9 +12,9 @@
 //! The work of the impulses lambda is lambda^T G lambda (1/2 - 1/(1 + e)). Here G is the Delassus matrix and e the coefficient of
 //! restitution. This work is negative, so that impacts add no energy, and zero for e = 1.
 //!
-//! Two kinds of flights have no end at an impact: those with Euler's rule, and those after a limited number of impacts in the same step. There
-//! the law applies to the velocity after the flight without constraints, and the position solve closes the gap, as in textbooks. If v- is
-//! slow and the gap small, the contact rests.
+//! Two kinds of flights have no end at an impact: those with Euler's rule, and those after a limited number of impacts in the same step.
+//! There the law applies to the velocity after the flight without constraints, and the position solve closes the gap, as in textbooks. If
+//! v- is slow and the gap small, the contact rests.
 
 use stepper_real::{Mask, Real, kernel};
 use stepper_solve::{Iterate, Problem};

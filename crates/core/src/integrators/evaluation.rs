@@ -58,7 +58,8 @@ pub(crate) struct Substep<R: Real> {
     pub(crate) is_impact: R::Mask,
     /// Lanes whose last substep was an impact.
     pub(crate) follows_impact: R::Mask,
-    /// Lanes whose flight does not end at impacts: after many impacts, and with Euler's rule. Newton's law acts at its end, as in textbooks.
+    /// Lanes whose flight does not end at impacts: after many impacts, and with Euler's rule. Newton's law acts at its end, as in
+    /// textbooks.
     pub(crate) bounces_at_end: R::Mask,
     /// Lanes whose flight ignores impacts: colliding elastic contacts have no rows. Only mechanisms without impacts use the result.
     pub(crate) ignores_impacts: R::Mask,
@@ -114,8 +115,8 @@ impl<R: Real> Evaluation<R> {
         }
     }
 
-    /// Sets the length of flights to `length` s, and with it the integration scheme and the evaluation times. Impacts are evaluated at their
-    /// configuration.
+    /// Sets the length of flights to `length` s, and with it the integration scheme and the evaluation times. Impacts are evaluated at
+    /// their configuration.
     #[inline(always)]
     pub(crate) fn place(&mut self, options: &StepSettings, length: R) {
         let Self { substep, scheme, times, .. } = self;

@@ -1,5 +1,5 @@
-//! Impacts: the end of a flight at its first elastic impact, impacts for which Newton's law of restitution has no solution, and the inertial
-//! forces of flights in which an inelastic impact makes the velocity jump.
+//! Impacts. Flights end at their first elastic impact. Impacts for which Newton's law of restitution has no solution become inelastic.
+//! Flights in which an inelastic impact makes the velocity jump get other inertial forces.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
@@ -22,11 +22,12 @@ use crate::tuning::{
     PLACEMENT_TOLERANCE, SHORTEST_FLIGHT,
 };
 
-/// Makes one step of the search for the first elastic impact of each lane, which ends its flight. Returns whether any flight changed, so that the step must be evaluated
-/// again.
+/// Makes one step of the search for the first elastic impact of each lane, which ends its flight. Returns whether any flight changed, so
+/// that the step must be evaluated again.
 ///
-/// `v_free` is the velocity after the flight without constraints. `changes` is the number of earlier changes in this step. A predicted impact
-/// is evaluated at its time, from which Newton's method continues. After the search, the flight is evaluated where the integration rule has it.
+/// `v_free` is the velocity after the flight without constraints. `changes` is the number of earlier changes in this step. A predicted
+/// impact is evaluated at its time, from which Newton's method continues. After the search, the flight is evaluated where the integration
+/// rule has it.
 ///
 /// A contact that overlaps beyond the slop (the overlap that position correction leaves) while its surfaces separate must have touched
 /// earlier. In the first call, its lane is evaluated at the beginning of the flight.
@@ -143,8 +144,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         lanes
     }
 
-    /// Recomputes the free velocity of mechanisms in which inelastic contacts made the velocity jump within a flight. Returns the lanes with
-    /// such a mechanism, which must be solved again.
+    /// Recomputes the free velocity of mechanisms in which inelastic contacts made the velocity jump within a flight. Returns the lanes
+    /// with such a mechanism, which must be solved again.
     ///
     /// The midpoint rule moves bodies for half of the step at the velocity before the step, and for half at the velocity after it. Inertial
     /// forces should therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean
@@ -232,8 +233,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         })
     }
 
-    /// Computes the free velocity with inertial forces at the velocity before the step and at the velocity after it, each for half of the
-    /// step, into `v_free_corrected`. The forces of stage 1 do not change.
+    /// Computes the free velocity into `v_free_corrected`. Inertial forces at the velocity before the step act for half of it, and those at
+    /// the velocity after it for the other half. The forces of stage 1 do not change.
     fn compute_inertial_forces(&mut self) {
         let StepContext { input: StepInput { compiled, state, .. }, evaluation } = self.context;
         let Evaluation { scheme, times, kinematics, .. } = evaluation;

@@ -17,8 +17,8 @@ use crate::stages::s03_detect::detect;
 /// contacts.
 ///
 /// With Euler's rule and the implicit rule, the point is the beginning of the substep, with the midpoint rule its middle. The midpoint rule
-/// has an exception. A very fast body could pass through a thin geom before the middle, so its mechanism is evaluated at the beginning, with
-/// those in contact with it. A flight ends at the first elastic impact of its lane. An impact is evaluated at its configuration.
+/// has an exception. A very fast body could pass through a thin geom before the middle, so its mechanism is evaluated at the beginning,
+/// with those in contact with it. A flight ends at the first elastic impact of its lane. An impact is evaluated at its configuration.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     evaluation.place(input.options, evaluation.substep.longest);

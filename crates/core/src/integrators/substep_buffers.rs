@@ -4,10 +4,8 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::separation_cache::SeparationCache;
-use crate::compile::LaneModel;
 use crate::dynamics::kinematics::select_into;
 use crate::integrators::state::State;
-use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 
 /// Buffers of steps that are divided into parts.
@@ -38,9 +36,9 @@ pub(crate) struct Buffers<R: Real> {
     /// Lanes in which impacts touch each mechanism.
     pub(super) touched: Vec<R::Mask>,
     /// Evaluated configuration and predicted velocity of the first pass.
-    evaluated: [Vec<R>; 2],
+    pub(super) evaluated: [Vec<R>; 2],
     /// Separating planes of the lanes that reach the end of the step in the first pass.
-    planes: SeparationCache,
+    pub(super) planes: SeparationCache,
 }
 
 /// State of all lanes, with the impulses that start the next part.
@@ -119,72 +117,27 @@ fn copy<R: Real>(to: &mut State<R>, from: &State<R>, lanes: R::Mask) {
 }
 
 impl<R: Real> Buffers<R> {
-    /// Buffers for a workspace.
-    pub(super) fn new(s: &Workspace<R>, mechanisms: usize) -> Box<Self> {
-        let new = || Snapshot::new(&s.state, &s.velocity.scalar_impulse);
-        let motion = || [&s.state.v, &s.state.q, &s.state.act].map(Clone::clone);
+    /// Buffers for states like `state`, with impulses of scalar rows like `scalar_impulse` and separating planes like `planes`. `counts`
+    /// are the numbers of mechanisms and actuators.
+    pub(super) fn new(state: &State<R>, scalar_impulse: &[R], planes: &SeparationCache, counts: [usize; 2]) -> Box<Self> {
+        let new = || Snapshot::new(state, scalar_impulse);
+        let motion = || [&state.v, &state.q, &state.act].map(Clone::clone);
+        let lanes = |count| vec![R::Mask::splat(false); count];
         Box::new(Self {
             flown: new(),
             parts: new(),
             start: new(),
-            whole: s.state.q.clone(),
+            whole: state.q.clone(),
             middle: new(),
             end: motion(),
             total: new(),
-            summed: s.state.contacts.clone(),
+            summed: state.contacts.clone(),
             before: motion(),
-            saturated: vec![R::Mask::splat(false); s.free_motion.actuator_forces.found_saturated.len()],
+            saturated: lanes(counts[1]),
             is_current: false,
-            touched: vec![R::Mask::splat(false); mechanisms],
-            evaluated: [s.evaluation.q.clone(), s.free_motion.v_expected.clone()],
-            planes: s.evaluation.collision.narrow_phase.new_planes.clone(),
+            touched: lanes(counts[0]),
+            evaluated: [state.q.clone(), state.v.clone()],
+            planes: planes.clone(),
         })
-    }
-
-    /// Begins a step from the state of the workspace. The impulses of the state belong to `h` s.
-    pub(super) fn begin(&mut self, s: &Workspace<R>, h: R) {
-        for list in [&mut self.before, &mut self.end] {
-            for (list, now) in list.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
-                list.copy_from_slice(now);
-            }
-        }
-        let all = R::Mask::splat(true);
-        self.start.store((&s.state, &s.velocity.scalar_impulse), h, all);
-        self.total.clear(all);
-        self.touched.fill(R::Mask::splat(false));
-        self.saturated.fill(R::Mask::splat(false));
-        self.is_current = true;
-        self.parts.clear(all);
-    }
-
-    /// Notes the actuators whose force the last part clamped in the lanes `lanes`.
-    pub(super) fn note_saturated(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: R::Mask) {
-        kernel!(R, || {
-            let flights = lanes.and_not(s.evaluation.substep.is_impact);
-            for (actuator, saturated) in self.saturated.iter_mut().enumerate() {
-                *saturated = saturated.or(flights.and(s.free_motion.actuator_forces.is_saturated(compiled, actuator)));
-            }
-        });
-    }
-
-    /// Keeps results of the first pass that later steps and derivatives read in the lanes `lanes` (bits), which it completes: separating
-    /// planes, the evaluated configuration and the predicted velocity.
-    pub(super) fn keep_first_pass(&mut self, s: &Workspace<R>, lanes: u32) {
-        self.evaluated[0].copy_from_slice(&s.evaluation.q);
-        self.evaluated[1].copy_from_slice(&s.free_motion.v_expected);
-        if !self.planes.is_unused() {
-            self.planes.copy_from(&s.evaluation.collision.narrow_phase.new_planes);
-            (0..R::LANES).filter(|lane| lanes >> lane & 1 == 0).for_each(|lane| self.planes.forget(lane));
-        }
-    }
-
-    /// Restores the results that [`Self::keep_first_pass`] has kept. They must not depend on the passes of other lanes.
-    pub(super) fn restore_first_pass(&self, s: &mut Workspace<R>) {
-        s.evaluation.q.copy_from_slice(&self.evaluated[0]);
-        s.free_motion.v_expected.copy_from_slice(&self.evaluated[1]);
-        s.evaluation.collision.forget_planes();
-        if !self.planes.is_unused() {
-            s.evaluation.collision.narrow_phase.new_planes.copy_from(&self.planes);
-        }
     }
 }

@@ -1,16 +1,15 @@
 //! Division of a step into parts, in each lane for itself. There are two reasons to divide a step.
 //!
-//! **Impacts.** A flight ends at the first elastic impact of its lane ([`crate::integrators::locate`]). The impact is a part of its own: the
-//! velocity jumps at one configuration. The rest of the step is the next flight. Mechanisms that no impact touches keep their whole step
-//! ([`crate::integrators::untouched`]).
+//! **Impacts.** A flight ends at the first elastic impact of its lane ([`crate::integrators::locate`]). The impact is a separate part:
+//! the velocity jumps at one configuration. The rest of the step is the next flight. Mechanisms that no impact touches keep their whole
+//! step ([`crate::integrators::untouched`]).
 //!
-//! **Steps that keep an error.** The estimated error of the positions in each interval is within a share of the user's bound, unless the
-//! interval is the shortest. The estimate
-//! is that of step doubling (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.4). An interval is stepped
-//! once as a whole and once in two halves, each with the impacts in it. The distance between both results is the estimate, and the two
-//! halves are the result. If the distance is too large, the first half becomes the next interval. The result of a step over it is known
-//! already. Lengths are the step divided by powers of two. After an accepted interval, the next one is the longest that begins at a multiple
-//! of its length.
+//! **Steps that keep an error.** The step is divided into intervals, each with an estimated error of the positions. It is within a share of
+//! the user's bound, unless the interval is the shortest. The estimate is that of step doubling (Hairer, Norsett and Wanner, Solving
+//! Ordinary Differential Equations I, section II.4). An interval is stepped once as a whole and once in two halves, each with the impacts
+//! in it. The distance between both results is the estimate, and the two halves are the result. If the distance is too large, the first
+//! half becomes the next interval. The result of a step over it is known already. Lengths are the step divided by powers of two. After an
+//! accepted interval, the next one is the longest that begins at a multiple of its length.
 //!
 //! Lanes differ in their parts, and what a lane computes does not depend on other lanes. A pass executes stages 1 to 8 and 10 in all lanes,
 //! each with the part that it needs next. Lanes that have reached the end of the step wait.
@@ -82,8 +81,8 @@ struct Progress {
 /// With `options.error`, m or rad, each interval may have a share of this error in proportion to its length, but at least
 /// [`MIN_ERROR_SHARE`]. Lanes in which the sum of the estimates exceeds the error have the flag [`Status::INACCURATE`].
 ///
-/// `make` executes the part of `s.evaluation.substep`, without advancing the time of the state, and returns its record with the lanes (bits)
-/// that keep their whole state. If stages 1 to 8 of the first part are made already, `solved` is their outcome.
+/// `make` executes the part of `s.evaluation.substep`, without advancing the time of the state, and returns its record with the lanes
+/// (bits) that keep their whole state. If stages 1 to 8 of the first part are made already, `solved` is their outcome.
 ///
 /// Afterwards the workspace has the next state. The buffers of velocities and positions have the state before the step, as after one whole
 /// step.
@@ -96,7 +95,7 @@ pub(crate) fn step_in_parts<R: Real>(
     mut solved: Option<StepOutcome<R>>,
     make: impl Fn(&mut Workspace<R>, Option<StepOutcome<R>>) -> (Record<R>, u32),
 ) -> Record<R> {
-    let mut buffers = s.substep_buffers.take().unwrap_or_else(|| Buffers::new(s, compiled.mechanisms.count));
+    let mut buffers = s.substep_buffers.take().unwrap_or_else(|| s.new_buffers(compiled));
     let (all, h) = (s.alive, options.timestep);
     let mut span = R::of(h);
     buffers.begin(s, span);
@@ -190,8 +189,8 @@ pub(crate) fn step_in_parts<R: Real>(
     total
 }
 
-/// Ends a step: the workspace gets the state at the end, sums of impulses, and the state before the step, as after one whole step. The lanes
-/// `kept` (bits) keep the state before the step and their time.
+/// Ends a step: the workspace gets the state at the end, sums of impulses, and the state before the step, as after one whole step. The
+/// lanes `kept` (bits) keep the state before the step and their time.
 fn end<R: Real>(buffers: &Buffers<R>, s: &mut Workspace<R>, options: &StepSettings, alive: R::Mask, kept: u32) {
     let Buffers { end, before, total, .. } = buffers;
     let keeps = R::Mask::from_bits(kept);
@@ -219,6 +218,55 @@ fn end<R: Real>(buffers: &Buffers<R>, s: &mut Workspace<R>, options: &StepSettin
     s.alive = alive;
     s.evaluation.substep = Substep::whole(options);
     buffers.restore_first_pass(s);
+}
+
+impl<R: Real> Buffers<R> {
+    /// Begins a step from the state of the workspace. The impulses of the state belong to `h` s.
+    pub(super) fn begin(&mut self, s: &Workspace<R>, h: R) {
+        for list in [&mut self.before, &mut self.end] {
+            for (list, now) in list.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
+                list.copy_from_slice(now);
+            }
+        }
+        let all = R::Mask::splat(true);
+        self.start.store((&s.state, &s.velocity.scalar_impulse), h, all);
+        self.total.clear(all);
+        self.touched.fill(R::Mask::splat(false));
+        self.saturated.fill(R::Mask::splat(false));
+        self.is_current = true;
+        self.parts.clear(all);
+    }
+
+    /// Notes the actuators whose force the last part clamped in the lanes `lanes`.
+    pub(super) fn note_saturated(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: R::Mask) {
+        kernel!(R, || {
+            let flights = lanes.and_not(s.evaluation.substep.is_impact);
+            for (actuator, saturated) in self.saturated.iter_mut().enumerate() {
+                *saturated = saturated.or(flights.and(s.free_motion.actuator_forces.is_saturated(compiled, actuator)));
+            }
+        });
+    }
+
+    /// Keeps results of the first pass in the lanes `lanes` (bits), which it completes: separating planes, the evaluated configuration and
+    /// the predicted velocity. Later steps and derivatives read them.
+    pub(super) fn keep_first_pass(&mut self, s: &Workspace<R>, lanes: u32) {
+        self.evaluated[0].copy_from_slice(&s.evaluation.q);
+        self.evaluated[1].copy_from_slice(&s.free_motion.v_expected);
+        if !self.planes.is_unused() {
+            self.planes.copy_from(&s.evaluation.collision.narrow_phase.new_planes);
+            (0..R::LANES).filter(|lane| lanes >> lane & 1 == 0).for_each(|lane| self.planes.forget(lane));
+        }
+    }
+
+    /// Restores the results that [`Self::keep_first_pass`] has kept. They must not depend on the passes of other lanes.
+    pub(super) fn restore_first_pass(&self, s: &mut Workspace<R>) {
+        s.evaluation.q.copy_from_slice(&self.evaluated[0]);
+        s.free_motion.v_expected.copy_from_slice(&self.evaluated[1]);
+        s.evaluation.collision.forget_planes();
+        if !self.planes.is_unused() {
+            s.evaluation.collision.narrow_phase.new_planes.copy_from(&self.planes);
+        }
+    }
 }
 
 impl Interval {
@@ -304,8 +352,8 @@ fn begin_pass<R: Real>(
     });
 }
 
-/// Takes up the parts of a pass of the lanes `active` (bits). Returns the lanes that have completed their phase. The state then has the sums
-/// of its impulses, which belong to `span` s. The lanes `keeping` (bits) have kept their state: they complete their phase without it.
+/// Takes up the parts of a pass of the lanes `active` (bits). Returns the lanes that have completed their phase. The state then has the
+/// sums of its impulses, which belong to `span` s. The lanes `keeping` (bits) have kept their state: they complete their phase without it.
 fn end_parts<R: Real>(
     compiled: &LaneModel<R>,
     s: &mut Workspace<R>,

@@ -16,8 +16,8 @@ use crate::math::lanes::each_of;
 use crate::options::StepSettings;
 use crate::stages::s10_record::{Record, Status};
 
-/// Adds mechanisms with a bouncing contact to `touched`, which has the lanes of each mechanism, in the lanes `lanes`. So does it with contacts
-/// that collide in a flight that ignores impacts. `contacts` are those of the last part.
+/// Adds mechanisms with a bouncing contact to `touched`, which has the lanes of each mechanism, in the lanes `lanes`. So does it with
+/// contacts that collide in a flight that ignores impacts. `contacts` are those of the last part.
 pub(super) fn note_impacts<R: Real>(
     compiled: &LaneModel<R>,
     problem: &ConstraintProblem<R>,
@@ -66,7 +66,7 @@ pub(super) fn step_untouched<R: Real>(
         *touched = touched.or(s.evaluation.times.moved_lanes(mechanism));
     }
     spread(compiled, &s.state.contacts, touched);
-    // A mechanism that is not finite in the undivided step alone keeps its parts, with those beside it.
+    // A lane that is not finite in the undivided step alone keeps its parts.
     let broken = undivided.lanes(Status::NON_FINITE) & !record.lanes(Status::NON_FINITE);
     let lanes = lanes.and_not(R::Mask::from_bits(keeping | broken));
     record.residual = kernel!(R, || R::select(lanes, record.residual.max(undivided.residual), record.residual));

@@ -103,9 +103,15 @@ impl<R: Real> Workspace<R> {
             mujoco: MujocoWorkspace::new(compiled, options),
         };
         if options.error.is_some() {
-            workspace.substep_buffers = Some(Buffers::new(&workspace, compiled.mechanisms.count));
+            workspace.substep_buffers = Some(workspace.new_buffers(compiled));
         }
         workspace
+    }
+
+    /// Buffers of steps that are divided into parts.
+    pub(super) fn new_buffers(&self, compiled: &LaneModel<R>) -> Box<Buffers<R>> {
+        let planes = &self.evaluation.collision.narrow_phase.new_planes;
+        Buffers::new(&self.state, &self.velocity.scalar_impulse, planes, [compiled.mechanisms.count, compiled.actuators.len()])
     }
 
     /// Lanes in which the last step clamped the force of an actuator, in any of its parts.

@@ -157,8 +157,8 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
 
 /// Input of the force of actuator `i`: its control, or its activation.
 ///
-/// `at.act` is already the activation at the evaluation point (`advance_activations`). The control acts only through it. An early activation
-/// is that at the end of the step.
+/// `at.act` is already the activation at the evaluation point (`advance_activations`). The control acts only through it. An early
+/// activation is that at the end of the step.
 #[inline(always)]
 fn force_input<R: Real>(compiled: &LaneModel<R>, i: usize, at: &ForceState<'_, R>) -> R {
     let (actuator, u) = (&compiled.actuators[i], at.ctrl[i]);

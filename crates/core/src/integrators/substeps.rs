@@ -1,7 +1,7 @@
 //! Division of a step into parts, in each lane for itself. There are two reasons to divide a step.
 //!
-//! **Impacts.** A flight ends at the first elastic impact of its lane (`locate.rs`). The impact is a separate part: the velocity jumps at one
-//! configuration. The rest of the step is the next flight. Mechanisms that no impact touches keep their whole step (`untouched.rs`).
+//! **Impacts.** A flight ends at the first elastic impact of its lane (`locate.rs`). The impact is a separate part: the velocity jumps at
+//! one configuration. The rest of the step is the next flight. Mechanisms that no impact touches keep their whole step (`untouched.rs`).
 //!
 //! **Steps that keep an error.** The step is divided into intervals, each with an estimated error of the positions. It is within a share of
 //! the user's bound, unless the interval is the shortest. The estimate is that of step doubling (Hairer, Norsett and Wanner, Solving

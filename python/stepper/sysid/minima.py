@@ -41,12 +41,14 @@ STRIDES = 4
 
 
 def sobol(qmc: Any, residuals: Residuals, centre: Array, reach: Array, *, count: int, seed: int) -> Array:
-    """Points of a Sobol sequence around a centre, within the bounds, (count, n + starts). `count` must be a power of two.
+    """Points of a Sobol sequence around a centre, within the bounds, (count, n + starts), in units of the scales.
+
+    `count` must be a power of two.
 
     Args:
         qmc: Module `scipy.stats.qmc`.
         residuals: Residuals of the fit.
-        centre: Centre, (n + starts,): n parameters, then uncertain initial coordinates, which stay the same.
+        centre: Centre, (n + starts,), in units of the scales: n parameters, then uncertain initial coordinates, which stay the same.
         reach: Largest distance of each parameter from the centre, in units of the scales, (n,).
         count: Number of points.
         seed: Seed of the sequence.
@@ -64,7 +66,7 @@ def beyond(qmc: Any, residuals: Residuals, x: Array, at: Linearized, seed: int) 
     Args:
         qmc: Module `scipy.stats.qmc`.
         residuals: Residuals of the fit.
-        x: Estimate, (n + starts,).
+        x: Estimate, (n + starts,), in units of the scales.
         at: Residuals and Jacobian at the estimate.
         seed: Seed of the Sobol sequence.
     """

@@ -1,4 +1,4 @@
-"""The same model, options, seed and actions give the same bits, however they are run: comparisons are of raw bytes."""
+"""Reproducibility: the same model, options, seed and actions give the same bits, however they are run. Raw bytes are compared."""
 
 import dataclasses
 import functools

@@ -190,6 +190,12 @@ impl<S: Scalar> ModelStructure<S> {
         self.mechanisms.parts.iter().flat_map(|part| part.rotations.iter().cloned().flatten())
     }
 
+    /// Mechanisms of two geoms: at most two, without geoms that are fixed to the world.
+    #[inline(always)]
+    pub fn mechanisms_of(&self, geoms: [usize; 2]) -> impl Iterator<Item = usize> {
+        geoms.map(|geom| self.mechanism_of_geom(geom)).into_iter().flatten()
+    }
+
     /// Mechanism of the geom `geom`; `None` if the geom is fixed to the world.
     #[inline(always)]
     pub fn mechanism_of_geom(&self, geom: usize) -> Option<usize> {

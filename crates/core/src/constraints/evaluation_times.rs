@@ -141,8 +141,10 @@ impl<R: Real> EvaluationTimes<R> {
     }
 
     /// Lanes in which any mechanism is evaluated at the beginning of the step, and not at the time of the integration rule.
+    #[inline(always)]
     pub(crate) fn lanes_at_start(&self) -> R::Mask {
-        (0..self.fast.len()).fold(R::Mask::splat(false), |lanes, mechanism| lanes.or(self.moved_lanes(mechanism)))
+        let none = R::Mask::splat(false);
+        if self.moved { self.fast.iter().fold(none, |lanes, &fast| lanes.or(fast)) } else { none }
     }
 
     /// Lanes in which the mechanism is evaluated at another time than that of the integration rule.
@@ -170,7 +172,7 @@ impl<R: Real> EvaluationTimes<R> {
             return self.times_of_rule();
         }
         // Both geoms have the same times, unless one of them is fixed to the world.
-        match geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)).next() {
+        match compiled.mechanisms_of(geoms).next() {
             Some(m) => self.slot_times(self.before[m], self.fast[m]),
             None => self.times_of_rule(),
         }
@@ -196,7 +198,7 @@ impl<R: Real> EvaluationTimes<R> {
             let (mut before, mut fast) = (self.rule, R::Mask::splat(false));
             for (pair, lanes) in contacts.pairs(k, lanes) {
                 let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-                if let Some(m) = geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)).next() {
+                if let Some(m) = compiled.mechanisms_of(geoms).next() {
                     let lanes = R::Mask::from_bits(lanes);
                     before = R::select(lanes, self.before[m], before);
                     fast = fast.or(self.fast[m].and(lanes));
@@ -228,17 +230,7 @@ impl<R: Real> EvaluationTimes<R> {
         if !moved && self.fast.iter().all(|lanes| lanes.none()) {
             return false;
         }
-        moved |= merge_connected(
-            compiled,
-            contacts,
-            |k| contacts.lanes_of(k),
-            |[a, b], lanes| {
-                let both = self.fast[a].or(self.fast[b]).and(lanes);
-                let changed = both.and_not(self.fast[a].and(self.fast[b]));
-                (self.fast[a], self.fast[b]) = (self.fast[a].or(both), self.fast[b].or(both));
-                changed
-            },
-        );
+        moved |= merge_connected(compiled, contacts, |k| contacts.lanes_of(k), |both, lanes| union(&mut self.fast, both, lanes));
         if moved {
             self.update();
         }
@@ -252,6 +244,16 @@ impl<R: Real> EvaluationTimes<R> {
             *before = R::select(fast, R::zero(), self.rule);
         }
     }
+}
+
+/// Gives two mechanisms the lanes of either in `of_each`, which has the lanes of each mechanism, as far as they are in `lanes`. Returns the
+/// lanes in which one changed. It is a function for [`merge_connected`].
+#[inline(always)]
+pub(crate) fn union<M: Mask>(of_each: &mut [M], [a, b]: [usize; 2], lanes: M) -> M {
+    let both = of_each[a].or(of_each[b]).and(lanes);
+    let changed = both.and_not(of_each[a].and(of_each[b]));
+    (of_each[a], of_each[b]) = (of_each[a].or(both), of_each[b].or(both));
+    changed
 }
 
 /// Calls `merge` for each contact between two mechanisms, with the mechanisms and the lanes of the contact, until nothing changes any more.

@@ -37,6 +37,9 @@ pub(crate) fn end_at_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation:
     kernel!(R, || {
         let Evaluation { scheme, times, kinematics, contacts, link_velocities, substep, .. } = &mut *evaluation;
         let flights = alive.and_not(substep.is_impact.or(substep.bounces_at_end).or(substep.ignores_impacts).or(substep.search_ended));
+        if flights.none() {
+            return false;
+        }
         let [before, free] = link_velocities;
         kinematics.velocities(compiled, &state.v, before);
         kinematics.velocities(compiled, v_free, free);
@@ -207,7 +210,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             for (k, lanes) in problem.slots() {
                 for (pair, lanes) in contacts.pairs(k, lanes.bits()) {
                     let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-                    for m in geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)) {
+                    for m in compiled.mechanisms_of(geoms) {
                         jumps[m].touches = R::select(R::Mask::from_bits(lanes), R::one(), jumps[m].touches);
                     }
                 }

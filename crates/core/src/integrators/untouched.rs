@@ -6,7 +6,7 @@ use stepper_real::{Mask, Real, kernel};
 use crate::collision::contact_set::{ContactId, Contacts};
 use crate::compile::LaneModel;
 use crate::constraints::ConstraintProblem;
-use crate::constraints::evaluation_times::merge_connected;
+use crate::constraints::evaluation_times::{merge_connected, union};
 use crate::dynamics::kinematics::select_into;
 use crate::integrators::evaluation::Substep;
 use crate::integrators::step_outcome::StepOutcome;
@@ -28,7 +28,8 @@ pub(super) fn note_impacts<R: Real>(
     for (i, impact) in problem.impacts.iter().enumerate() {
         let impact_lanes = lanes.and(impact.lanes.or(impact.ignored));
         for (pair, lanes) in contacts.pairs(problem.slot_of(i), impact_lanes.bits()) {
-            mechanisms_of(compiled, pair).for_each(|m| touched[m] = touched[m].or(R::Mask::from_bits(lanes)));
+            let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
+            compiled.mechanisms_of(geoms).for_each(|m| touched[m] = touched[m].or(R::Mask::from_bits(lanes)));
         }
     }
 }
@@ -92,7 +93,10 @@ pub(super) fn step_untouched<R: Real>(
             *to = R::select(of_tree(tree), from, *to);
         }
     });
-    let is_untouched = |id: ContactId, lane: usize| mechanisms_of(compiled, id.pair()).all(|m| keeps_step(m).bits() >> lane & 1 == 1);
+    let is_untouched = |id: ContactId, lane: usize| {
+        let geoms = compiled.pair_geoms(id.pair()).expect("a pair index of this compiled model");
+        compiled.mechanisms_of(geoms).all(|m| keeps_step(m).bits() >> lane & 1 == 1)
+    };
     for lane in each_of(lanes.bits()) {
         total.state.contacts.retain(lane, |_, id| !is_untouched(id, lane));
     }
@@ -111,16 +115,7 @@ pub(super) fn spread<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, t
             if [a, b].iter().any(|m| compiled.mechanisms.of_mocap.contains(m) && !compiled.mechanisms.of_tree.contains(m)) {
                 return R::Mask::splat(false);
             }
-            let both = touched[a].or(touched[b]).and(lanes);
-            let changed = both.and_not(touched[a].and(touched[b]));
-            (touched[a], touched[b]) = (touched[a].or(both), touched[b].or(both));
-            changed
+            union(touched, [a, b], lanes)
         },
     );
-}
-
-/// Mechanisms of the two geoms of the pair with a given index.
-fn mechanisms_of<R: Real>(compiled: &LaneModel<R>, pair: usize) -> impl Iterator<Item = usize> {
-    let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-    geoms.map(|geom| compiled.mechanism_of_geom(geom)).into_iter().flatten()
 }

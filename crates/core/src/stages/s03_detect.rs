@@ -135,7 +135,7 @@ fn find_contacts<R: Real>(
         let mut any = R::Mask::splat(false);
         let mut mark = |geoms: [usize; 2], lanes: R::Mask| {
             any = any.or(lanes);
-            for m in geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)) {
+            for m in compiled.mechanisms_of(geoms) {
                 unreliable[m] = unreliable[m].or(lanes);
             }
         };

@@ -22,6 +22,7 @@ use stepper_real::{Mask, Real, kernel};
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 use crate::tuning::MAX_CURVED_OVERLAP;
 
@@ -34,6 +35,20 @@ struct Field<R> {
     velocity: V3<R>,
     /// Time derivative of the velocity field at a fixed point in space, m/s^2.
     rate: V3<R>,
+}
+
+impl<R: Real> RowBuilder<R> {
+    /// Change of the velocities of the three rows in `column` by the free motion: free velocity after the step minus velocity before the
+    /// step, m/s.
+    #[inline(always)]
+    pub(crate) fn change_by_free_motion(&self, input: &RowInput<'_, R>) -> V3<R> {
+        let mut change = zero();
+        for &d in &self.dofs {
+            let d = d as usize;
+            change = add_scaled(change, self.column[d], input.v_free[d] - input.v[d]);
+        }
+        change
+    }
 }
 
 impl<R: Real> Assembler<'_, R> {

@@ -14,7 +14,7 @@
 //!
 //! Two kinds of flights have no end at an impact: those with Euler's rule, and those after a limited number of impacts in the same step.
 //! There the law applies to the velocity after the flight without constraints, and the position solve closes the gap, as in textbooks. If
-//! v- is slow and the gap small, the contact rests.
+//! v- is slow and the gap small, the contact rests. A third kind ignores impacts: contacts that collide have no rows, and no law applies.
 
 use stepper_real::{Mask, Real, kernel};
 use stepper_solve::{Iterate, Problem};
@@ -23,22 +23,7 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::{ConstraintProblem, Impact};
 use crate::constraints::impact_time::{Flight, ImpactPrediction};
-use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
-
-impl<R: Real> RowBuilder<R> {
-    /// Change of the velocities of the three rows in `column` by the free motion: free velocity after the step minus velocity before the
-    /// step, m/s.
-    #[inline(always)]
-    pub(crate) fn change_by_free_motion(&self, input: &RowInput<'_, R>) -> V3<R> {
-        let mut change = zero();
-        for &d in &self.dofs {
-            let d = d as usize;
-            change = add_scaled(change, self.column[d], input.v_free[d] - input.v[d]);
-        }
-        change
-    }
-}
 
 impl<R: Real> Assembler<'_, R> {
     /// Applies Newton's law of restitution to the contact in slot `k` of `contacts`. Returns the lanes of `exists` in which its rows are

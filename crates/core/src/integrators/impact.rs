@@ -44,7 +44,7 @@ pub(crate) fn end_at_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation:
         kinematics.velocities(compiled, &state.v, before);
         kinematics.velocities(compiled, v_free, free);
         let gravity = norm(compiled.params.gravity());
-        let [mut hits, mut passed] = [R::Mask::splat(false); 2];
+        let [mut collide, mut may_have_bounced] = [R::Mask::splat(false); 2];
         let mut time = substep.longest;
         for k in 0..contacts.slots() {
             let elastic = contacts.elastic(k).and(flights);
@@ -56,26 +56,26 @@ pub(crate) fn end_at_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation:
             let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
             let (gap, h, longest) = (slot.point.distance, scheme.h, substep.longest);
             let flight = Flight { gap, before, free, time_before, h, longest, in_the_middle: scheme.in_the_middle };
-            let ImpactPrediction { collides, time: at, .. } = flight.predict(options, gravity, slot.restitution, elastic);
-            time = R::select(collides, time.min(at), time);
-            hits = hits.or(collides);
+            let ImpactPrediction { collides, time: impact_time, .. } = flight.predict(options, gravity, slot.restitution, elastic);
+            time = R::select(collides, time.min(impact_time), time);
+            collide = collide.or(collides);
             let overlaps = gap.lt(-R::of(options.slop)).and(time_before.gt(R::zero()));
-            passed = passed.or(elastic.and(overlaps).and(before.gt(R::zero())));
+            may_have_bounced = may_have_bounced.or(elastic.and(overlaps).and(before.gt(R::zero())));
         }
-        let passed = if changes == 0 { passed } else { R::Mask::splat(false) };
+        let may_have_bounced = if changes == 0 { may_have_bounced } else { R::Mask::splat(false) };
         let shortest = R::of(shortest_flight::<R>() * options.timestep);
         // An impact at the very end of the flight belongs to the next step.
-        let ends = hits.and_not(passed).and(time.lt(substep.longest - shortest));
+        let ends = collide.and_not(may_have_bounced).and(time.lt(substep.longest - shortest));
         let time = R::select(ends, time.max(shortest), substep.longest);
         // The search ends where nothing collides, where the impact is evaluated at its time, and after some changes.
         let was_searched = substep.is_searched;
         let is_near = (time - substep.search_time).abs().le(R::of(PLACEMENT_TOLERANCE * options.timestep));
-        let goes_on = ends.and_not(was_searched.and(is_near)).or(passed);
+        let continues = ends.and_not(was_searched.and(is_near)).or(may_have_bounced);
         let is_last = !scheme.in_the_middle || changes == MAX_FLIGHT_CHANGES;
-        let searched = if is_last { R::Mask::splat(false) } else { flights.and(goes_on) };
+        let searched = if is_last { R::Mask::splat(false) } else { flights.and(continues) };
         let changed = flights.and(was_searched.or(ends).or(searched));
         substep.ends_at_impact = flights.and(ends).or(substep.ends_at_impact.and_not(flights));
-        (substep.is_searched, substep.search_time) = (searched, R::select(passed, R::zero(), time));
+        (substep.is_searched, substep.search_time) = (searched, R::select(may_have_bounced, R::zero(), time));
         substep.search_ended = substep.search_ended.or(flights.and_not(searched));
         if changed.none() {
             return false;

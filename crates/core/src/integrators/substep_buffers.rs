@@ -12,7 +12,7 @@ use crate::math::lanes::each_of;
 #[derive(Clone, Debug)]
 pub(crate) struct Buffers<R: Real> {
     /// State before the impact of each lane.
-    pub(super) flown: Snapshot<R>,
+    pub(super) before_impact: Snapshot<R>,
     /// Sums of the impulses of the parts of a phase, with the contacts that bore one.
     pub(super) parts: Snapshot<R>,
     /// State at the beginning of the interval of each lane.
@@ -124,7 +124,7 @@ impl<R: Real> Buffers<R> {
         let motion = || [&state.v, &state.q, &state.act].map(Clone::clone);
         let lanes = |count| vec![R::Mask::splat(false); count];
         Box::new(Self {
-            flown: new(),
+            before_impact: new(),
             parts: new(),
             start: new(),
             whole: state.q.clone(),

@@ -269,7 +269,7 @@ impl<R: Real> Buffers<R> {
 }
 
 impl Interval {
-    /// Takes up the result of a phase. Returns whether the two halves of the interval are accepted: they are within their share of the
+    /// Processes the result of a phase. Returns whether the two halves of the interval are accepted: they are within their share of the
     /// error, or the shortest ones. The interval then becomes the next one.
     ///
     /// `distance` is the distance between the results of the whole interval and of its halves, m or rad. `error` is the error of the step.
@@ -337,7 +337,7 @@ fn begin_pass<R: Real>(
     s.evaluation.substep = substep;
     s.evaluation.collision.forget_planes();
     if impacts != 0 {
-        buffers.flown.store((&s.state, &s.velocity.scalar_impulse), *span, substep.is_impact);
+        buffers.before_impact.store((&s.state, &s.velocity.scalar_impulse), *span, substep.is_impact);
     }
     kernel!(R, || {
         let duration = R::select(substep.is_impact, substep.longest * R::of(IMPACT_DURATION), substep.longest);
@@ -351,8 +351,8 @@ fn begin_pass<R: Real>(
     });
 }
 
-/// Takes up the parts of a pass of the lanes `active` (bits). Returns the lanes that have completed their phase. The state then has the
-/// sums of its impulses, which belong to `span` s. The lanes `keeping` (bits) have kept their state: they complete their phase without it.
+/// Processes the parts of a pass of the lanes `active` (bits). Returns the lanes that have completed their phase. The state then has the
+/// sums of its impulses, which belong to `span` s. The lanes `keeping` (bits) have kept their state, and end their phase at once.
 fn end_parts<R: Real>(
     compiled: &LaneModel<R>,
     s: &mut Workspace<R>,
@@ -362,7 +362,7 @@ fn end_parts<R: Real>(
     [active, keeping]: [u32; 2],
     span: &mut R,
 ) -> u32 {
-    let Buffers { flown, parts, summed, touched, .. } = buffers;
+    let Buffers { before_impact, parts, summed, touched, .. } = buffers;
     let (substep, length) = (s.evaluation.substep, s.evaluation.scheme.h);
     let (impacts, mut completed) = (substep.is_impact.bits() & active, keeping & active);
     let mut divided = 0;
@@ -383,9 +383,9 @@ fn end_parts<R: Real>(
         completed |= u32::from(ended) << lane;
     }
     let masks = [impacts, active & !completed | completed & divided, completed & divided, completed].map(R::Mask::from_bits);
-    let [impacts, summing, sums, completed_lanes] = masks;
-    if summing.any() {
-        parts.add(summed, &s.state, &s.velocity.scalar_impulse, summing);
+    let [impacts, lanes_to_sum, divided, completed_lanes] = masks;
+    if lanes_to_sum.any() {
+        parts.add(summed, &s.state, &s.velocity.scalar_impulse, lanes_to_sum);
     }
     if !s.problem.impacts.is_empty() {
         note_impacts(compiled, &s.problem, &s.state.contacts, R::Mask::from_bits(active), touched);
@@ -393,15 +393,15 @@ fn end_parts<R: Real>(
     }
     if impacts.any() {
         // The velocity jumps, and the rest of the state stays.
-        flown.state.v.copy_from_slice(&s.state.v);
-        flown.restore((&mut s.state, &mut s.velocity.scalar_impulse), span, impacts);
+        before_impact.state.v.copy_from_slice(&s.state.v);
+        before_impact.restore((&mut s.state, &mut s.velocity.scalar_impulse), span, impacts);
     }
-    if sums.any() {
-        parts.restore_impulses((&mut s.state, &mut s.velocity.scalar_impulse), sums);
-        for lane in each_of(sums.bits()) {
+    if divided.any() {
+        parts.restore_impulses((&mut s.state, &mut s.velocity.scalar_impulse), divided);
+        for lane in each_of(divided.bits()) {
             span.set_lane(lane, R::Scalar::from_f64(intervals[lane].times(options.timestep)[1]));
         }
-        s.evaluation.divided = s.evaluation.divided.or(sums);
+        s.evaluation.divided = s.evaluation.divided.or(divided);
     }
     if completed_lanes.any() {
         parts.clear(completed_lanes);

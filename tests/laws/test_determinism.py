@@ -321,3 +321,15 @@ def test_damping_of_neighbours_changes_no_bits_with_mujocos_law(other):
             sim.set_state(qpos=[q], qvel=[v])
             sim.step(nstep=50)
         assert len({float(sim.qvel[0, 0]) for sim in sims}) == 1
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_the_largest_overlap_of_a_touch_is_positive_zero(precision):
+    """Where largest values of zeros with different signs are taken, their sign depends on the order, and so on neighbours."""
+    model = stepper.load(
+        '<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 .5"><freejoint/><geom size=".5"/></body></worldbody></mujoco>'
+    )
+    sim = stepper.Stepper(model, precision=precision)
+    sim.step()
+    assert sim.contacts()["distance"].tolist() == [0]
+    assert (sim.max_penetration, np.signbit(sim.max_penetration)) == (0, False)

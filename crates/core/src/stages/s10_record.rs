@@ -195,7 +195,8 @@ pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, la
     kernel!(R, || {
         let mut deepest = R::zero();
         for (k, here) in problem.slots() {
-            deepest = R::select(here, deepest.max(-contacts.data[k].point.distance), deepest);
+            // A difference has no negative zero, whose sign would depend on the order of maxima.
+            deepest = R::select(here, deepest.max(R::zero() - contacts.data[k].point.distance), deepest);
         }
         R::select(lanes, deepest, R::zero())
     })

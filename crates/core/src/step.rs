@@ -144,21 +144,24 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
     // solution satisfies the assumptions of the assembly or a limit is reached. After an assembly, stages 1 and 2 recompute the forces that
     // depend on the predicted velocity. With Euler's rule there is no prediction.
     let mut velocity_loop = VelocityLoop { context, free, problem, velocity, builder, collisions };
-    let (solver, energy_unresolved) = velocity_loop.solve_velocities(probe);
+    let (solver, doubtful) = velocity_loop.solve_velocities(probe);
+    let impulses_act = velocity_loop.velocity.impulses.changes_velocity();
     // Velocities are limited in islands whose motion is too fast for the time step or whose kinetic energy the solver's residual may change
-    // noticeably (ambiguous energy), and in lanes whose Baumgarte correction is very large.
-    let mut outcome = velocity_loop.bound_velocities(position, resolution, solver, probe);
-    // With the Runge-Kutta method, the energy of lanes without constraints is not checked here. `replace_step` below replaces their
-    // solution, except where the motion is too fast; there the velocity is limited already.
+    // noticeably (ambiguous energy).
+    let [ambiguous, limited] = span!(probe, GuardEnergy, || velocity_loop.limit_speed(resolution, solver.residual));
+    // With the Runge-Kutta method, the energy of lanes without constraints is not checked. Stage 7 replaces their solution, except where the
+    // motion is too fast; there the velocity is limited already.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
-    outcome.energy_unresolved =
-        span!(probe, GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(energy_unresolved);
+    let energy_unresolved = span!(probe, GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(doubtful);
     if options.poison {
         free.scratch.poison();
         collisions.poison();
     }
-    // 7 integrate position
+    // 7 integrate position. Trees without constraints whose motion is not too fast get velocity and position of the Runge-Kutta method.
     integrate_positions(StepContext { input, evaluation }, velocity, position, probe);
+    if let Some(rk4) = &mut s.rk4 {
+        span!(probe, Rk4, || rk4.replace_smooth_trees(StepContext { input, evaluation }, problem, free, velocity, position));
+    }
     // The impulses of the step are stored here, because stage 8 solves again and overwrites them.
     span!(probe, IntegrateVelocity, || {
         share_sticking_loads(options, &state.v, problem, velocity);
@@ -167,23 +170,14 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
     });
     // 8 stabilise
     let corrected = span!(probe, Stabilise, || correct_positions(StepContext { input, evaluation }, free, problem, velocity, position));
-    outcome.infeasible = outcome.infeasible.or(corrected.infeasible);
-    outcome.tunnelled = span!(probe, Tunnelling, || find_tunnelling(input, evaluation, velocity, position, corrected, &outcome));
+    let tunnelled = span!(probe, Tunnelling, || find_tunnelling(input, evaluation, velocity, position, corrected, impulses_act));
     span!(probe, Stabilise, || accept_corrections(input, evaluation, problem, velocity, position, corrected));
     if options.poison {
         velocity.poison_impulses();
     }
-    if let Some(rk4) = &mut s.rk4 {
-        // Trees without constraints whose motion is not too fast for the time step get the result of the Runge-Kutta method.
-        span!(probe, Rk4, || {
-            let context = StepContext { input, evaluation };
-            rk4.find_smooth_trees(context, problem, free);
-            rk4.replace_step(context, velocity, position);
-        });
-    }
     let context = StepContext { input, evaluation };
-    span!(probe, GuardEnergy, || resolution.limit_energy(context, problem, &free.v, velocity, &position.q, outcome.limited));
+    span!(probe, GuardEnergy, || resolution.limit_energy(context, problem, &free.v, velocity, &position.q, limited));
     // The generalized impulse of this step replaces that of the last step, which `compute_free_motion` has read.
     std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
-    outcome
+    StepOutcome { solver, ambiguous, limited, infeasible: corrected.infeasible, tunnelled, energy_unresolved }
 }

@@ -84,15 +84,6 @@ impl<R: Real> Snapshot<R> {
         }
     }
 
-    /// Replaces the impulses of a lane of `iterate` by a weighted mean of the current and the saved impulses. The scaled velocity change w
-    /// of `iterate` is not updated.
-    ///
-    /// `weight` returns the weight of the current impulses, from 0 to 1. Its argument is the first coordinate at which the constraint has
-    /// an entry.
-    pub fn blend(&self, system: System<'_, R>, iterate: &mut Iterate<R>, lane: usize, weight: &mut impl FnMut(u32) -> f64) {
-        each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, weight));
-    }
-
     /// Sets the impulse of contact `i` of `problem` to `lambda` in the lanes `lanes`, where it must be zero before, and updates the scaled
     /// velocity change w.
     ///

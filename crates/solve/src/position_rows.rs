@@ -49,7 +49,7 @@ impl<R: Real> PositionRows<R> {
     /// solve.
     #[inline(always)]
     pub fn exchange_offsets(&mut self) {
-        each_kind!([own: &mut self] => own.exchange_offsets());
+        each_kind!([own: &mut self] => own.exchange_offsets(R::Mask::splat(true)));
     }
 
     /// Damps the targets of all rows by a compliance, which acts on the difference from the impulses of `iterate`. These impulses therefore

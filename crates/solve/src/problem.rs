@@ -189,6 +189,12 @@ impl<R: Real> Problem<R> {
     pub fn normal_velocity_above_target(&self, i: usize, w: &[R]) -> R {
         at_contact!(i of self.contacts.len(), [set: &self] => set.normal_velocity_above_target(i, w))
     }
+
+    /// Exchanges, in every row, the offset of the velocity solve and that of the position solve, in the lanes `lanes`.
+    #[inline(always)]
+    pub fn exchange_offsets(&mut self, lanes: R::Mask) {
+        each_kind!([set: &mut self] => set.rows.exchange_offsets(lanes));
+    }
 }
 
 impl<R: Real> System<'_, R> {

@@ -284,7 +284,7 @@ impl<R: Real> Assembler<'_, R> {
             &mut self.builder.velocity_terms,
             #[inline(always)]
             |row, [_, _, correction]| {
-                // Baumgarte's position correction is not damped here: see `limit_baumgarte` of stage 8.
+                // Baumgarte's position correction is not damped here: see `has_implausible_bias` of stage 8.
                 *correction = row.damp_correction(damping, *correction);
             },
         );

@@ -23,8 +23,7 @@ pub struct VelocitySolution<R: Real> {
     pub scalar_impulse: Vec<R>,
     /// Contact groups, which are redundant supports. Stage 5 distributes the load evenly over the contacts of a group.
     pub(crate) contact_groups: ContactGroups<R>,
-    /// Saved copy of the impulses, to restore them: from before a prediction, before load sharing, or before `limit_baumgarte`
-    /// (`stages/s08_stabilise.rs`) adds a bounded correction.
+    /// Saved copy of the impulses, to restore them: from before a prediction, or before load sharing.
     pub(crate) saved_impulses: Snapshot<R>,
     /// Newton's method and its workspace, which stage 8 also uses.
     pub newton: Newton,

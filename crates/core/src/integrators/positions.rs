@@ -8,7 +8,6 @@ use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::overlap_progress::revert_ineffective_corrections;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::integrators::step_outcome::StepOutcome;
 use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
@@ -77,13 +76,13 @@ pub(crate) fn find_tunnelling<R: Real>(
     velocity: &VelocitySolution<R>,
     position: &mut PositionSolution<R>,
     CorrectedLanes { rebounding, .. }: CorrectedLanes<R>,
-    outcome: &StepOutcome<R>,
+    impulses_act: bool,
 ) -> R::Mask {
     let Evaluation { scheme, substep, times, kinematics, collision, .. } = evaluation;
     let PositionSolution { scratch: tested_velocity, correction, .. } = position;
     let flights = input.alive.and_not(substep.is_impact);
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
-    let is_free = !outcome.impulses_act && !scheme.predicts();
+    let is_free = !impulses_act && !scheme.predicts();
     // Very fast bodies are evaluated at the beginning of the flight.
     let before = R::select(times.lanes_at_start(), R::zero(), scheme.time_before);
     let time = R::select(substep.ends_at_impact, scheme.h - before, times.closing());

@@ -121,7 +121,7 @@ impl<R: Real> Rk4<R> {
 
     /// Finds the kinematic trees with smooth motion: without constraints, and without an actuator that pulls on contacts. `free` also has
     /// the lanes in which a mechanism is too fast for the time step.
-    pub(crate) fn find_smooth_trees(&mut self, context: StepContext<'_, R>, problem: &ConstraintProblem<R>, free: &FreeMotion<R>) {
+    fn find_smooth_trees(&mut self, context: StepContext<'_, R>, problem: &ConstraintProblem<R>, free: &FreeMotion<R>) {
         let StepContext { input: StepInput { compiled, alive, .. }, evaluation } = context;
         let flights = alive.and_not(evaluation.substep.is_impact);
         for (smooth, &mechanism) in self.smooth_trees.iter_mut().zip(&compiled.mechanisms.of_tree) {
@@ -146,14 +146,18 @@ impl<R: Real> Rk4<R> {
         }
     }
 
-    /// Replaces the midpoint step by a Runge-Kutta step in trees with smooth motion ([`Rk4::find_smooth_trees`]).
+    /// Replaces the midpoint step by a Runge-Kutta step in trees with smooth motion ([`Rk4::find_smooth_trees`]). Without constraints, the
+    /// free velocity is the velocity after the step.
     #[inline(always)]
-    pub(crate) fn replace_step(
+    pub(crate) fn replace_smooth_trees(
         &mut self,
         context: StepContext<'_, R>,
+        problem: &ConstraintProblem<R>,
+        free: &mut FreeMotion<R>,
         velocity: &mut VelocitySolution<R>,
         position: &mut PositionSolution<R>,
     ) {
+        self.find_smooth_trees(context, problem, free);
         let StepContext { input, evaluation: Evaluation { scheme, kinematics, .. } } = context;
         let StepInput { compiled, state, inputs, .. } = input;
         for mocap in &compiled.mocap {
@@ -179,8 +183,10 @@ impl<R: Real> Rk4<R> {
             for ((out, &new), &tree) in position.q.iter_mut().zip(&self.q).zip(&self.tree_of_q) {
                 *out = R::select(self.smooth_trees[tree], new, *out);
             }
-            for ((out, &new), dof) in velocity.v.iter_mut().zip(&self.v).zip(&compiled.dofs) {
-                *out = R::select(self.smooth_trees[dof.tree], new, *out);
+            for v in [&mut velocity.v, &mut free.v] {
+                for ((out, &new), dof) in v.iter_mut().zip(&self.v).zip(&compiled.dofs) {
+                    *out = R::select(self.smooth_trees[dof.tree], new, *out);
+                }
             }
             for ((out, &new), &tree) in position.act.iter_mut().zip(&self.act).zip(&compiled.tree_of_act) {
                 *out = R::select(tree.map_or(input.alive, |tree| self.smooth_trees[tree]), new, *out);

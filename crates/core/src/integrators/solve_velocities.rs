@@ -1,22 +1,21 @@
 //! Stages 4 to 6 of a step: constraint problem, impulses, and the velocity after the step.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::Outcome;
 
 use crate::constraints::islands::IslandLoad;
-use crate::constraints::{ConstraintProblem, PositionSolution};
+use crate::constraints::ConstraintProblem;
 use crate::dynamics::kinematics::difference;
 use crate::integrators::contact_activation::SweptMotion;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch, compute_free_motion, has_bounded_servos};
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::step_resolution::{StepResolution, find_diverging};
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::probe::{Counter, Probe, span};
 use crate::stages::s05_solve::{share_slipping_loads, solve};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
-use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
+use crate::stages::s08_stabilise::has_implausible_bias;
 use crate::tuning::{EARLIEST_ONLY_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
 /// State of the checks of an assembled problem's solutions, per lane: no result depends on how often other lanes are solved.
@@ -87,7 +86,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 
     /// Finds the lanes whose solution contradicts an assumption of the assembled problem, and changes the problem there. It checks
-    /// three assumptions in this order, and ends at the first that fails in any lane:
+    /// four assumptions in this order, and ends at the first that fails in any lane:
     ///
     /// 1. Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact that collides becomes
     ///    active.
@@ -95,6 +94,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     ///    inelastic impact changed the velocity, inertial forces are recomputed once.
     /// 3. Newton's law of impact has a plausible solution. It is implausible if friction at an impact adds more energy than the free motion
     ///    has, as in a corner with much friction (see `restitution.rs`). The impact then becomes inelastic.
+    /// 4. Baumgarte's bias makes no velocity implausible. Otherwise the lane is solved without it, and stage 8 corrects its positions.
     ///
     /// `residual` is the residual of the solution.
     #[inline(always)]
@@ -115,7 +115,25 @@ impl<R: Real> VelocityLoop<'_, R> {
             lanes = self.drop_restitution(residual, checks.inelastic);
             checks.inelastic = checks.inelastic.or(lanes);
         }
+        if lanes.none() && self.problem.biased.any() {
+            lanes = self.replace_implausible_bias();
+        }
         checks.passes = R::select(lanes, R::zero(), checks.passes);
+        lanes
+    }
+
+    /// Replaces Baumgarte's method by split stabilisation for this step in lanes where its bias makes velocities implausible. Returns these
+    /// lanes, which must be solved again.
+    #[inline(never)]
+    fn replace_implausible_bias(&mut self) -> R::Mask {
+        let StepInput { compiled, options, .. } = self.context.input;
+        let Self { free, problem, velocity, .. } = self;
+        let FreeMotion { v, scratch: Scratch { velocity_change, .. }, .. } = &mut **free;
+        difference(&velocity.v, v, velocity_change);
+        let lanes = has_implausible_bias(compiled, options, problem, velocity_change);
+        kernel!(R, || problem.rows.exchange_offsets(lanes));
+        problem.needs_position_solve = problem.needs_position_solve.or(lanes);
+        problem.biased = problem.biased.and_not(lanes);
         lanes
     }
 
@@ -165,34 +183,13 @@ impl<R: Real> VelocityLoop<'_, R> {
         outcome
     }
 
-    /// Limits the velocity after the step in lanes with a large Baumgarte correction, a motion that is too fast for the time step, or an
-    /// ambiguous energy (one that the solver's residual may change noticeably).
-    #[inline(always)]
-    pub(crate) fn bound_velocities(
-        &mut self,
-        position: &mut PositionSolution<R>,
-        resolution: &mut StepResolution<R>,
-        mut outcome: Outcome<R>,
-        probe: impl Probe,
-    ) -> StepOutcome<R> {
-        let StepContext { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = self.context;
-        let Self { free, problem, velocity, .. } = self;
-        let impulses_act = velocity.impulses.changes_velocity();
-        let (lanes, rebounding) = (problem.needs_position_solve, problem.impact_lanes());
-        let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
-        let infeasible = span!(probe, Stabilise, || limit_baumgarte(&rows, &free.v, velocity, position, &mut outcome));
-        let [ambiguous, limited] = span!(probe, GuardEnergy, || self.limit_speed(resolution, outcome.residual));
-        let none = R::Mask::splat(false);
-        StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, energy_unresolved: none }
-    }
-
     /// Limits joint speeds of islands whose motion is too fast for the time step or whose energy is ambiguous. Returns the lanes with
     /// ambiguous energy, and all limited lanes.
     ///
     /// [`limit_energy`](crate::integrators::step_resolution::StepResolution::limit_energy) limits the energy of these islands after stage
     /// 8.
     #[inline(always)]
-    fn limit_speed(&mut self, resolution: &mut StepResolution<R>, residual: R) -> [R::Mask; 2] {
+    pub(crate) fn limit_speed(&mut self, resolution: &mut StepResolution<R>, residual: R) -> [R::Mask; 2] {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let ambiguous = self.ambiguous(residual);
         let Self { free, problem, velocity, .. } = self;

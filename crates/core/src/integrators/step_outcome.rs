@@ -18,8 +18,6 @@ use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, Sta
 pub(crate) struct StepOutcome<R: Real> {
     /// Residual and number of iterations of the solver.
     pub(crate) solver: Outcome<R>,
-    /// Whether constraint impulses changed any velocity.
-    pub(crate) impulses_act: bool,
     /// Lanes in which the residual may change the kinetic energy noticeably.
     pub(crate) ambiguous: R::Mask,
     /// Lanes whose speed and energy were limited: those with ambiguous energy, and those whose motion is too fast for the time step.

@@ -2,8 +2,7 @@
 //!
 //! A second solve of the same rows, without restitution, finds the velocity that just closes every gap and removes a part of every overlap.
 //! Only the positions use this velocity, so it adds no kinetic energy. [`stabilise`] implements this split form. Baumgarte's method instead
-//! corrects positions through a bias of the velocity solve. After stage 6, [`limit_baumgarte`] finds lanes with implausible velocities
-//! because of this bias. There it computes the solution without the bias and adds a bounded correction.
+//! corrects positions through a bias of the velocity solve, except in steps in which [the bias is implausible](has_implausible_bias).
 //!
 //! Position targets may be infeasible: contradicting overlaps, a weld out of reach, or a contact whose normal goes through the axis of a
 //! hinge. The targets are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is
@@ -11,7 +10,7 @@
 //! marked if no impulse can move a row with a target above 1 cm/s.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
-use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, System};
+use stepper_solve::{Damping, Iterate, Reference, Settings, System};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
@@ -22,7 +21,7 @@ use crate::dynamics::kinematics::displace;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::JointKind;
-use crate::options::{Solver, Stabilization, StepSettings};
+use crate::options::{Solver, StepSettings};
 use crate::tuning::{
     BAUMGARTE_LIMIT, CORRECTION_ARM, CORRECTION_ITERATIONS, CORRECTION_NEWTON_STEPS, CORRECTION_NEWTON_THRESHOLD, CORRECTION_TOLERANCE,
     DAMPING, MAX_CORRECTION_ROTATION, MAX_REBOUND_SPEED_RATIO, MAX_SPEED_RATIO, MIN_UNMET_TARGET, NEGLIGIBLE_CORRECTION,
@@ -119,81 +118,20 @@ pub fn stabilise<R: Real>(
     infeasible
 }
 
-/// Limits the velocity that Baumgarte's stabilisation adds to remove position errors. Returns the lanes that are proven infeasible.
+/// Lanes in which Baumgarte's bias, a target velocity in proportion to the position error, makes velocities implausible.
 ///
-/// Baumgarte's bias is a target velocity proportional to the position error. A lane with a bias is limited in two cases:
-///
-/// * constraints change a velocity by more than four times the bound of a position correction;
-/// * a row that no motion can change has a target above 1 cm/s.
-///
-/// In these lanes the step is solved again without bias. `velocity.v` becomes this solution plus a bounded correction, as in split
-/// stabilisation. `v_free` is the velocity without constraint impulses.
-#[inline(always)]
-pub fn limit_baumgarte<R: Real>(
-    input: &PositionInput<'_, R>,
-    v_free: &[R],
-    velocity: &mut VelocitySolution<R>,
-    position: &mut PositionSolution<R>,
-    outcome: &mut Outcome<R>,
-) -> Infeasible<R> {
-    let never = Infeasible::none();
-    let PositionInput { compiled, options, problem: ConstraintProblem { rows, biased, .. }, .. } = *input;
-    if biased.none() {
-        return never;
-    }
-    let bounds = Bounds::plausible(options);
-    let lanes = kernel!(R, || {
-        let correction = &mut position.correction;
-        for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(v_free)) {
-            *change = v - free;
-        }
-        let unmet = System::from(rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
-        biased.and(excess(compiled, correction, bounds).gt(R::one()).or(unmet))
-    });
-    if lanes.none() {
-        return never;
-    }
-    position.v_free.copy_from_slice(v_free);
-    // Iteration limits of the solver.
-    let [sweeps, newton_steps] = options.iteration_limits();
-    let tolerance = R::of(options.tolerance);
-    let settings = Settings::new(sweeps, newton_steps, tolerance);
+/// There, constraints change a velocity by more than four times the bound of a position correction, or a row that no motion can change has
+/// a target above 1 cm/s. `change` is the velocity change by all constraints, nv.
+pub(crate) fn has_implausible_bias<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    problem: &ConstraintProblem<R>,
+    change: &[R],
+) -> R::Mask {
     kernel!(R, || {
-        // With Baumgarte's method, the offsets of the position solve contain no position correction. `correct` exchanges the offsets back.
-        position.rows.copy(rows);
-        position.rows.exchange_offsets();
-    });
-    let VelocitySolution { impulses, v, newton, worst, saved_impulses, .. } = &mut *velocity;
-    let system = position.rows.system(rows);
-    let repeated = stepper_solve::solve(system, impulses, settings, lanes, newton);
-    let unsolved = lanes.and_not(repeated.residual.le(tolerance));
-    worst.update(input.problem, system, impulses, input.contacts, [lanes, unsolved]);
-    outcome.replace(&repeated, lanes);
-    kernel!(R, || {
-        let PositionSolution { correction: change, v_free, .. } = &mut *position;
-        change.copy_from_slice(&impulses.w);
-        input.mass.unscale(compiled, change);
-        for i in 0..compiled.nv {
-            v[i] = R::select(lanes, v_free[i] + change[i], v[i]);
-        }
-    });
-    saved_impulses.save(impulses, lanes);
-    let infeasible = correct(&PositionInput { lanes, ..*input }, velocity, position);
-    kernel!(R, || {
-        let (PositionSolution { correction, v_free, .. }, VelocitySolution { impulses, v, .. }) = (position, velocity);
-        for (v, &more) in v.iter_mut().zip(&*correction) {
-            *v += R::select(lanes, more, R::zero());
-        }
-        // `w` becomes the scaled velocity change from `v_free` to the limited `v`. The joint impulses that users read follow from `w`.
-        for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
-            *change = v - free;
-        }
-        input.mass.scale(compiled, correction);
-        for (w, &change) in impulses.w.iter_mut().zip(&*correction) {
-            *w = R::select(lanes, change, *w);
-        }
-    });
-    infeasible
+        let unmet = System::from(&problem.rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
+        problem.biased.and(excess(compiled, change, Bounds::plausible(options)).gt(R::one()).or(unmet))
+    })
 }
 
 /// Solves the position rows for the velocity that, added to `velocity.v`, removes position errors.
@@ -213,7 +151,7 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { newton_threshold: R::of(threshold), ..Settings::new(sweeps, newton, R::of(tolerance)) };
-    let VelocitySolution { impulses, v: v_next, newton, worst, saved_impulses, islands, .. } = velocity;
+    let VelocitySolution { impulses, v: v_next, newton, worst, islands, .. } = velocity;
     let PositionSolution { rows, reference, v_free, correction: out, scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
     // The residual of a correction is not reported. The solve need not end with its evaluation, unless the tolerance is smaller than the
@@ -238,9 +176,7 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
         worst.find_position_targets(input.problem, (system, impulses, reference), input.contacts, infeasible.lanes);
     }
     if fast.any() {
-        // With Baumgarte's method, the user can read the impulses. They are reduced in the same ratio as the motion.
-        let snapshot = (options.stabilization == Stabilization::Baumgarte).then_some(&*saved_impulses);
-        bound_islands(compiled, system, islands, (impulses, snapshot), fast, bounds, out);
+        bound_islands(compiled, system, islands, fast, bounds, out);
     }
     infeasible
 }
@@ -325,14 +261,12 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
 /// Scales down the correction velocity `v` in the lanes `lanes`, in islands with a joint that exceeds its bound. An island is a set of
 /// bodies that rows connect.
 ///
-/// The whole island gets the same factor, so that loops stay closed. With a `snapshot` of earlier impulses, the function changes `impulses`
-/// too: their difference from the snapshot is multiplied by this factor.
+/// The whole island gets the same factor, so that loops stay closed.
 #[cold]
 fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     system: System<'_, R>,
     islands: &mut Islands,
-    (impulses, snapshot): (&mut Iterate<R>, Option<&Snapshot<R>>),
     lanes: R::Mask,
     bounds: Bounds<R>,
     v: &mut [R],
@@ -347,9 +281,6 @@ fn bound_islands<R: Real>(
             let most = islands.max_of(compiled.dofs[dof].tree);
             if most > 1.0 { 1.0 / most } else { 1.0 }
         };
-        if let Some(snapshot) = snapshot {
-            snapshot.blend(system, impulses, lane, &mut |dof| part(dof as usize));
-        }
         for joint in &compiled.joints {
             let factor = R::of(part(joint.v));
             for v in &mut v[joint.v..joint.v + joint.kind.nv()] {

@@ -42,14 +42,14 @@ impl<T: Copy> Rows<T> {
         self.compliant = false;
     }
 
-    /// Exchanges the two offsets of every row: that of the velocity solve and that of the position solve.
+    /// Exchanges the two offsets of every row in the lanes `lanes`: that of the velocity solve and that of the position solve.
     #[inline(always)]
-    pub(crate) fn exchange_offsets<R: Real>(&mut self)
+    pub(crate) fn exchange_offsets<R: Real>(&mut self, lanes: R::Mask)
     where
         T: Row<R>,
     {
         for row in &mut self.items {
-            row.exchange_offsets();
+            row.exchange_offsets(lanes);
         }
     }
 
@@ -212,8 +212,9 @@ pub trait Row<R: Real>: Copy + Debug {
     /// tangential row is the difference between the offsets of both solves.
     fn offsets(&self) -> [Self::Impulse; 2];
 
-    /// Exchanges the two offsets of each row: the offset g, with which the row is solved, and the stored offset of the other solve.
-    fn exchange_offsets(&mut self);
+    /// Exchanges the two offsets of each row in the lanes `lanes`: the offset g, with which the row is solved, and the stored offset of the
+    /// other solve.
+    fn exchange_offsets(&mut self, lanes: R::Mask);
 
     /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. It gathers only the fields that Gauss-Seidel
     /// iterations read. The compliances of contacts are among them if `compliant`.
@@ -551,28 +552,6 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
             }
         };
         there.map(save).collect()
-    }
-
-    /// Replaces the impulses of a lane by a weighted mean of these impulses and the impulses `from`, see
-    /// [`Snapshot::blend`](crate::Snapshot::blend).
-    pub(crate) fn blend(
-        &self,
-        rows: &Rows<T>,
-        impulses: &mut [T::Impulse],
-        from: &[T::Impulse],
-        lane: usize,
-        weight: &mut impl FnMut(u32) -> f64,
-    ) {
-        let flat = Impulse::<R>::flatten_mut(impulses).chunks_exact_mut(T::Impulse::ROWS);
-        for ((row, numbers), from) in rows.items.iter().zip(flat).zip(Impulse::<R>::flatten(from).chunks_exact(T::Impulse::ROWS)) {
-            if let (Some(c), true) = (self.columns_in(row, lane).next(), has_lane::<R>(row.active(), lane)) {
-                let weight = weight(c);
-                for (number, from) in numbers.iter_mut().zip(from) {
-                    let [now, from] = [*number, *from].map(|x| number_of(x, lane));
-                    number.set_lane(lane, Scalar::from_f64(from + weight * (now - from)));
-                }
-            }
-        }
     }
 
     /// Adds the scaled velocity change by all impulses to `w`.

@@ -510,12 +510,12 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
     }
 
     #[inline(always)]
-    fn exchange_offsets(&mut self) {
+    fn exchange_offsets(&mut self, lanes: R::Mask) {
         let Self { g, position_g, .. } = self;
-        std::mem::swap(&mut g[0], &mut position_g[0]);
+        (g[0], position_g[0]) = (R::select(lanes, position_g[0], g[0]), R::select(lanes, g[0], position_g[0]));
         for k in 1..N {
-            g[k] += position_g[k];
-            position_g[k] = -position_g[k];
+            g[k] = R::select(lanes, g[k] + position_g[k], g[k]);
+            position_g[k] = R::select(lanes, -position_g[k], position_g[k]);
         }
     }
 

@@ -285,8 +285,9 @@ impl<R: Real> Row<R> for ScalarRow<R> {
     }
 
     #[inline(always)]
-    fn exchange_offsets(&mut self) {
-        std::mem::swap(&mut self.g, &mut self.position_g);
+    fn exchange_offsets(&mut self, lanes: R::Mask) {
+        let [g, position_g] = [self.g, self.position_g];
+        (self.g, self.position_g) = (R::select(lanes, position_g, g), R::select(lanes, g, position_g));
     }
 
     #[inline(always)]

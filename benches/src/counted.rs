@@ -82,7 +82,6 @@ impl<R: Real> Neg for Counted<R> {
 impl<R: Real> Real for Counted<R> {
     type Scalar = R::Scalar;
     type Mask = R::Mask;
-    type Half = Counted<R::Half>;
     type Single = Counted<R::Single>;
     const LANES: usize = R::LANES;
 

@@ -2,7 +2,7 @@
 
 use stepper_core::internals::batch::worker::{LaneScalar, Worker, WorkerSpec, lane_worker};
 use stepper_core::{AppliedInput, Error, Field, Level, Options, Precision, SavedState, Simulation};
-use stepper_real::{F32Lanes, Real, Two};
+use stepper_real::{F32Lanes, Real};
 
 use crate::clock::Run;
 use crate::counted::Counted;
@@ -105,7 +105,7 @@ impl Episode {
     /// With several environments, because an operation on all lanes counts once.
     pub fn probe_operations(mut self) -> Self {
         assert_eq!(self.simulation.num_envs(), 1, "operations are counted in one environment");
-        self.simulation.set_workers(counted::<f64>, counted_f32);
+        self.simulation.set_workers(counted::<f64>, counted::<F32Lanes>);
         self
     }
 
@@ -140,12 +140,6 @@ fn recorded<S: LaneScalar>(spec: &WorkerSpec<'_, S>, lanes: usize, level: Level)
 
 fn counted<R: Real<Scalar: LaneScalar>>(spec: &WorkerSpec<'_, R::Scalar>, _: usize, _: Level) -> Box<dyn Worker<R::Scalar>> {
     lane_worker::<Counted<R>>(spec, Recorder)
-}
-
-/// Worker with [`Counted`] numbers and portable f32 SIMD lanes. `lanes` is the number of lanes of a group, eight or sixteen.
-fn counted_f32(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
-    let count = if lanes == F32Lanes::LANES { counted::<F32Lanes> } else { counted::<Two<F32Lanes>> };
-    count(spec, lanes, level)
 }
 
 impl Run for Episode {

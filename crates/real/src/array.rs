@@ -45,7 +45,6 @@ macro_rules! array_lanes {
             vectorize!();
             elementary_functions!();
             type Mask = $mask;
-            type Half = Self;
             type Single = $scalar;
 
             inline_functions! {

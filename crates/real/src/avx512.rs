@@ -17,7 +17,7 @@ const NEAREST_EVEN: i32 = 0x08;
 /// Defines a lane type of one precision and its mask. The intrinsics of the precision must be in scope under the short names used below.
 macro_rules! avx512_lanes {
     ($(#[$doc:meta])* $name:ident, $scalar:ident, $n:literal, $(#[$mask_doc:meta])* $mask:ident, $bits:ident,
-     mantissa $mantissa:literal, bias $bias:literal $(, $method:item)*) => {
+     mantissa $mantissa:literal, bias $bias:literal) => {
         $(#[$doc])*
         #[derive(Clone, Copy)]
         #[repr(transparent)]
@@ -44,9 +44,7 @@ macro_rules! avx512_lanes {
             vectorize!("avx512f,avx512dq,avx512vl");
             elementary_functions!();
             type Mask = $mask;
-            type Half = Self;
             type Single = crate::single_lane::single!($scalar);
-            $($method)*
 
             inline_functions! {
                 fn splat(x: $scalar) -> Self = $name(unsafe { set1(x) });
@@ -110,10 +108,10 @@ macro_rules! avx512_lanes {
 mod double {
     use crate::avx512::*;
     use core::arch::x86_64::{
-        __m512d as Raw, _mm256_loadu_si256 as load_sources, _mm512_add_pd as add, _mm512_and_pd as and, _mm512_andnot_pd as andnot,
-        _mm512_castpd_si512 as to_int, _mm512_castsi512_pd as from_int, _mm512_cmp_pd_mask as cmp, _mm512_cvtepu32_epi64 as widen,
+        __m512d as Raw, _mm512_add_pd as add, _mm512_and_pd as and, _mm512_andnot_pd as andnot,
+        _mm512_castpd_si512 as to_int, _mm512_castsi512_pd as from_int, _mm512_cmp_pd_mask as cmp,
         _mm512_div_pd as div, _mm512_loadu_pd as loadu, _mm512_mask_blend_pd as blend, _mm512_max_pd as max, _mm512_min_pd as min,
-        _mm512_mul_pd as mul, _mm512_or_pd as or, _mm512_permutex2var_pd as permute, _mm512_roundscale_pd as roundscale,
+        _mm512_mul_pd as mul, _mm512_or_pd as or, _mm512_roundscale_pd as roundscale,
         _mm512_set1_pd as set1, _mm512_slli_epi64 as shift_left, _mm512_sqrt_pd as sqrt, _mm512_srli_epi64 as shift_right,
         _mm512_storeu_pd as storeu, _mm512_sub_pd as sub, _mm512_xor_pd as xor,
     };
@@ -121,12 +119,7 @@ mod double {
         /// Eight `f64` lanes.
         F64x8, f64, 8,
         /// One truth value for each lane of [`F64x8`].
-        M64x8, u8, mantissa 52, bias 1023.0,
-        #[inline(always)]
-        fn gather_lanes_of_two(low: Self, high: Self, sources: &[u32]) -> Self {
-            let used = &sources[..8];
-            F64x8(unsafe { permute(low.0, widen(load_sources(used.as_ptr().cast())), high.0) })
-        }
+        M64x8, u8, mantissa 52, bias 1023.0
     }
 }
 mod single {
@@ -134,8 +127,8 @@ mod single {
     use core::arch::x86_64::{
         __m512 as Raw, _mm512_add_ps as add, _mm512_and_ps as and, _mm512_andnot_ps as andnot, _mm512_castps_si512 as to_int,
         _mm512_castsi512_ps as from_int, _mm512_cmp_ps_mask as cmp, _mm512_div_ps as div, _mm512_loadu_ps as loadu,
-        _mm512_loadu_si512 as load_sources, _mm512_mask_blend_ps as blend, _mm512_max_ps as max, _mm512_min_ps as min,
-        _mm512_mul_ps as mul, _mm512_or_ps as or, _mm512_permutex2var_ps as permute, _mm512_roundscale_ps as roundscale,
+        _mm512_mask_blend_ps as blend, _mm512_max_ps as max, _mm512_min_ps as min,
+        _mm512_mul_ps as mul, _mm512_or_ps as or, _mm512_roundscale_ps as roundscale,
         _mm512_set1_ps as set1, _mm512_slli_epi32 as shift_left, _mm512_sqrt_ps as sqrt, _mm512_srli_epi32 as shift_right,
         _mm512_storeu_ps as storeu, _mm512_sub_ps as sub, _mm512_xor_ps as xor,
     };
@@ -143,12 +136,7 @@ mod single {
         /// Sixteen `f32` lanes.
         F32x16, f32, 16,
         /// One truth value for each lane of [`F32x16`].
-        M32x16, u16, mantissa 23, bias 127.0,
-        #[inline(always)]
-        fn gather_lanes_of_two(low: Self, high: Self, sources: &[u32]) -> Self {
-            let used = &sources[..16];
-            F32x16(unsafe { permute(low.0, load_sources(used.as_ptr().cast()), high.0) })
-        }
+        M32x16, u16, mantissa 23, bias 127.0
     }
 }
 pub(crate) use double::F64x8;

@@ -51,26 +51,6 @@ impl Level {
         .clone()
     }
 
-    /// Whether an instruction on a whole register of this level takes two cycles. This holds for AVX-512 on AMD's cores before Zen 5, whose
-    /// execution units have half the width of a register. Two registers per value are then not faster than one.
-    #[cfg(target_arch = "x86_64")]
-    pub fn takes_two_cycles(self) -> bool {
-        use core::arch::x86_64::__cpuid;
-        /// Registers EBX, EDX and ECX after `cpuid` with leaf 0 on AMD's CPUs: "AuthenticAMD".
-        const AMD: [u32; 3] = [0x6874_7541, 0x6974_6e65, 0x444d_4163];
-        /// CPU family of Zen 5.
-        const ZEN_5: u32 = 0x1a;
-        let [maker, signature] = [__cpuid(0), __cpuid(1)];
-        // The family is the sum of two fields, of which the second is 0 below family 15.
-        let family = (signature.eax >> 8 & 0xf) + (signature.eax >> 20 & 0xff);
-        self == Level::Avx512 && [maker.ebx, maker.edx, maker.ecx] == AMD && family < ZEN_5
-    }
-    /// Whether an instruction on a whole register of this level takes two cycles.
-    #[cfg(not(target_arch = "x86_64"))]
-    pub fn takes_two_cycles(self) -> bool {
-        false
-    }
-
     /// Level with this name, if this machine and build support it.
     fn if_available(word: &str) -> Result<Level, LevelError> {
         let level: Level = word.parse()?;
@@ -209,7 +189,12 @@ macro_rules! at_level {
         let level: $crate::Level = $level;
         assert!(level.is_available(), "CPU level {level} is not available on this machine and build");
         match level {
-            $crate::Level::Avx512 => $crate::at_avx512!($lanes, $run $(::<_, $($extra),+>)? ($($arg),*)),
+            $crate::Level::Avx512 => $crate::__if_avx512!({
+                struct Checked;
+                // SAFETY: the check is above.
+                unsafe impl $crate::HasAvx512 for Checked {}
+                $run::<<Checked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
+            }),
             $crate::Level::Avx2 => $crate::__if_avx2!({
                 struct Checked;
                 // SAFETY: the check is above.
@@ -218,24 +203,6 @@ macro_rules! at_level {
             }),
             $crate::Level::Baseline => $crate::__if_baseline!($run::<$crate::baseline::$lanes $(, $($extra),+)?>($($arg),*)),
         }
-    }};
-}
-
-/// Calls a generic function at the level AVX-512, with lane types that only this level has: `F64x16` and `F32x32`. The arguments are those
-/// of [`at_level!`].
-///
-/// # Panics
-/// If the machine or this build lacks the level.
-#[macro_export]
-macro_rules! at_avx512 {
-    ($lanes:ident, $run:ident $(::<_, $($extra:ty),+>)? ($($arg:expr),* $(,)?)) => {{
-        assert!($crate::Level::Avx512.is_available(), "CPU level avx512 is not available on this machine and build");
-        $crate::__if_avx512!({
-            struct Checked;
-            // SAFETY: the check is above.
-            unsafe impl $crate::HasAvx512 for Checked {}
-            $run::<<Checked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
-        })
     }};
 }
 
@@ -272,12 +239,8 @@ pub trait Avx512 {
     type F64x1: Real<Scalar = f64>;
     /// Eight `f64` lanes.
     type F64Lanes: Real<Scalar = f64>;
-    /// Sixteen `f64` lanes in two registers.
-    type F64x16: Real<Scalar = f64>;
     /// Sixteen `f32` lanes.
     type F32Lanes: Real<Scalar = f32>;
-    /// Thirty-two `f32` lanes in two registers.
-    type F32x32: Real<Scalar = f32>;
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -292,9 +255,7 @@ impl<T: HasAvx2> Avx2 for T {
 impl<T: HasAvx512> Avx512 for T {
     type F64x1 = crate::single_lane::F64x1;
     type F64Lanes = crate::avx512::F64x8;
-    type F64x16 = crate::two::Two<crate::avx512::F64x8>;
     type F32Lanes = crate::avx512::F32x16;
-    type F32x32 = crate::two::Two<crate::avx512::F32x16>;
 }
 
 // A `cfg` inside `at_level!` would test the features of the calling crate. The following macros test the features of this crate.

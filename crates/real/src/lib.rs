@@ -4,8 +4,7 @@
 //!
 //! * `f64`, one environment, the reference;
 //! * `F64x1`, `F64Lanes` and `F32Lanes`, once per CPU level: one environment, or one per lane. `F64Lanes` has four lanes with [`baseline`]
-//!   and eight with `avx2` and `avx512`. `F32Lanes` has eight with [`baseline`] and `avx2`, and sixteen with `avx512`;
-//! * `F64x16` and `F32x32`, sixteen and thirty-two environments in [two](Two) registers of `avx512`, which has enough registers for this.
+//!   and eight with `avx2` and `avx512`. `F32Lanes` has eight with [`baseline`] and `avx2`, and sixteen with `avx512`.
 //!
 //! On every backend, each lane gets the bits of the same operation on `f64` (or `f32`). This holds for arithmetic, comparisons such as
 //! [`Real::min`], and elementary functions. Results thus depend neither on the CPU nor on other environments of the group. The
@@ -58,7 +57,6 @@ mod single;
 mod single_lane;
 #[cfg(target_arch = "x86_64")]
 mod sse2;
-mod two;
 
 pub use baseline::{F32Lanes, F64Lanes, F64x1};
 #[cfg(target_arch = "x86_64")]
@@ -67,4 +65,3 @@ pub use level::{Level, LevelError};
 pub use mask::Mask;
 pub use real::Real;
 pub use scalar::Scalar;
-pub use two::{Two, TwoMask};

@@ -6,7 +6,7 @@ use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A real number per environment. The type determines the number of environments: `f64` or `F64x1` for one, `F64x4` for four, `F64x8` and
-/// `F32x8` for eight, `F64x16` and `F32x16` for sixteen, `F32x32` for thirty-two. Each environment has one lane.
+/// `F32x8` for eight, `F32x16` for sixteen. Each environment has one lane.
 ///
 /// On every backend, each lane gets the bits of an operation on a single scalar: IEEE 754 arithmetic rounded to nearest, without fused
 /// multiply-add and approximate reciprocals. Only the sign and payload of a NaN that an operation returns may differ between CPUs. Never
@@ -35,8 +35,6 @@ pub trait Real:
     type Scalar: Scalar;
     /// Type of a mask: one truth value per lane.
     type Mask: Mask;
-    /// Type with half of the lanes, for the types of [`Two`](crate::Two) registers. For all other types it is `Self`.
-    type Half: Real<Scalar = Self::Scalar, Half = Self::Half>;
     /// Type with a single lane.
     type Single: Real<Scalar = Self::Scalar, Single = Self::Single>;
     /// Number of lanes, each for one environment.
@@ -101,43 +99,6 @@ pub trait Real:
     /// # Panics
     /// If there is no lane `i`.
     fn set_lane(&mut self, i: usize, x: Self::Scalar);
-    /// Value of the type [`Real::Half`]. Its lane i is lane `sources[i]` of `self`.
-    ///
-    /// # Panics
-    /// If `sources` has fewer entries than `Half` has lanes, or names a lane that does not exist.
-    #[inline(always)]
-    fn gather_lanes(self, sources: &[u32]) -> Self::Half {
-        let mut gathered = Self::Half::zero();
-        for (i, &l) in sources[..Self::Half::LANES].iter().enumerate() {
-            gathered.set_lane(i, self.lane(l as usize));
-        }
-        gathered
-    }
-    /// Replaces the lanes of the mask `lanes` by lanes of `half`: lane i becomes lane `places[i]` of `half`. Other lanes remain unchanged.
-    ///
-    /// # Panics
-    /// If `places` has fewer entries than there are lanes. For a place that does not exist, the lane gets an arbitrary number, or the call
-    /// panics.
-    #[inline(always)]
-    fn replace_lanes(mut self, half: Self::Half, places: &[u32], lanes: Self::Mask) -> Self {
-        for (i, &place) in places[..Self::LANES].iter().enumerate() {
-            if lanes.bits() >> i & 1 == 1 {
-                self.set_lane(i, half.lane(place as usize));
-            }
-        }
-        self
-    }
-    /// Value whose lane i is lane `sources[i]` of `low` and `high` together: the lanes of `high` are numbered after those of `low`. For a
-    /// source that does not exist, the lane gets an arbitrary number, or the call panics.
-    #[inline(always)]
-    fn gather_lanes_of_two(low: Self, high: Self, sources: &[u32]) -> Self {
-        let mut gathered = Self::zero();
-        for (i, &l) in sources[..Self::LANES].iter().enumerate() {
-            let l = l as usize;
-            gathered.set_lane(i, if l < Self::LANES { low.lane(l) } else { high.lane(l - Self::LANES) });
-        }
-        gathered
-    }
     /// Runs `kernel` as a separate function that is compiled with the instructions of this type's CPU level, together with all functions
     /// that it inlines. Ordinary code can thus call several kernels, each compiled once.
     ///

@@ -60,7 +60,6 @@ macro_rules! register_lanes {
             lane_access!($name, $scalar, $n);
             elementary_functions!();
             type Mask = $mask;
-            type Half = Self;
             $($method)*
 
             #[inline(always)]

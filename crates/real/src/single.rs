@@ -8,7 +8,6 @@ macro_rules! single {
         impl Real for $t {
             type Scalar = $t;
             type Mask = bool;
-            type Half = Self;
             type Single = Self;
             const LANES: usize = 1;
             vectorize!();

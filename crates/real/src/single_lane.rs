@@ -34,7 +34,6 @@ operators! { [] F64x1:
 impl Real for F64x1 {
     type Scalar = f64;
     type Mask = bool;
-    type Half = Self;
     type Single = Self;
     const LANES: usize = 1;
     vectorize!("avx2");

@@ -1,7 +1,7 @@
 //! Tests that every lane of every lane type has the same bits as a scalar.
 
 use proptest::prelude::*;
-use stepper_real::{Level, Mask, Real, Two, array, at_avx512, at_level};
+use stepper_real::{Level, Mask, Real, array, at_level};
 
 /// Names of the operations whose results `operations` writes, in the same order.
 const NAMES: [&str; 43] = [
@@ -178,15 +178,6 @@ macro_rules! check_level {
     };
 }
 
-macro_rules! check_two {
-    ($name:ident, $scalar:ident, $lanes:ident, $n:literal) => {
-        check!($name, $scalar, |level| if level == Level::Avx512 { $n } else { 0 }, |_, a: &[_], b: &[_], out: &mut [_]| at_avx512!(
-            $lanes,
-            vectorized(a, b, out)
-        ));
-    };
-}
-
 /// Checks the portable lanes, which no x86-64 level uses. The check runs once instead of at every level.
 macro_rules! check_portable {
     ($name:ident, $scalar:ident, $lanes:ident, $n:literal) => {
@@ -201,8 +192,6 @@ check_level!(check_alone, f64, F64x1);
 check_level!(check_f32, f32, F32Lanes);
 check_portable!(check_portable, f64, F64x4, 4);
 check_portable!(check_portable_f32, f32, F32x8, 8);
-check_two!(check_two, f64, F64x16, 16);
-check_two!(check_two_f32, f32, F32x32, 32);
 
 /// Numbers near which the sign, the rounding or the case of an algorithm changes, and numbers at the ends of the range.
 macro_rules! specials {
@@ -250,7 +239,6 @@ proptest! {
     fn f64_lanes_give_the_bits_of_scalars(a in inputs!(f64, u64, specials_f64), b in inputs!(f64, u64, specials_f64)) {
         check_f64(&a, &b);
         check_portable(&a, &b);
-        check_two(&a, &b);
         check_alone(&a, &b);
     }
 
@@ -258,7 +246,6 @@ proptest! {
     fn f32_lanes_give_the_bits_of_scalars(a in inputs!(f32, u32, specials_f32), b in inputs!(f32, u32, specials_f32)) {
         check_f32(&a, &b);
         check_portable_f32(&a, &b);
-        check_two_f32(&a, &b);
     }
 }
 
@@ -268,14 +255,12 @@ fn special_values_pair_by_pair() {
     for &a in &specials {
         check_f64(&vec![a; specials.len()], &specials);
         check_portable(&vec![a; specials.len()], &specials);
-        check_two(&vec![a; specials.len()], &specials);
         check_alone(&vec![a; specials.len()], &specials);
     }
     let specials = specials_f32();
     for &a in &specials {
         check_f32(&vec![a; specials.len()], &specials);
         check_portable_f32(&vec![a; specials.len()], &specials);
-        check_two_f32(&vec![a; specials.len()], &specials);
     }
 }
 
@@ -293,40 +278,6 @@ fn a_lane_does_not_see_its_neighbours() {
         quiet[0] = f64::NAN;
         quiet[2] = 1e300;
         assert_eq!(alone, lane_1(level, &quiet), "level {level}");
-    }
-}
-
-fn gathered<R: Real>(x: &[R::Scalar], order: &[u32], out: &mut [R::Scalar]) {
-    R::vectorize(
-        #[inline(always)]
-        || R::load(x).gather_lanes(order).store(out),
-    )
-}
-
-/// Checks that lanes are gathered in the given order: from two portable groups of `$n` lanes, and from two registers of AVX-512.
-macro_rules! check_gathered {
-    ($x:ident, $order:ident, $portable:ident, $n:literal, $lanes:ident) => {{
-        let few: Vec<u32> = $order[..$n].iter().map(|l| l % (2 * $n)).collect();
-        let mut out = vec![0.0; $n];
-        gathered::<Two<array::$portable>>(&$x, &few, &mut out);
-        prop_assert_eq!(out, few.iter().map(|&l| $x[l as usize]).collect::<Vec<_>>());
-        if Level::Avx512.is_available() {
-            let mut out = vec![0.0; $order.len()];
-            at_avx512!($lanes, gathered(&$x, &$order, &mut out));
-            prop_assert_eq!(out, $order.iter().map(|&l| $x[l as usize]).collect::<Vec<_>>());
-        }
-    }};
-}
-
-proptest! {
-    #[test]
-    fn lanes_are_gathered_by_number(order in prop::collection::vec(0u32..16, 8), x in prop::collection::vec(-1e3..1e3f64, 16)) {
-        check_gathered!(x, order, F64x4, 4, F64x16);
-    }
-
-    #[test]
-    fn more_lanes_are_gathered_by_number(order in prop::collection::vec(0u32..32, 16), x in prop::collection::vec(-1e3..1e3f32, 32)) {
-        check_gathered!(x, order, F32x8, 8, F32x32);
     }
 }
 

@@ -5,13 +5,11 @@
 //! change its impulses, because every update is masked.
 
 mod acceleration;
-mod compaction;
 pub(crate) mod history;
 mod sweep;
 
 use crate::constraints::constraint_set::SweepLanes;
 use crate::gauss_seidel::acceleration::{recompute_w, reset_history};
-use crate::gauss_seidel::compaction::sweep_compacted;
 use crate::gauss_seidel::sweep::Progress;
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
@@ -109,9 +107,7 @@ fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, 
     // All lanes restart without history, no matter when they paused. Their results then do not depend on other lanes.
     reset_history(iterate);
     while progress.running.any() {
-        if !sweep_compacted(system, iterate, progress) {
-            progress.sweep(system, iterate);
-        }
+        progress.sweep(system, iterate);
     }
     if system.needs_residual && progress.extrapolated.any() {
         recompute_w(iterate, system.problem, progress.extrapolated);

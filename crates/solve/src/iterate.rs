@@ -6,7 +6,6 @@ use crate::constraints::constraint_set::{Impulse, Impulses, SweepLanes, Unknowns
 use crate::constraints::friction::padded;
 use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
 use crate::gauss_seidel::history::History;
-use crate::lane_map::LaneMap;
 use crate::problem::{Problem, System};
 use stepper_real::{Mask, Real, Scalar, kernel};
 
@@ -22,9 +21,6 @@ by_kind! {
         pub(crate) multipliers: Multipliers<R>,
         /// History of Anderson's acceleration.
         pub(crate) history: History<R>,
-        /// Workspace of lane compaction: problem and iterate with half as many lanes, in half of the registers. `None` if the lanes cannot
-        /// be halved.
-        pub(crate) compacted: Option<Box<Compacted<R::Half>>>,
         /// Copy of the impulses, which is restored if a further pass (sweeps and Newton steps) makes the residual larger.
         pub(crate) snapshot: Snapshot<R>,
     } each Impulses[R]
@@ -42,15 +38,6 @@ by_kind! {
     pub struct Snapshot[R: Real] {
         w: Vec<R>,
     } each Impulses[R]
-}
-
-/// Problem and iterate of some lanes, gathered into registers of half the width.
-#[derive(Clone, Debug)]
-pub(crate) struct Compacted<R: Real> {
-    /// Problem of the gathered lanes.
-    pub(crate) problem: Problem<R>,
-    /// Impulses of the gathered lanes.
-    pub(crate) iterate: Iterate<R>,
 }
 
 impl<R: Real> Default for Snapshot<R> {
@@ -150,34 +137,12 @@ impl<R: Real> Iterate<R> {
     pub fn new(capacity: &Capacity) -> Self {
         let (snapshot, mut unknowns) = (Snapshot::new(capacity), capacity.dimension);
         each_kind!([count: capacity] [impulses: &snapshot] => unknowns += count * rows_of::<R, _>(impulses));
-        let compacted = || Box::new(Compacted { problem: Problem::new(capacity), iterate: Iterate::new(capacity) });
         make_kinds!(Self {
             w: vec![R::zero(); capacity.dimension],
             multipliers: make_kinds!(Multipliers {} [count: capacity] => Vec::with_capacity(count)),
             history: History::new(capacity.dimension, unknowns),
-            compacted: (R::LANES > R::Half::LANES).then(compacted),
             snapshot,
         } [count: capacity] => Vec::with_capacity(count))
-    }
-
-    /// Gathers the unknowns and the sweep history of the lanes that `map` selects into `out`, whose registers are half as wide.
-    #[inline(always)]
-    pub(crate) fn gather(&self, map: &LaneMap, out: &mut Iterate<R::Half>) {
-        map.gather_slice(&self.w, &mut out.w);
-        each_kind!([own: &self.multipliers] [out: &mut out.multipliers] => map.gather_slice(own, out));
-        each_kind!([own: &self] [out: &mut out] => {
-            out.resize(own.len(), Impulse::zero());
-            map.gather_into(Impulse::<R>::flatten(own), Impulse::<R::Half>::flatten_mut(out));
-        });
-        self.history.gather(map, &mut out.history);
-    }
-
-    /// Copies the unknowns of gathered lanes from `from` back to the lanes from which `map` gathered them. The sweep history is not copied.
-    #[inline(always)]
-    pub(crate) fn scatter(&mut self, map: &LaneMap, from: &Iterate<R::Half>) {
-        map.scatter_slice(&from.w, &mut self.w);
-        each_kind!([from: &from] [own: &mut self] => map.scatter_slice(Impulse::<R::Half>::flatten(from), Impulse::<R>::flatten_mut(own)));
-        each_kind!([from: &from.multipliers] [own: &mut self.multipliers] => map.scatter_slice(from, own));
     }
 
     /// Removes all impulses. The caller then pushes a warm start (or zeros) for every row, and calls [`Iterate::compute_w`].

@@ -21,7 +21,7 @@
 //!
 //! The interface is generic over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. Newton's method computes one lane at
 //! a time, in f64. Each kind of constraint has one file in `constraints/`. The file has the operations of the kind in a sweep, in the
-//! residual, in lane compaction (unsolved lanes move to a smaller register), in Newton's method and in the position solve.
+//! residual, in Newton's method and in the position solve.
 
 mod admissible_set;
 mod capacity;
@@ -31,7 +31,6 @@ mod entries;
 mod file;
 pub mod gauss_seidel;
 mod iterate;
-mod lane_map;
 pub mod newton;
 mod position_rows;
 mod problem;

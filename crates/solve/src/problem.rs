@@ -3,7 +3,6 @@
 use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, RowsRef};
 use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
-use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
 by_kind! {
@@ -203,13 +202,6 @@ impl<R: Real> System<'_, R> {
     #[inline(always)]
     pub fn without_final_residual(self) -> Self {
         Self { needs_residual: false, ..self }
-    }
-
-    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. It gathers only the fields that Gauss-Seidel
-    /// iterations read.
-    #[inline(always)]
-    pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
-        each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
     }
 
     /// Calls `f` for each row or contact that is active in a lane: it exists, an impulse can move it, and it is not deferred. `f` gets an

@@ -73,7 +73,7 @@ fn contacts_at_start<S: LaneScalar>(
     level: Level,
 ) -> usize {
     let settings = StepSettings { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*settings };
-    let lanes = S::single_env_lanes(level);
+    let lanes = S::lanes(1, level);
     let make = |capacity: usize| S::worker(&WorkerSpec { compiled, settings: &settings, max_contacts: capacity }, lanes, level);
     let overrides = ParameterOverrides::default();
     let call = Call {

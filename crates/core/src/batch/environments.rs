@@ -9,7 +9,7 @@ use crate::batch::capacity::{bytes_per_env, check_memory, contact_capacity};
 use crate::batch::inputs::Field;
 use crate::batch::parameter_overrides::ParameterOverrides;
 use crate::batch::state::{ContactOfGeoms, Group, StoredContact};
-use crate::batch::worker::{LaneScalar, WorkerSpec, lanes};
+use crate::batch::worker::{LaneScalar, WorkerSpec};
 use crate::batch::worker_pool::WorkerPool;
 use crate::batch::worst_row::WorstRow;
 use crate::compile::CompiledModel;
@@ -71,7 +71,7 @@ impl<S: LaneScalar> Batch<S> {
         let max_contacts = contact_capacity(model, &compiled, &settings, level);
         check_memory(num_envs, bytes_per_env(&compiled, max_contacts))?;
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
-        let lanes = if num_envs == 1 { S::single_env_lanes(level) } else { lanes(&compiled, num_envs, threads, level) };
+        let lanes = S::lanes(num_envs, level);
         let groups = make_groups(model, &compiled, num_envs, lanes, max_contacts);
         // More threads than groups would be idle.
         let workers = WorkerPool::new(threads.min(groups.len()), lanes, level);

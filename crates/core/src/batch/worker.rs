@@ -3,8 +3,6 @@
 use std::any::Any;
 
 use serde::{Serialize, de::DeserializeOwned};
-#[cfg(not(test))]
-use stepper_real::at_avx512;
 use stepper_real::{Level, Mask, Real, Scalar, at_level, kernel};
 
 use crate::analysis::derived::{Derivation, DerivedQuantity};
@@ -68,10 +66,8 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Number of lanes of a group in saved states of several environments. It is the number of lanes of the narrowest CPU level, so that
     /// all CPU levels write the same states.
     const SAVED_LANES: usize;
-    /// Number of lanes of the SIMD type of a CPU level.
-    fn vector_lanes(level: Level) -> usize;
-    /// Number of lanes of a group in a batch of one environment.
-    fn single_env_lanes(level: Level) -> usize;
+    /// Number of lanes of a group in a batch of `num_envs` environments.
+    fn lanes(num_envs: usize, level: Level) -> usize;
     /// Creates a worker for groups of `lanes` lanes at the CPU level `level`, which this machine must have. The worker calls `probe` during
     /// its steps.
     #[cfg(not(test))]
@@ -106,27 +102,6 @@ pub struct GroupPosition<'a, 'b, S> {
     pub recording: Option<&'a mut RecordingChunk<'b, S>>,
 }
 
-/// Largest number of entries of the mass matrix for which a SIMD value takes two registers. Each entry then takes 128 bytes, and the memory
-/// of a step still fits the caches of the core.
-///
-/// Evidence: two registers make dm_control's humanoid (243 entries) 4 to 6 % faster, and humanoid_CMU (952) up to 4 % slower.
-const MAX_CACHED_ENTRIES: usize = 512;
-
-/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number n of lanes, or 2 n if that is
-/// faster. `compiled.chain` has one item for each entry of the mass matrix.
-///
-/// With AVX-512, a group of 2 n lanes uses two registers per value, and its step takes 1.8 times as long as that of n lanes. The ratio is
-/// at least 2 on AVX-512 CPUs with vector units of half the register's width (docs/benchmarks/performance.md). It would be 2.2 to 2.5 with
-/// the sixteen registers of AVX2.
-pub(super) fn lanes<S: LaneScalar>(compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
-    let n = S::vector_lanes(level);
-    // Largest number of groups of a thread. A step of 2 n lanes takes 1.8 = 9/5 times as long as one of n lanes, and pays if it decreases
-    // this number by at least this factor.
-    let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
-    let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
-    if level == Level::Avx512 && pays && !level.takes_two_cycles() { 2 * n } else { n }
-}
-
 fn width<R: Real>() -> usize {
     R::LANES
 }
@@ -134,19 +109,14 @@ fn width<R: Real>() -> usize {
 impl LaneScalar for f64 {
     const SAVED_LANES: usize = 4;
 
-    fn vector_lanes(level: Level) -> usize {
-        at_level!(level, F64Lanes, width())
-    }
-
-    fn single_env_lanes(_: Level) -> usize {
-        1
+    fn lanes(num_envs: usize, level: Level) -> usize {
+        if num_envs == 1 { 1 } else { at_level!(level, F64Lanes, width()) }
     }
 
     #[cfg(not(test))]
     fn probed_worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
         match lanes {
             1 => at_level!(level, F64x1, lane_worker(spec, probe)),
-            16 => at_avx512!(F64x16, lane_worker(spec, probe)),
             _ => at_level!(level, F64Lanes, lane_worker(spec, probe)),
         }
     }
@@ -166,17 +136,13 @@ impl LaneScalar for f64 {
 impl LaneScalar for f32 {
     const SAVED_LANES: usize = 8;
 
-    fn vector_lanes(level: Level) -> usize {
+    fn lanes(_: usize, level: Level) -> usize {
         at_level!(level, F32Lanes, width())
     }
 
-    fn single_env_lanes(level: Level) -> usize {
-        Self::vector_lanes(level)
-    }
-
     #[cfg(not(test))]
-    fn probed_worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
-        if lanes == 32 { at_avx512!(F32x32, lane_worker(spec, probe)) } else { at_level!(level, F32Lanes, lane_worker(spec, probe)) }
+    fn probed_worker(spec: &WorkerSpec<'_, f32>, _: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
+        at_level!(level, F32Lanes, lane_worker(spec, probe))
     }
 
     fn group_functions<R: Real<Scalar = f32>>() -> Option<GroupFunctions<R>> {

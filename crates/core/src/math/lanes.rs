@@ -1,7 +1,7 @@
 //! Lane-interleaved values (entry i of lane l is at `i * lanes + l`), and sets of lanes as bits.
 
 /// Largest number of lanes of a group.
-pub const MAX_LANES: usize = 32;
+pub const MAX_LANES: usize = 16;
 
 /// Number of bits that hold the index of a lane.
 const LANE_BITS: u32 = MAX_LANES.ilog2();

@@ -1,6 +1,6 @@
 //! Set of the constraints of one kind, and the operations that each kind implements for one constraint.
 //!
-//! The operations are for the residual, lane compaction, Newton's method and the position solve.
+//! The operations are for the residual, Newton's method and the position solve.
 
 use std::fmt::Debug;
 use std::ops::{Index, IndexMut};
@@ -10,7 +10,6 @@ use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::masked;
 use crate::entries::Entries;
-use crate::lane_map::LaneMap;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
@@ -190,8 +189,6 @@ pub struct Span {
 pub trait Row<R: Real>: Copy + Debug {
     /// Impulse of the constraint: a number, or an array with one for each row of a contact.
     type Impulse: Impulse<R>;
-    /// Rows of a constraint of the same kind in half of the lanes.
-    type Half: Row<R::Half>;
 
     /// Largest number of Jacobian entries of `constraints` constraints of this kind, from the numbers in `capacity`.
     fn num_entries(constraints: usize, capacity: &Capacity) -> usize;
@@ -215,10 +212,6 @@ pub trait Row<R: Real>: Copy + Debug {
     /// Exchanges the two offsets of each row in the lanes `lanes`: the offset g, with which the row is solved, and the stored offset of the
     /// other solve.
     fn exchange_offsets(&mut self, lanes: R::Mask);
-
-    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. It gathers only the fields that Gauss-Seidel
-    /// iterations read. The compliances of contacts are among them if `compliant`.
-    fn gather(&self, map: &LaneMap, compliant: bool, out: &mut Self::Half);
 
     /// Admissible impulses and compliances of the constraint in the lane `lane`, for Newton's method.
     fn lane_constraint(&self, lane: usize) -> LaneConstraint;
@@ -499,23 +492,6 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         self.columns.clear();
         self.y.clear();
         self.eliminated = 0;
-    }
-
-    /// Gathers lanes of all constraints into `out`, whose registers are half as wide. `map` selects the lanes. Only the data that
-    /// Gauss-Seidel iterations need are gathered.
-    #[inline(always)]
-    pub(crate) fn gather(&self, rows: &Rows<T>, map: &LaneMap, out: &mut ConstraintSet<R::Half, T::Half>) {
-        out.columns.clear();
-        out.columns.extend_from_slice(&self.columns);
-        out.y.clear();
-        let entries = Impulse::<R::Half>::flatten_mut(out.y.extend_by(self.y.len()));
-        map.gather_into(Impulse::<R>::flatten(self.y.row(0, self.y.len())), entries);
-        out.eliminated = self.eliminated;
-        out.rows.compliant = rows.compliant;
-        out.rows.items.resize_with(rows.items.len(), Row::blank);
-        for (row, out) in rows.items.iter().zip(&mut out.rows.items) {
-            row.gather(map, rows.compliant, out);
-        }
     }
 
     /// Calls `f` for each constraint that is active in a lane ([`Row::active`]). `f` gets an iterator over the coordinates at which this

@@ -14,14 +14,11 @@ use crate::constraints::constraint_set::{
     ConstraintSet, Damping, LaneConstraint, Row, Rows, SavedConstraint, Span, SweepLanes, Unknowns, is_nonzero, multiply, number_of,
 };
 use crate::constraints::orthogonalisation::velocity_rounding;
-use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Solver of one contact with friction, while the impulses of all other constraints stay constant. The admissible impulses are the circular
 /// cone of Coulomb's law.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
-    /// Solver of the same kind in half of the lanes.
-    type Half: LocalSolver<R::Half, N>;
 
     /// Solver of a contact whose block of the Delassus matrix is `gram`, in the lanes `active`. The solver of other lanes is a placeholder.
     /// Only the upper triangle is read.
@@ -61,9 +58,6 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Adds a compliance, 1/kg, to the normal row alone; the natural map does not change. Returns the ratio of the normal row's previous
     /// diagonal entry to the new one.
     fn add_normal_compliance(&mut self, compliance: R) -> R;
-
-    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide.
-    fn gather(&self, map: &LaneMap, out: &mut Self::Half);
 }
 
 /// Step length rho of a contact's natural map, lambda - P_K(lambda - rho u) for the impulse lambda and the velocity u. P_K is the
@@ -479,7 +473,6 @@ fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R, N, L> {
     type Impulse = [R; N];
-    type Half = FrictionContact<R::Half, N, L::Half>;
 
     fn num_entries(contacts: usize, capacity: &Capacity) -> usize {
         contacts * capacity.columns_per_contact
@@ -517,20 +510,6 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
             g[k] = R::select(lanes, g[k] + position_g[k], g[k]);
             position_g[k] = R::select(lanes, -position_g[k], position_g[k]);
         }
-    }
-
-    #[inline(always)]
-    fn gather(&self, map: &LaneMap, compliant: bool, out: &mut Self::Half) {
-        out.span = self.span;
-        out.active = map.gather_mask::<R>(self.active);
-        out.mu = map.gather(self.mu);
-        map.gather_into(&self.g, &mut out.g);
-        if compliant {
-            out.compliance = map.gather(self.compliance);
-            out.damping = map.gather(self.damping);
-        }
-        out.step.inv_rho = map.gather(self.step.inv_rho);
-        self.local.gather(map, &mut out.local);
     }
 
     fn lane_constraint(&self, lane: usize) -> LaneConstraint {

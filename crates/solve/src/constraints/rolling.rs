@@ -7,7 +7,6 @@
 
 use crate::cone::{masked, positive};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, NaturalStep, least_tangent, slip_multiplier};
-use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
 /// Number of tangential rows of a contact with rolling friction.
@@ -134,7 +133,6 @@ impl<R: Real> RollingSolver<R> {
 }
 
 impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
-    type Half = RollingSolver<R::Half>;
 
     #[inline(always)]
     fn new(gram: &[[R; 6]; 6], active: R::Mask) -> (Self, R) {
@@ -236,17 +234,6 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     #[inline(always)]
     fn add_normal_compliance(&mut self, compliance: R) -> R {
         self.add_compliance([compliance, R::zero()])
-    }
-
-    #[inline(always)]
-    fn gather(&self, map: &LaneMap, out: &mut RollingSolver<R::Half>) {
-        out.inv_gnn = map.gather(self.inv_gnn);
-        out.nn = map.gather(self.nn);
-        map.gather_into(self.axes.as_flattened(), out.axes.as_flattened_mut());
-        map.gather_into(&self.a, &mut out.a);
-        map.gather_into(&self.inv_a, &mut out.inv_a);
-        map.gather_into(&self.coupling, &mut out.coupling);
-        out.step = map.gather(self.step);
     }
 }
 

@@ -8,7 +8,6 @@ use crate::cone::{clamp, masked};
 use crate::constraints::constraint_set::{
     ConstraintSet, Damping, LaneConstraint, Row, Rows, SavedConstraint, Span, SweepLanes, Unknowns, is_nonzero, number_of,
 };
-use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
 /// Row with a single impulse lambda in an interval: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`,
@@ -239,7 +238,6 @@ impl<R: Real> ScalarRows<R> {
 
 impl<R: Real> Row<R> for ScalarRow<R> {
     type Impulse = R;
-    type Half = ScalarRow<R::Half>;
 
     fn num_entries(_constraints: usize, capacity: &Capacity) -> usize {
         capacity.scalar_entries
@@ -288,18 +286,6 @@ impl<R: Real> Row<R> for ScalarRow<R> {
     fn exchange_offsets(&mut self, lanes: R::Mask) {
         let [g, position_g] = [self.g, self.position_g];
         (self.g, self.position_g) = (R::select(lanes, position_g, g), R::select(lanes, g, position_g));
-    }
-
-    #[inline(always)]
-    fn gather(&self, map: &LaneMap, _compliant: bool, out: &mut ScalarRow<R::Half>) {
-        out.span = self.span;
-        out.active = map.gather_mask::<R>(self.active);
-        out.g = map.gather(self.g);
-        out.lo = map.gather(self.lo);
-        out.hi = map.gather(self.hi);
-        out.compliance = map.gather(self.compliance);
-        out.diagonal = map.gather(self.diagonal);
-        out.inv_diagonal = map.gather(self.inv_diagonal);
     }
 
     fn lane_constraint(&self, lane: usize) -> LaneConstraint {

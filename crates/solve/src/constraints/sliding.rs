@@ -3,7 +3,6 @@
 
 use crate::cone::{masked, norm2};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, NaturalStep, least_tangent, slip_multiplier};
-use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
 /// Contact with sliding friction: rows (n, t1, t2).
@@ -109,7 +108,6 @@ impl<R: Real> SlidingSolver<R> {
 }
 
 impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
-    type Half = SlidingSolver<R::Half>;
 
     #[inline(always)]
     fn new(gram: &[[R; 3]; 3], active: R::Mask) -> (Self, R) {
@@ -216,17 +214,6 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         self.normal_compliance = compliance;
         self.prepare();
         before * self.inv_gnn
-    }
-
-    #[inline(always)]
-    fn gather(&self, map: &LaneMap, out: &mut SlidingSolver<R::Half>) {
-        map.gather_into(&self.gram, &mut out.gram);
-        out.normal_compliance = map.gather(self.normal_compliance);
-        out.inv_gnn = map.gather(self.inv_gnn);
-        map.gather_into(&self.axis, &mut out.axis);
-        map.gather_into(&self.a, &mut out.a);
-        map.gather_into(&self.inv_a, &mut out.inv_a);
-        map.gather_into(&self.coupling, &mut out.coupling);
     }
 }
 

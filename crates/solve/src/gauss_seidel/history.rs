@@ -1,7 +1,6 @@
 //! History of Anderson's acceleration: the changes of the last sweeps, and the least-squares problem over them.
 
 use crate::cone::masked;
-use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
 /// Number of differences between sweeps that Anderson's acceleration stores.
@@ -74,27 +73,6 @@ impl<R: Real> History<R> {
             dt: std::array::from_fn(|_| unknowns()),
             stored: [R::Mask::splat(false); MEMORY],
             gram: [[R::zero(); MEMORY]; MEMORY],
-        }
-    }
-
-    /// Gathers the history of the lanes that `map` selects into `out`, whose registers are half as wide. Differences that are stored in
-    /// none of these lanes are left out.
-    #[inline(always)]
-    pub(crate) fn gather(&self, map: &LaneMap, out: &mut History<R::Half>) {
-        map.gather_slice(&self.start, &mut out.start);
-        map.gather_slice(&self.f, &mut out.f);
-        map.gather_slice(&self.image, &mut out.image);
-        out.length = map.gather(self.length);
-        out.swept = map.gather_mask::<R>(self.swept);
-        for k in 0..MEMORY {
-            out.stored[k] = map.gather_mask::<R>(self.stored[k]);
-            out.gram[k] = map.gather_array(&self.gram[k]);
-            if out.stored[k].any() {
-                map.gather_slice(&self.df[k], &mut out.df[k]);
-                map.gather_slice(&self.dt[k], &mut out.dt[k]);
-            } else {
-                out.dt[k].resize(self.dt[k].len(), R::Half::zero());
-            }
         }
     }
 

@@ -1,6 +1,6 @@
 //! Access to the step of every group of environments, for derivatives.
 
-use stepper_real::{Real, at_avx512, at_level};
+use stepper_real::{Real, at_level};
 
 use crate::batch::engine::{Engine, with_batch};
 use crate::batch::inputs::StepInputs;
@@ -32,7 +32,6 @@ impl Simulation {
         let inputs = StepInputs { ctrl, ..self.applied.complete(&StepInputs::default()) };
         batch.lend_steps(&inputs, tolerance, &|lent| match lent.lanes {
             1 => at_level!(lent.level, F64x1, visit(lent, visitor)),
-            16 => at_avx512!(F64x16, visit(lent, visitor)),
             _ => at_level!(lent.level, F64Lanes, visit(lent, visitor)),
         })
     }

@@ -54,11 +54,11 @@ class Options(Hints):
         error: Error of the positions that a step may make, m and rad; None makes every step once, whatever its error.
 
             Otherwise a step is divided into substeps, which differ between environments. The estimate is that of step doubling: every
-            interval is stepped as a whole and in halves. An interval may have a share of the error in proportion to its length, but at
-            least a quarter. INACCURATE in `status` means that their sum, `Stepper.error_estimate`, exceeds the error, as in some steps
-            with several impacts. `Stepper.substeps` counts substeps, of which the shortest are 1/256 of the time step. Controls,
-            actuator and sensor models act once in a step. The option needs hard contact and "midpoint", "implicit" or "euler".
-            `linearize` refuses it. docs/how-to/keep_an_error.md has its costs.
+            interval is stepped as a whole and in halves, and trees without constraints get the extrapolation of both. An interval may
+            have a share of the error in proportion to its length, but at least a quarter. INACCURATE in `status` means that their sum,
+            `Stepper.error_estimate`, exceeds the error, as in some steps with several impacts. `Stepper.substeps` counts substeps, of
+            which the shortest are 1/256 of the time step. Controls, actuator and sensor models act once in a step. The option needs
+            hard contact and "midpoint", "implicit" or "euler". `linearize` refuses it. docs/how-to/keep_an_error.md has its costs.
         solver: Solver of the constraint problem with hard contact.
 
             * "pgs": projected Gauss-Seidel with Anderson acceleration. Each iteration (sweep) visits all constraints, and solves the

@@ -70,6 +70,42 @@ def test_the_error_of_a_step_with_an_elastic_impact_is_kept():
     assert np.isnan(plain.error_estimate).all() and (plain.substeps == 0).all()
 
 
+@pytest.mark.parametrize(("integrator", "order"), [("midpoint", 3), ("implicit", 2), ("euler", 2)])
+def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order):
+    """Trees without constraints get the extrapolation of whole intervals and their halves. The box falls too, and spins."""
+    body = BOX.format(h=0.004, more='contype="0" conaffinity="0"').replace(
+        "</worldbody>",
+        """<body pos="0 0 3"><joint axis="0 1 0" damping=".1"/><geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/>
+        <body pos="0 0 -.5"><joint axis="1 .5 0"/><geom type="capsule" size=".05" fromto="0 0 0 .4 0 0"/></body></body></worldbody>""",
+    )
+    model = stepper.load(body)
+    qpos, qvel = model.qpos0 + np.eye(1, model.nq, 7)[0] * 0.7, np.array([1, 0.5, 2, 3, 1, 4, 1, -2.0])
+
+    def end(h: float) -> np.ndarray:
+        # One interval a step: no estimate exceeds the error.
+        sim = stepper.Stepper(model, options=Options(timestep=h, error=10.0, integrator=integrator))
+        sim.set_state(qpos, qvel)
+        sim.step(nstep=round(0.4 / h))
+        assert sim.substeps == 2 * round(0.4 / h)
+        return np.concatenate([sim.qpos, sim.qvel])
+
+    exact = end(0.004 / 32)
+    errors = [np.abs(end(h) - exact).max() for h in (0.008, 0.004)]
+    # Half of the time step divides the error by 2^order in the limit. The rules themselves have an order less.
+    assert errors[1] * 2 ** (order - 0.4) < errors[0]
+
+
+def test_trees_in_contact_are_not_extrapolated():
+    """A box slides. Its step is two steps of half the length, to the tolerance of the solver: 1e-6 m/s, 20 times."""
+    model = stepper.load(BOX.format(h=0.01, more=""))
+    kept, plain = (stepper.Stepper(model, options=Options(timestep=h, tolerance=1e-6, error=e)) for h, e in ((0.01, 10.0), (0.005, None)))
+    for sim, steps in ((kept, 20), (plain, 40)):
+        sim.set_state([0, 0, 0.2, 1, 0, 0, 0], [2, 0.3, 0, 0, 0, 1])
+        sim.step(nstep=steps)
+    assert np.abs(kept.qvel[:2]).max() > 0.1
+    np.testing.assert_allclose(kept.qvel, plain.qvel, atol=2e-5)
+
+
 def test_forces_are_those_of_the_whole_step():
     """A box at rest presses on the floor with its weight, and a moving arm has the impulses of its limits, whatever the substeps."""
     model = stepper.load(BOX.format(h=0.01, more=""))

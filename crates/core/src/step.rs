@@ -149,8 +149,8 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
     // Velocities are limited in islands whose motion is too fast for the time step or whose kinetic energy the solver's residual may change
     // noticeably (ambiguous energy).
     let [ambiguous, limited] = span!(probe, GuardEnergy, || velocity_loop.limit_speed(resolution, solver.residual));
-    // With the Runge-Kutta method, the energy of lanes without constraints is not checked. Stage 7 replaces their solution, except where the
-    // motion is too fast; there the velocity is limited already.
+    // With the Runge-Kutta method, the energy of lanes without constraints is not checked. Stage 7 replaces their solution, except where
+    // the motion is too fast; there the velocity is limited already.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     let energy_unresolved = span!(probe, GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(doubtful);
     if options.poison {
@@ -179,5 +179,5 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
     span!(probe, GuardEnergy, || resolution.limit_energy(context, problem, &free.v, velocity, &position.q, limited));
     // The generalized impulse of this step replaces that of the last step, which `compute_free_motion` has read.
     std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
-    StepOutcome { solver, ambiguous, limited, infeasible: corrected.infeasible, tunnelled, energy_unresolved }
+    StepOutcome { solver, ambiguous, infeasible: corrected.infeasible, tunnelled, energy_unresolved }
 }

@@ -108,12 +108,11 @@ macro_rules! avx512_lanes {
 mod double {
     use crate::avx512::*;
     use core::arch::x86_64::{
-        __m512d as Raw, _mm512_add_pd as add, _mm512_and_pd as and, _mm512_andnot_pd as andnot,
-        _mm512_castpd_si512 as to_int, _mm512_castsi512_pd as from_int, _mm512_cmp_pd_mask as cmp,
-        _mm512_div_pd as div, _mm512_loadu_pd as loadu, _mm512_mask_blend_pd as blend, _mm512_max_pd as max, _mm512_min_pd as min,
-        _mm512_mul_pd as mul, _mm512_or_pd as or, _mm512_roundscale_pd as roundscale,
-        _mm512_set1_pd as set1, _mm512_slli_epi64 as shift_left, _mm512_sqrt_pd as sqrt, _mm512_srli_epi64 as shift_right,
-        _mm512_storeu_pd as storeu, _mm512_sub_pd as sub, _mm512_xor_pd as xor,
+        __m512d as Raw, _mm512_add_pd as add, _mm512_and_pd as and, _mm512_andnot_pd as andnot, _mm512_castpd_si512 as to_int,
+        _mm512_castsi512_pd as from_int, _mm512_cmp_pd_mask as cmp, _mm512_div_pd as div, _mm512_loadu_pd as loadu,
+        _mm512_mask_blend_pd as blend, _mm512_max_pd as max, _mm512_min_pd as min, _mm512_mul_pd as mul, _mm512_or_pd as or,
+        _mm512_roundscale_pd as roundscale, _mm512_set1_pd as set1, _mm512_slli_epi64 as shift_left, _mm512_sqrt_pd as sqrt,
+        _mm512_srli_epi64 as shift_right, _mm512_storeu_pd as storeu, _mm512_sub_pd as sub, _mm512_xor_pd as xor,
     };
     avx512_lanes! {
         /// Eight `f64` lanes.
@@ -127,10 +126,9 @@ mod single {
     use core::arch::x86_64::{
         __m512 as Raw, _mm512_add_ps as add, _mm512_and_ps as and, _mm512_andnot_ps as andnot, _mm512_castps_si512 as to_int,
         _mm512_castsi512_ps as from_int, _mm512_cmp_ps_mask as cmp, _mm512_div_ps as div, _mm512_loadu_ps as loadu,
-        _mm512_mask_blend_ps as blend, _mm512_max_ps as max, _mm512_min_ps as min,
-        _mm512_mul_ps as mul, _mm512_or_ps as or, _mm512_roundscale_ps as roundscale,
-        _mm512_set1_ps as set1, _mm512_slli_epi32 as shift_left, _mm512_sqrt_ps as sqrt, _mm512_srli_epi32 as shift_right,
-        _mm512_storeu_ps as storeu, _mm512_sub_ps as sub, _mm512_xor_ps as xor,
+        _mm512_mask_blend_ps as blend, _mm512_max_ps as max, _mm512_min_ps as min, _mm512_mul_ps as mul, _mm512_or_ps as or,
+        _mm512_roundscale_ps as roundscale, _mm512_set1_ps as set1, _mm512_slli_epi32 as shift_left, _mm512_sqrt_ps as sqrt,
+        _mm512_srli_epi32 as shift_right, _mm512_storeu_ps as storeu, _mm512_sub_ps as sub, _mm512_xor_ps as xor,
     };
     avx512_lanes! {
         /// Sixteen `f32` lanes.

@@ -18,7 +18,7 @@ use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
 use crate::reference::Reference;
 use crate::residual::WorstConstraint;
-use stepper_real::{Real, kernel};
+use stepper_real::{Mask, Real, kernel};
 
 by_kind! {
     /// Rows of the position solve: copies of the rows of a [`Problem`], with other offsets g and more compliance. The problem does not

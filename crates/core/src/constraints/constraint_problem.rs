@@ -1,12 +1,13 @@
 //! Constraint problem of a step. Stage 4 assembles it; stage 5 solves it for velocities, and stage 8 for positions.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
-use stepper_solve::{Capacity, Problem};
+use stepper_solve::{Capacity, Problem, System};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::active_equalities::ActiveEqualities;
 use crate::constraints::soft::SoftSystem;
 use crate::dynamics::inertia::MassMatrix;
+use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 /// Constraint problem of a step, with the model element of each row.
@@ -96,6 +97,19 @@ pub(crate) struct CurvatureTerms<R: Real> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
+    /// Adds the lanes of `lanes` in which a constraint acts on each kinematic tree to `trees`.
+    pub(crate) fn add_constrained_trees(&self, compiled: &LaneModel<R>, lanes: R::Mask, trees: &mut [R::Mask]) {
+        for lane in each_of(self.constrained.and(lanes).bits()) {
+            let own = R::Mask::from_bits(1 << lane);
+            System::from(&self.rows).for_each_column_set(lane, |dofs| {
+                for d in dofs {
+                    let tree = &mut trees[compiled.dofs[d as usize].tree];
+                    *tree = tree.or(own);
+                }
+            });
+        }
+    }
+
     /// Index in the problem of the contact in slot `k` and lane `lane`: contacts with three rows first, then those with six. `None` if the
     /// contact is immovable.
     pub(crate) fn contact_in_slot(&self, k: usize, lane: usize) -> Option<usize> {

@@ -20,6 +20,7 @@ pub mod rk4;
 pub mod scheme;
 pub(crate) mod solve_velocities;
 pub(crate) mod state;
+mod step_doubling;
 pub(crate) mod step_input;
 pub(crate) mod step_outcome;
 pub mod step_resolution;

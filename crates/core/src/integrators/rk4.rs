@@ -1,7 +1,6 @@
 //! Runge-Kutta-Munthe-Kaas method of order 4 for smooth motion (integrator `rk4` with hard contact).
 
 use stepper_real::{Mask, Real, kernel};
-use stepper_solve::System;
 
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{LaneModel, ModelStructure, MomentKind};
@@ -11,7 +10,6 @@ use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate, clamp_activation};
@@ -124,8 +122,10 @@ impl<R: Real> Rk4<R> {
     fn find_smooth_trees(&mut self, context: StepContext<'_, R>, problem: &ConstraintProblem<R>, free: &FreeMotion<R>) {
         let StepContext { input: StepInput { compiled, alive, .. }, evaluation } = context;
         let flights = alive.and_not(evaluation.substep.is_impact);
+        self.smooth_trees.fill(R::Mask::splat(false));
+        problem.add_constrained_trees(compiled, alive, &mut self.smooth_trees);
         for (smooth, &mechanism) in self.smooth_trees.iter_mut().zip(&compiled.mechanisms.of_tree) {
-            *smooth = flights.and_not(free.unresolved[mechanism]);
+            *smooth = flights.and_not(smooth.or(free.unresolved[mechanism]));
         }
         for moment in compiled.actuators.iter().filter_map(|actuator| actuator.variable_moment.as_ref()) {
             if matches!(moment.kind, MomentKind::Contacts { .. }) {
@@ -134,15 +134,6 @@ impl<R: Real> Rk4<R> {
                     *smooth = smooth.and(kernel!(R, || arm.eq(R::zero())));
                 }
             }
-        }
-        for lane in each_of(problem.constrained.and(alive).bits()) {
-            let own = R::Mask::from_bits(1 << lane);
-            System::from(&problem.rows).for_each_column_set(lane, |dofs| {
-                for d in dofs {
-                    let smooth = &mut self.smooth_trees[compiled.dofs[d as usize].tree];
-                    *smooth = smooth.and_not(own);
-                }
-            });
         }
     }
 

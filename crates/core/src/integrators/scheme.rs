@@ -77,6 +77,11 @@ impl<R: Real> Scheme<R> {
         }
     }
 
+    /// Factor 1 / (2^p - 1) of an extrapolation from a step and two steps of half its length, for the order p of the rule.
+    pub(crate) fn extrapolation(&self) -> f64 {
+        if self.in_the_middle { 1.0 / 3.0 } else { 1.0 }
+    }
+
     /// Whether the step predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
     ///
     /// The result equals `implicit_forces`.

@@ -3,8 +3,8 @@
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::Outcome;
 
-use crate::constraints::islands::IslandLoad;
 use crate::constraints::ConstraintProblem;
+use crate::constraints::islands::IslandLoad;
 use crate::dynamics::kinematics::difference;
 use crate::integrators::contact_activation::SweptMotion;
 use crate::integrators::evaluation::Evaluation;

@@ -13,15 +13,13 @@ use crate::integrators::step_input::StepInput;
 use crate::stages::s08_stabilise::Infeasible;
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, Status, depth, limit_overshoot};
 
-/// Outcome of the solver in a step, and the lanes whose result was limited or may be wrong.
+/// Outcome of the solver in a step, and the lanes whose result may be wrong.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepOutcome<R: Real> {
     /// Residual and number of iterations of the solver.
     pub(crate) solver: Outcome<R>,
     /// Lanes in which the residual may change the kinetic energy noticeably.
     pub(crate) ambiguous: R::Mask,
-    /// Lanes whose speed and energy were limited: those with ambiguous energy, and those whose motion is too fast for the time step.
-    pub(crate) limited: R::Mask,
     /// Lanes in which the impulses prove that no position correction within its bounds reaches all position targets.
     pub(crate) infeasible: Infeasible<R>,
     /// Lanes in which one geom may have passed through another.

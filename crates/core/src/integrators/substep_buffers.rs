@@ -17,8 +17,14 @@ pub(crate) struct Buffers<R: Real> {
     pub(super) parts: Snapshot<R>,
     /// State at the beginning of the interval of each lane.
     pub(super) start: Snapshot<R>,
-    /// Configuration after a step over the interval.
-    pub(super) whole: Vec<R>,
+    /// Velocity, configuration and activations after a step over the interval.
+    pub(super) whole: [Vec<R>; 3],
+    /// Separation of the configuration after two halves of the interval from that after a step over it, nv.
+    pub(super) separation: Vec<R>,
+    /// Lanes in which a constraint acts on each kinematic tree in the interval.
+    pub(super) constrained: Vec<R::Mask>,
+    /// Buffer for a configuration.
+    pub(super) configuration: Vec<R>,
     /// Result of the first half of the interval.
     pub(super) middle: Snapshot<R>,
     /// Velocity, configuration and activations at the end of the step.
@@ -118,8 +124,8 @@ fn copy<R: Real>(to: &mut State<R>, from: &State<R>, lanes: R::Mask) {
 
 impl<R: Real> Buffers<R> {
     /// Buffers for states like `state`, with impulses of scalar rows like `scalar_impulse` and separating planes like `planes`. `counts`
-    /// are the numbers of mechanisms and actuators.
-    pub(super) fn new(state: &State<R>, scalar_impulse: &[R], planes: &SeparationCache, counts: [usize; 2]) -> Box<Self> {
+    /// are the numbers of mechanisms, actuators and kinematic trees.
+    pub(super) fn new(state: &State<R>, scalar_impulse: &[R], planes: &SeparationCache, counts: [usize; 3]) -> Box<Self> {
         let new = || Snapshot::new(state, scalar_impulse);
         let motion = || [&state.v, &state.q, &state.act].map(Clone::clone);
         let lanes = |count| vec![R::Mask::splat(false); count];
@@ -127,7 +133,10 @@ impl<R: Real> Buffers<R> {
             before_impact: new(),
             parts: new(),
             start: new(),
-            whole: state.q.clone(),
+            whole: motion(),
+            separation: state.v.clone(),
+            constrained: lanes(counts[2]),
+            configuration: state.q.clone(),
             middle: new(),
             end: motion(),
             total: new(),

@@ -8,7 +8,8 @@
 //! Ordinary Differential Equations I, section II.4). An interval is stepped once as a whole and once in two halves, each with the impacts
 //! in it. The distance between both results is the estimate, and the two halves are the result. If the distance is too large, the first
 //! half becomes the next interval. The result of a step over it is known already. Lengths are the step divided by powers of two. After an
-//! accepted interval, the next one is the longest that begins at a multiple of its length.
+//! accepted interval, the next one is the longest that begins at a multiple of its length. Kinematic trees on which no constraint acts in
+//! an interval get the extrapolation of both results, whose order is higher by one (`step_doubling.rs`).
 //!
 //! Lanes differ in their parts, and what a lane computes does not depend on other lanes. A pass executes stages 1 to 8 and 10 in all lanes,
 //! each with the part that it needs next. Lanes that have reached the end of the step wait.
@@ -18,16 +19,15 @@
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::compile::LaneModel;
-use crate::dynamics::kinematics::{quat_at, select_into};
+use crate::dynamics::kinematics::select_into;
 use crate::integrators::evaluation::Substep;
 use crate::integrators::impact::shortest_flight;
+use crate::integrators::step_doubling::{extrapolate, separate};
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::substep_buffers::Buffers;
 use crate::integrators::untouched::{note_impacts, spread, step_untouched};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
-use crate::math::spatial::*;
-use crate::model::JointKind;
 use crate::options::StepSettings;
 use crate::stages::s10_record::{Record, Status};
 use crate::tuning::{IMPACT_DURATION, MAX_HALVINGS, MAX_IMPACTS, MIN_ERROR_SHARE};
@@ -112,6 +112,9 @@ pub(crate) fn step_in_parts<R: Real>(
         let (made, keeping) = make(s, solved.take());
         parts.add(&made, R::Mask::from_bits(active));
         buffers.note_saturated(compiled, s, R::Mask::from_bits(active));
+        if options.error.is_some() {
+            buffers.note_constrained(compiled, s, R::Mask::from_bits(active));
+        }
         let lanes = [active, keeping];
         let completed = end_parts(compiled, s, &mut buffers, options, (&intervals, &mut progress), lanes, &mut span);
         if std::mem::take(&mut is_first_pass) {
@@ -121,7 +124,7 @@ pub(crate) fn step_in_parts<R: Real>(
             |phase| R::Mask::from_bits(each_of(completed).filter(|&l| intervals[l].phase == phase).fold(0, |bits, l| bits | 1 << l));
         let [wholes, firsts, seconds] = [Phase::Whole, Phase::First, Phase::Second].map(in_phase);
         let broken = parts.lanes(Status::NON_FINITE);
-        let Buffers { start, whole, middle, end, total: sums, summed, .. } = &mut *buffers;
+        let Buffers { start, whole, separation, constrained, middle, end, total: sums, summed, configuration, .. } = &mut *buffers;
         // The result of a phase.
         let (mut accepted, mut done) = (0, 0);
         let distance = match options.error {
@@ -131,19 +134,36 @@ pub(crate) fn step_in_parts<R: Real>(
                 R::zero()
             }
             Some(error) => {
-                select_into(whole, &s.state.q, wholes);
+                for (whole, now) in whole.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
+                    select_into(whole, now, wholes);
+                }
                 start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, wholes);
                 middle.store((&s.state, &s.velocity.scalar_impulse), span, firsts);
                 first.replace(&parts, firsts);
-                let distance = kernel!(R, || distance(compiled, &s.state.q, whole));
+                let distance = kernel!(R, || separate(compiled, [&whole[1], &s.state.q], separation));
+                let mut smooth = kernel!(R, || distance.le(R::of(error))).bits();
                 for lane in each_of(completed) {
                     let interval = &mut intervals[lane];
                     interval.broken |= broken >> lane & 1 == 1;
+                    smooth &= !(u32::from(interval.broken) << lane);
                     if interval.advance(distance.lane(lane).to_f64(), error) {
                         accepted |= 1 << lane;
                         done |= u32::from(interval.phase == Phase::Done) << lane;
                     }
                 }
+                let smooth = R::Mask::from_bits(smooth & accepted);
+                if smooth.any() {
+                    let state = [&mut s.state.v, &mut s.state.q, &mut s.state.act].map(|list| &mut list[..]);
+                    extrapolate(
+                        compiled,
+                        s.evaluation.scheme.extrapolation(),
+                        (smooth, constrained),
+                        (whole, separation),
+                        state,
+                        configuration,
+                    );
+                }
+                constrained.iter_mut().for_each(|lanes| *lanes = lanes.and_not(R::Mask::from_bits(accepted)));
                 distance
             }
         };
@@ -167,7 +187,9 @@ pub(crate) fn step_in_parts<R: Real>(
         }
         if rejected.any() {
             // The first half of a rejected interval is the next one. The step over it has been made.
-            select_into(whole, &middle.state.q, rejected);
+            for (whole, middle) in whole.iter_mut().zip([&middle.state.v, &middle.state.q, &middle.state.act]) {
+                select_into(whole, middle, rejected);
+            }
             start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, rejected);
         }
         parts.replace(&Record::none(), R::Mask::from_bits(completed));
@@ -232,8 +254,17 @@ impl<R: Real> Buffers<R> {
         self.total.clear(all);
         self.touched.fill(R::Mask::splat(false));
         self.saturated.fill(R::Mask::splat(false));
+        self.constrained.fill(R::Mask::splat(false));
         self.is_current = true;
         self.parts.clear(all);
+    }
+
+    /// Notes the kinematic trees on which constraints acted in the last part, or whose motion was too fast for it, in the lanes `lanes`.
+    fn note_constrained(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: R::Mask) {
+        s.problem.add_constrained_trees(compiled, lanes, &mut self.constrained);
+        for (constrained, &mechanism) in self.constrained.iter_mut().zip(&compiled.mechanisms.of_tree) {
+            *constrained = constrained.or(s.free_motion.unresolved[mechanism].and(lanes));
+        }
     }
 
     /// Notes the actuators whose force the last part clamped in the lanes `lanes`.
@@ -408,24 +439,4 @@ fn end_parts<R: Real>(
         each_of(completed).for_each(|lane| progress[lane] = Progress::default());
     }
     completed
-}
-
-/// Largest distance between two configurations in each lane: of a coordinate, or of the rotation of a ball or free joint, m or rad.
-#[inline(always)]
-fn distance<R: Real>(compiled: &LaneModel<R>, a: &[R], b: &[R]) -> R {
-    let mut farthest = R::zero();
-    for joint in &compiled.joints {
-        let (straight, turns) = match joint.kind {
-            JointKind::Free => (3, true),
-            JointKind::Ball => (0, true),
-            JointKind::Slide | JointKind::Hinge => (1, false),
-        };
-        for k in joint.q..joint.q + straight {
-            farthest = farthest.max((a[k] - b[k]).abs());
-        }
-        if turns {
-            farthest = farthest.max(norm(quat_log(quat_between(quat_at(a, joint.q + straight), quat_at(b, joint.q + straight)))));
-        }
-    }
-    farthest
 }

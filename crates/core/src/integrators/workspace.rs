@@ -111,7 +111,12 @@ impl<R: Real> Workspace<R> {
     /// Buffers of steps that are divided into parts.
     pub(super) fn new_buffers(&self, compiled: &LaneModel<R>) -> Box<Buffers<R>> {
         let planes = &self.evaluation.collision.narrow_phase.new_planes;
-        Buffers::new(&self.state, &self.velocity.scalar_impulse, planes, [compiled.mechanisms.count, compiled.actuators.len()])
+        Buffers::new(
+            &self.state,
+            &self.velocity.scalar_impulse,
+            planes,
+            [compiled.mechanisms.count, compiled.actuators.len(), compiled.ntree],
+        )
     }
 
     /// Lanes in which the last step clamped the force of an actuator, in any of its parts.

@@ -42,12 +42,6 @@ impl<R: Real> Infeasible<R> {
     pub fn none() -> Self {
         Self { lanes: R::Mask::splat(false), unmet: R::zero() }
     }
-
-    /// Lanes of either, with the larger velocity.
-    #[inline(always)]
-    pub fn or(self, other: Self) -> Self {
-        Self { lanes: self.lanes.or(other.lanes), unmet: self.unmet.max(other.unmet) }
-    }
 }
 
 /// Bounds of the speed of a position correction (displacement divided by the time step).

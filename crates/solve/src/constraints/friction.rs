@@ -19,7 +19,6 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 /// Solver of one contact with friction, while the impulses of all other constraints stay constant. The admissible impulses are the circular
 /// cone of Coulomb's law.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
-
     /// Solver of a contact whose block of the Delassus matrix is `gram`, in the lanes `active`. The solver of other lanes is a placeholder.
     /// Only the upper triangle is read.
     ///

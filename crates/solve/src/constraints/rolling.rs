@@ -133,7 +133,6 @@ impl<R: Real> RollingSolver<R> {
 }
 
 impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
-
     #[inline(always)]
     fn new(gram: &[[R; 6]; 6], active: R::Mask) -> (Self, R) {
         let nn = R::select(active, gram[0][0], R::one());

@@ -108,7 +108,6 @@ impl<R: Real> SlidingSolver<R> {
 }
 
 impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
-
     #[inline(always)]
     fn new(gram: &[[R; 3]; 3], active: R::Mask) -> (Self, R) {
         // Other lanes get the identity as a block, so that nothing below divides by zero.

@@ -73,7 +73,7 @@ pub(crate) fn solve_step<R: Real>(
     let tunnelled = span!(probe, Tunnelling, || may_have_passed(compiled, kinematics, motion, *alive, collision));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
     std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
-    StepOutcome { solver, ambiguous: none, limited: none, infeasible: Infeasible::none(), tunnelled, energy_unresolved: none }
+    StepOutcome { solver, ambiguous: none, infeasible: Infeasible::none(), tunnelled, energy_unresolved: none }
 }
 
 /// Makes stages 6 and 7 of a step: advances velocity and positions with the constrained acceleration.

@@ -209,7 +209,7 @@ pub trait Row<R: Real>: Copy + Debug {
     /// tangential row is the difference between the offsets of both solves.
     fn offsets(&self) -> [Self::Impulse; 2];
 
-    /// Exchanges the two offsets of each row in the lanes `lanes`: the offset g of the present solve, and the stored one of the other solve.
+    /// Exchanges the two offsets of each row in the lanes `lanes`: the offset g of the present solve, and the stored one of the other.
     fn exchange_offsets(&mut self, lanes: R::Mask);
 
     /// Admissible impulses and compliances of the constraint in the lane `lane`, for Newton's method.

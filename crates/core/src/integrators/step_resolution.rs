@@ -230,9 +230,6 @@ impl<R: Real> StepResolution<R> {
         if !scheme.predicts() {
             return alive.and(runs_away(compiled, &state.v, &velocity.v, scheme.h));
         }
-        if !scheme.in_the_middle {
-            return R::Mask::splat(false);
-        }
         let lanes = free.may_gain.and_not(free.unresolved_lanes()).and_not(excluded);
         if lanes.none() {
             return lanes;

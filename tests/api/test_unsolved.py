@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from golden import scenes
 from jams import OVERLAP, SLOT
 
 STACK = """
@@ -211,3 +212,18 @@ def test_flags_print_their_names(word, text):
     assert f"{flags:d}" == str(word)
     if word < 4096:
         assert eval(text, {"Status": stepper.Status}) == flags
+
+
+@pytest.mark.parametrize("error", [None, 1e-3])
+def test_an_unsolved_part_of_a_divided_step_is_named(error):
+    """One sweep does not solve some impacts, which divide steps. The parts after them are solved."""
+    model = scenes.bouncing()
+    options = stepper.Options(iterations=1, solver="pgs", error=error)
+    sim, rng, unsolved = stepper.Stepper(model, 32, options=options), np.random.default_rng(0), 0
+    sim.set_state(model.qpos0 + rng.uniform(-0.05, 0.05, (32, model.nq)), rng.uniform(-1, 1, (32, model.nv)))
+    for _ in range(150):
+        sim.step()
+        for env in np.flatnonzero(sim.status & stepper.Status.NOT_CONVERGED):
+            assert sim.worst_row(int(env)) is not None
+            unsolved += 1
+    assert unsolved > 10

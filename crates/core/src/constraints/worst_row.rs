@@ -147,6 +147,12 @@ impl<R: Real> WorstRows<R> {
         }
     }
 
+    /// Copies the causes of the lanes `lanes`.
+    pub(crate) fn copy_lanes(&mut self, from: &Self, lanes: R::Mask) {
+        self.lanes = self.lanes.and_not(lanes).or(from.lanes.and(lanes));
+        each_of(lanes.bits() & u32::MAX >> (u32::BITS as usize - R::LANES)).for_each(|lane| self.codes[lane] = from.codes[lane]);
+    }
+
     /// Stores the cause of an unsolved step in lane `lane`; `None` if no single constraint is responsible.
     pub(crate) fn store(&mut self, lane: usize, cause: Option<CodedConstraint>) {
         self.lanes = self.lanes.or(R::Mask::from_bits(1 << lane));

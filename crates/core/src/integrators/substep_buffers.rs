@@ -4,6 +4,7 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::separation_cache::SeparationCache;
+use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::kinematics::select_into;
 use crate::integrators::state::State;
 use crate::math::lanes::each_of;
@@ -37,6 +38,8 @@ pub(crate) struct Buffers<R: Real> {
     pub(super) before: [Vec<R>; 3],
     /// Lanes in which a part clamped the force of each actuator.
     pub(crate) saturated: Vec<R::Mask>,
+    /// Cause of the largest residual of a part, in the lanes with one, and that residual, m/s. A rejected part has an infinite residual.
+    pub(super) worst: (WorstRows<R>, R),
     /// Whether the last step of the workspace was divided into parts.
     pub(crate) is_current: bool,
     /// Lanes in which impacts touch each mechanism.
@@ -123,6 +126,16 @@ fn copy<R: Real>(to: &mut State<R>, from: &State<R>, lanes: R::Mask) {
 }
 
 impl<R: Real> Buffers<R> {
+    /// Keeps the causes `worst` of a part with the residual `residual`, m/s, in the lanes of `lanes` in which it is the largest so far.
+    pub(super) fn note_worst(&mut self, worst: &WorstRows<R>, residual: R, lanes: R::Mask) {
+        let (kept, largest) = &mut self.worst;
+        kernel!(R, || {
+            let larger = lanes.and(worst.lanes).and_not(residual.lt(*largest));
+            kept.copy_lanes(worst, larger);
+            *largest = R::select(larger, residual, *largest);
+        });
+    }
+
     /// Buffers for states like `state`, with impulses of scalar rows like `scalar_impulse` and separating planes like `planes`. `counts`
     /// are the numbers of mechanisms, actuators and kinematic trees.
     pub(super) fn new(state: &State<R>, scalar_impulse: &[R], planes: &SeparationCache, counts: [usize; 3]) -> Box<Self> {
@@ -143,6 +156,7 @@ impl<R: Real> Buffers<R> {
             summed: state.contacts.clone(),
             before: motion(),
             saturated: lanes(counts[1]),
+            worst: (WorstRows::new(), R::zero()),
             is_current: false,
             touched: lanes(counts[0]),
             evaluated: [state.q.clone(), state.v.clone()],

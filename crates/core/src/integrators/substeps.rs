@@ -111,6 +111,7 @@ pub(crate) fn step_in_parts<R: Real>(
         }
         let (made, keeping) = make(s, solved.take());
         parts.add(&made, R::Mask::from_bits(active));
+        buffers.note_worst(&s.velocity.worst, made.residual, R::Mask::from_bits(active));
         buffers.note_saturated(compiled, s, R::Mask::from_bits(active));
         if options.error.is_some() {
             buffers.note_constrained(compiled, s, R::Mask::from_bits(active));
@@ -213,7 +214,8 @@ pub(crate) fn step_in_parts<R: Real>(
 /// Ends a step: the workspace gets the state at the end, sums of impulses, and the state before the step, as after one whole step. The
 /// lanes `kept` (bits) keep the state before the step and their time.
 fn end<R: Real>(buffers: &Buffers<R>, s: &mut Workspace<R>, options: &StepSettings, alive: R::Mask, kept: u32) {
-    let Buffers { end, before, total, .. } = buffers;
+    let Buffers { end, before, total, worst: (worst, _), .. } = buffers;
+    s.velocity.worst.copy_lanes(worst, R::Mask::splat(true));
     let keeps = R::Mask::from_bits(kept);
     for (now, (end, before)) in [&mut s.state.v, &mut s.state.q, &mut s.state.act].into_iter().zip(end.iter().zip(before)) {
         now.copy_from_slice(end);
@@ -254,6 +256,7 @@ impl<R: Real> Buffers<R> {
         self.total.clear(all);
         self.touched.fill(R::Mask::splat(false));
         self.saturated.fill(R::Mask::splat(false));
+        (self.worst.0.lanes, self.worst.1) = (R::Mask::splat(false), R::zero());
         self.constrained.fill(R::Mask::splat(false));
         self.is_current = true;
         self.parts.clear(all);

@@ -45,7 +45,7 @@ pub(super) fn step_untouched<R: Real>(
     (kept, record): (u32, &mut Record<R>),
     make: impl Fn(&mut Workspace<R>, Option<StepOutcome<R>>) -> (Record<R>, u32),
 ) {
-    let Buffers { touched, total, before, end, .. } = buffers;
+    let Buffers { touched, total, before, .. } = buffers;
     spread(compiled, &total.state.contacts, touched);
     let all_touched = compiled.mechanisms.parts.iter().fold(R::Mask::splat(true), |lanes, part| lanes.and(touched[part.mechanism]));
     let lanes = s.evaluation.divided.and_not(R::Mask::from_bits(kept)).and_not(all_touched);
@@ -61,6 +61,8 @@ pub(super) fn step_untouched<R: Real>(
     s.evaluation.substep = Substep { ignores_impacts: R::Mask::splat(true), ..Substep::whole(options) };
     s.evaluation.collision.forget_planes();
     let (undivided, keeping) = make(s, None);
+    buffers.note_worst(&s.velocity.worst, undivided.residual, lanes);
+    let Buffers { touched, total, end, .. } = buffers;
     note_impacts(compiled, &s.problem, &s.state.contacts, lanes, touched);
     // Very fast mechanisms are evaluated at the beginning of a long step, of first order. Their parts are more accurate.
     for (mechanism, touched) in touched.iter_mut().enumerate() {

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from identification.determined import LIGHT, PENDULUM, PERIOD, SWEEP, Count, scenes
 from identification.scenes import HARD
@@ -162,8 +162,14 @@ def test_a_significant_scale_has_an_interval_with_the_truth():
 
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 2**20), noise=st.floats(1e-4, 1e-2), source=st.sampled_from([PENDULUM, LIGHT]), driven=st.booleans())
+# Searches end at bounds of the centre of mass, where the sum of squares is higher by 8 to 13 than at the bottom of the valley.
+@example(seed=97, noise=2.5e-4, source=PENDULUM, driven=False)
+@example(seed=97, noise=2.5e-4, source=LIGHT, driven=True)
 def test_no_finite_interval_of_a_pendulum_excludes_the_mass(seed, noise, source, driven):
-    """For any mass and centre; in the ball nearly all inertia is that of the distance, so that the mass seems to be determined locally."""
+    """The data determine first moments and inertia about the joint, for any mass and centre, driven or swinging freely with known damping.
+
+    In the ball nearly all inertia is that of the distance, so that the mass seems to be determined locally.
+    """
     rng = np.random.default_rng(seed)
     model = stepper.load(source)
     ratio = np.exp(rng.uniform(-0.5, 0.5))
@@ -181,7 +187,8 @@ def test_no_finite_interval_of_a_pendulum_excludes_the_mass(seed, noise, source,
     assert not known["body_mass[a]"]
     assert not known["body_ipos[a][2]"]
     assert not known["body_inertia[a][1]"]
-    assert any("body_mass[a] * body_ipos[a][2]" in c.text for c in found.combinations)
+    named = {c.text for c in found.combinations}
+    assert named == {"body_mass[a] * body_ipos[a][0]", "body_mass[a] * body_ipos[a][2]", "Iyy[a] about joint q"}
 
 
 def test_a_curved_weak_direction_widens_the_intervals_of_others():

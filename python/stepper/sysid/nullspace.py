@@ -8,7 +8,8 @@ lies along that moment alone, so that the mass seems to be determined. Therefore
   their start values as far as the data allow.
 - Null spaces are computed there and at other points of the set, about one scale away (`Block.scale`, the unit of all lengths here).
 - The ends of other searches (minima.py) belong to the set too, unless they are significantly worse (`SIGNIFICANT`). Of a pendulum with a
-  known shape, data determine first moments and moment of inertia, and two masses fit these.
+  known shape, data determine first moments and moment of inertia, and two masses fit these. A search that hugs a bound may stop on the
+  slope of a valley, where even determined values are several standard deviations off. Gauss-Newton steps move each end to the bottom.
 - A value is determined only if it is equal at all these points. Its derivative along their null spaces must be zero too, within its
   standard deviation.
 
@@ -132,7 +133,7 @@ class FlatSet:
         for _ in range(OTHERS if first.null.shape[1] else 0):
             target = first.x[: residuals.n] + rng.choice([-1.0, 1.0], residuals.n) * rng.uniform(0.5, 1.5, residuals.n)
             self.points.append(self._point(*self._walk(first.x, first.at, target)))
-        self.points += [self._point(x, at) for x, at in zip(rivals, residuals.linearize(rivals), strict=True)] if rivals else []
+        self.points += [self._polished(x, at) for x, at in zip(rivals, residuals.linearize(rivals), strict=True)] if rivals else []
         self.widening = self._follow_weak(first)
 
     def undetermined(self, values: Array, slopes: Array, std: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:

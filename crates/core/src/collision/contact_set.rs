@@ -66,6 +66,13 @@ pub struct Slot<R> {
     pub over_face: u32,
 }
 
+/// Vector with the coordinates `v` in the frame `from`, in the coordinates of the frame `to`.
+#[inline(always)]
+fn in_frame<R: Real>([to, from]: [[V3<R>; 3]; 2], [n, a, b]: V3<R>) -> V3<R> {
+    let world = add_scaled(add_scaled(scale(from[0], n), from[1], a), from[2], b);
+    [dot(to[0], world), dot(to[1], world), dot(to[2], world)]
+}
+
 impl<R: Real> Slot<R> {
     /// Copies lane `l` of the slot `from` to this slot, except the tangent and the impulse.
     #[inline(always)]
@@ -399,15 +406,11 @@ impl<R: Real> Contacts<R> {
                 let axes = contact_frame(self.data[k].point.normal);
                 for l in each_of(lanes & self.lanes_of(k)) {
                     let Some(at) = earlier.find(l, k, self.ids[k][l]) else { continue };
-                    let [n, t1, t2] = contact_frame(earlier.data[at].point.normal);
-                    let turned = |[x, a, b]: V3<R>| {
-                        let world = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
-                        [dot(axes[0], world), dot(axes[1], world), dot(axes[2], world)]
-                    };
-                    let sum = add(self.data[k].impulse, turned(earlier.data[at].impulse));
+                    let frames = [axes, contact_frame(earlier.data[at].point.normal)];
+                    let sum = add(self.data[k].impulse, in_frame(frames, earlier.data[at].impulse));
                     copy_lane(&mut self.data[k].impulse, &sum, l);
                     if let Some(torque) = self.torque.get_mut(k) {
-                        let sum = add(*torque, turned(earlier.torque[at]));
+                        let sum = add(*torque, in_frame(frames, earlier.torque[at]));
                         copy_lane(torque, &sum, l);
                     }
                 }

@@ -230,7 +230,13 @@ impl<R: Real> EvaluationTimes<R> {
         if !moved && self.fast.iter().all(|lanes| lanes.none()) {
             return false;
         }
-        moved |= merge_connected(compiled, contacts, |k| contacts.lanes_of(k), |both, lanes| union(&mut self.fast, both, lanes));
+        moved |= kernel!(R, || merge_connected(
+            compiled,
+            contacts,
+            |k| contacts.lanes_of(k),
+            #[inline(always)]
+            |both, lanes| union(&mut self.fast, both, lanes)
+        ));
         if moved {
             self.update();
         }
@@ -259,6 +265,7 @@ pub(crate) fn union<M: Mask>(of_each: &mut [M], [a, b]: [usize; 2], lanes: M) ->
 /// Calls `merge` for each contact between two mechanisms, with the mechanisms and the lanes of the contact, until nothing changes any more.
 /// `merge` returns the lanes in which a value changed. Returns whether any value changed. `counts` returns the lanes (bits) in which the
 /// contact of a slot counts.
+#[inline(always)]
 pub(crate) fn merge_connected<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     contacts: &Contacts<R>,

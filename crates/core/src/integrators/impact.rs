@@ -208,7 +208,7 @@ impl<R: Real> VelocityLoop<'_, R> {
                 return checked;
             }
             for (k, lanes) in problem.slots() {
-                for (pair, lanes) in contacts.pairs(k, lanes.bits()) {
+                for (pair, lanes) in contacts.pairs(k, lanes.and(checked).bits()) {
                     let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                     for m in compiled.mechanisms_of(geoms) {
                         jumps[m].touches = R::select(R::Mask::from_bits(lanes), R::one(), jumps[m].touches);
@@ -218,7 +218,8 @@ impl<R: Real> VelocityLoop<'_, R> {
             merge_connected(
                 compiled,
                 contacts,
-                |k| contacts.lanes_of(k),
+                |k| contacts.lanes_of(k) & checked.bits(),
+                #[inline(always)]
                 |[a, b], lanes| {
                     let both = jumps[a].max(&jumps[b]);
                     jumps[a].raise(&both, lanes).or(jumps[b].raise(&both, lanes))

@@ -108,10 +108,11 @@ pub(super) fn step_untouched<R: Real>(
 
 /// Extends the mechanisms that impacts touch by those on which contact forces of `contacts` connect with them.
 pub(super) fn spread<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, touched: &mut [R::Mask]) {
-    merge_connected(
+    kernel!(R, || merge_connected(
         compiled,
         contacts,
         |k| contacts.bearing(k),
+        #[inline(always)]
         |[a, b], lanes| {
             // Mocap bodies pass no forces on.
             if [a, b].iter().any(|m| compiled.mechanisms.of_mocap.contains(m) && !compiled.mechanisms.of_tree.contains(m)) {
@@ -119,5 +120,5 @@ pub(super) fn spread<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, t
             }
             union(touched, [a, b], lanes)
         },
-    );
+    ));
 }

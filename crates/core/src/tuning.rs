@@ -368,7 +368,7 @@ pub(crate) const STEPS_PER_SHARE: u64 = 8;
 pub(crate) const MAX_SHARE_ROUNDS: usize = 4;
 
 /// Largest number of contacts in an environment for which Newton's method computes the first impulses of a contact group, and two contacts
-/// can form a group (see `constraints/redundant_supports.rs`).
+/// can form a group (see `constraints/contact/redundant_supports.rs`).
 ///
 /// Evidence: in a heap of ten boxes with 45 contacts, Newton's method would take half of the time of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;

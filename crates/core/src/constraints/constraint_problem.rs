@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Capacity, Problem, System};
 
 use crate::compile::{LaneModel, ModelStructure};
-use crate::constraints::active_equalities::ActiveEqualities;
+use crate::constraints::equality::active_equalities::ActiveEqualities;
 use crate::constraints::soft::SoftSystem;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::lanes::each_of;

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::constraints::assembler::{Assembler, RowInput};
-use crate::constraints::elimination::mobility_ratio;
+use crate::constraints::equality::elimination::mobility_ratio;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 

@@ -6,8 +6,8 @@ use stepper_solve::{Iterate, Snapshot};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::constraint_problem::capacity_of;
+use crate::constraints::contact::redundant_supports::ContactGroups;
 use crate::constraints::islands::Islands;
-use crate::constraints::redundant_supports::ContactGroups;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::MassMatrix;
 

@@ -8,7 +8,7 @@ use stepper_real::{Mask, Real};
 use crate::compile::LaneModel;
 use crate::group_step::nominal::Nominal;
 use crate::group_step::rule::{Gap, ImpulseRule, NominalEvaluation, SolvedStep, StatePart};
-use crate::integrators::recomputed::Recomputed;
+use crate::integrators::evaluate::recomputed::Recomputed;
 use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
 

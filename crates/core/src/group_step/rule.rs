@@ -6,7 +6,7 @@ use stepper_solve::{Iterate, System};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::ConstraintProblem;
-use crate::integrators::recomputed::Recomputed;
+use crate::integrators::evaluate::recomputed::Recomputed;
 use crate::math::lanes::MAX_LANES;
 
 /// Part of the state, or the controls, that can be displaced.

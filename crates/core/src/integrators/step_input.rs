@@ -4,7 +4,7 @@ use stepper_real::Real;
 
 use crate::actuation::forces::ForceState;
 use crate::compile::LaneModel;
-use crate::integrators::evaluation::Evaluation;
+use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::state::State;
 use crate::options::StepSettings;

@@ -3,12 +3,12 @@
 use stepper_real::{Mask, Real, kernel};
 use stepper_solve::{Outcome, System};
 
-use crate::constraints::equality_violation::max_equality_violation;
+use crate::constraints::equality::equality_violation::max_equality_violation;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::kinematics::Kinematics;
 use crate::dynamics::mocap;
 use crate::integrators::acceptance::Accepted;
-use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::evaluate::free_motion::FreeMotion;
 use crate::integrators::step_input::StepInput;
 use crate::stages::s08_stabilise::Infeasible;
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, Status, depth, limit_overshoot};

@@ -16,18 +16,18 @@
 //! target of the third line, with a smooth bound instead of the minimum.
 //!
 //! For v_n-, Euler's rule and the implicit rule take the velocity after the step without constraints, the midpoint rule that at the time
-//! of the impact (`constraints/restitution.rs`). A contact with e > 0 that neither bounces nor rests in this step has no row. A row would
-//! stop the bodies at the surface and remove the energy of their later bounce.
+//! of the impact (`constraints/contact/restitution.rs`). A contact with e > 0 that neither bounces nor rests in this step has no row. A row
+//! would stop the bodies at the surface and remove the energy of their later bounce.
 
 use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::approaching::turning_lanes;
 use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::contact::approaching::turning_lanes;
 use crate::constraints::contact::least_mobility;
-use crate::constraints::restitution::any_elastic;
-use crate::constraints::torsional_rolling::rolling_lanes;
+use crate::constraints::contact::restitution::any_elastic;
+use crate::constraints::contact::torsional_rolling::rolling_lanes;
 
 /// Assembles all rows of contacts, limits, dry friction, equalities and tendons, with their initial impulses.
 pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {

@@ -5,7 +5,7 @@ use stepper_solve::{Outcome, Settings, System, residual};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::redundant_supports::Clusters;
+use crate::constraints::contact::redundant_supports::Clusters;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
@@ -84,7 +84,8 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
 }
 
 /// Distributes the load evenly over the contacts of each cluster of contact groups that sticks, in about one step in eight (see
-/// [`crate::constraints::redundant_supports`]). `v` is the velocity before the step. The function changes impulses, and no velocity.
+/// [`crate::constraints::contact::redundant_supports`]). `v` is the velocity before the step. The function changes impulses, and no
+/// velocity.
 ///
 /// Lanes at rest are left out. They are solved so exactly that their loads do not drift, and the rounding of new impulses would exceed
 /// their tolerance.
@@ -109,8 +110,9 @@ fn slip_speed<R: Real>(tolerance: R) -> R {
     kernel!(R, || tolerance.max(R::of(SLIP_SPEED)))
 }
 
-/// Distributes the load evenly over the contacts of each contact group that slips (see [`crate::constraints::redundant_supports`]).
-/// Lanes of `lanes` whose residual exceeds the tolerance of the options are left out. `v` is the velocity before the step.
+/// Distributes the load evenly over the contacts of each contact group that slips (see
+/// [`crate::constraints::contact::redundant_supports`]). Lanes of `lanes` whose residual exceeds the tolerance of the options are left out.
+/// `v` is the velocity before the step.
 ///
 /// If a group rotates while it slips, the new loads change the velocity. The lanes of such groups are solved again, starting from the new
 /// loads.

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::compile::{Combination, LaneModel, PathLengths, SoftLaw};
 use crate::constraints::assembler::Assembler;
-use crate::constraints::limits::{ball_limit, nearer_end};
+use crate::constraints::joint::limits::{ball_limit, nearer_end};
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::soft::effective_mass::{SoftInput, in_metric, law_at};
 use crate::constraints::soft::system::SoftSystem;

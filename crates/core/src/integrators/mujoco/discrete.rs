@@ -14,7 +14,7 @@ use crate::constraints::ConstraintProblem;
 use crate::constraints::soft::EffectiveMass;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::{Kinematics, advance};
-use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::evaluate::free_motion::FreeMotion;
 use crate::integrators::mujoco::implicit::solve_alone;
 use crate::integrators::mujoco::workspace::StageState;
 use crate::integrators::step_input::StepInput;

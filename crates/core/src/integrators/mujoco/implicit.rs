@@ -7,7 +7,7 @@ use crate::compile::{CompiledTendon, LaneModel, PathLengths};
 use crate::constraints::ConstraintProblem;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::{Kinematics, advance};
-use crate::integrators::free_motion::{FreeMotion, Scratch};
+use crate::integrators::evaluate::free_motion::{FreeMotion, Scratch};
 use crate::integrators::mujoco::unsymmetric::{Unsymmetric, solve_dense};
 use crate::integrators::step_input::StepInput;
 use crate::math::spatial::*;

@@ -4,11 +4,11 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend, difference};
-use crate::integrators::evaluation::Evaluation;
-use crate::integrators::free_motion::{FreeMotion, Scratch, stop_at_impacts};
+use crate::integrators::evaluate::evaluation::Evaluation;
+use crate::integrators::evaluate::free_motion::{FreeMotion, Scratch, stop_at_impacts};
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_resolution::assess_corrector;
-use crate::integrators::velocity_loop::VelocityLoop;
+use crate::integrators::velocity::velocity_loop::VelocityLoop;
 use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s05_solve::ImpulsePredictor;

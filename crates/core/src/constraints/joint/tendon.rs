@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real, kernel};
 use crate::compile::CompiledTendon;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::equality::{SpringRow, spring_law};
-use crate::constraints::limits::nearer_end;
+use crate::constraints::joint::limits::nearer_end;
 use crate::constraints::rows::RowLaw;
 use crate::math::spatial::*;
 

@@ -3,12 +3,12 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::constraints::restitution::any_elastic;
+use crate::constraints::contact::restitution::any_elastic;
 use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
-use crate::integrators::evaluation::Evaluation;
-use crate::integrators::free_motion::{FreeMotion, advance_activations, compute_free_motion, transmit};
-use crate::integrators::impact::end_at_first_impacts;
+use crate::integrators::evaluate::evaluation::Evaluation;
+use crate::integrators::evaluate::first_impact::end_at_first_impacts;
+use crate::integrators::evaluate::free_motion::{FreeMotion, advance_activations, compute_free_motion, transmit};
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Probe, span};
 use crate::stages::s03_detect::detect;

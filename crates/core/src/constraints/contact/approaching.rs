@@ -3,8 +3,8 @@
 //! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide, and wrong for surfaces that pass each
 //! other: their nearest points approach, but never touch. Stage 4 therefore assembles the rows of an approaching contact and marks them as
 //! deferred, so that the solver leaves them out. The solution without these rows gives the motion of the step. After the solve,
-//! [`crate::integrators::contact_activation`] activates the rows of the pairs that collide in this motion, and the solver solves the lanes
-//! of these pairs again. Before the solve, it does the same with the predicted motion.
+//! [`crate::integrators::velocity::contact_activation`] activates the rows of the pairs that collide in this motion, and the solver solves
+//! the lanes of these pairs again. Before the solve, it does the same with the predicted motion.
 //!
 //! Contacts that rest, slide or roll are never deferred. Nor are contacts that bore load in the step before, and contacts with soft
 //! surfaces. Contacts of two round geoms that certainly collide are not deferred, nor are those at a flat face. A contact is at a flat

@@ -1,7 +1,8 @@
 //! Activation of deferred contacts, which the solver leaves out until their geoms collide in the predicted or solved motion.
 //!
-//! [`crate::constraints::approaching`] defines which contacts are deferred. The pairs that touch first are activated first, because their
-//! impact may prevent later collisions. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
+//! [`crate::constraints::contact::approaching`] defines which contacts are deferred. The pairs that touch first are activated first,
+//! because their impact may prevent later collisions. Example: a ball that lands on the floor does not hit the ledge behind its landing
+//! point.
 //!
 //! The impulses of the predicted motion are approximate, so that a body sinks a little into its supports. It then seems to collide with the
 //! edge of the next support, although both supports have the same height. A predicted collision is doubtful if the error of the prediction
@@ -11,10 +12,10 @@
 use stepper_real::{Mask, Real, kernel};
 use stepper_solve::residual;
 
-use crate::integrators::collision_search::CollisionQuery;
-use crate::integrators::evaluation::Evaluation;
+use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::integrators::velocity_loop::VelocityLoop;
+use crate::integrators::velocity::collision_search::CollisionQuery;
+use crate::integrators::velocity::velocity_loop::VelocityLoop;
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 

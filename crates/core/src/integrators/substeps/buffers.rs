@@ -13,51 +13,51 @@ use crate::math::lanes::each_of;
 #[derive(Clone, Debug)]
 pub(crate) struct Buffers<R: Real> {
     /// State before the impact of each lane.
-    pub(super) before_impact: Snapshot<R>,
+    pub(crate) before_impact: Snapshot<R>,
     /// Sums of the impulses of the parts of a phase, with the contacts that bore one.
-    pub(super) parts: Snapshot<R>,
+    pub(crate) parts: Snapshot<R>,
     /// State at the beginning of the interval of each lane.
-    pub(super) start: Snapshot<R>,
+    pub(crate) start: Snapshot<R>,
     /// Velocity, configuration and activations after a step over the interval.
-    pub(super) whole: [Vec<R>; 3],
+    pub(crate) whole: [Vec<R>; 3],
     /// Separation of the configuration after two halves of the interval from that after a step over it, nv.
-    pub(super) separation: Vec<R>,
+    pub(crate) separation: Vec<R>,
     /// Lanes in which a constraint acts on each kinematic tree in the interval.
-    pub(super) constrained: Vec<R::Mask>,
+    pub(crate) constrained: Vec<R::Mask>,
     /// Buffer for a configuration.
-    pub(super) configuration: Vec<R>,
+    pub(crate) configuration: Vec<R>,
     /// Result of the first half of the interval.
-    pub(super) middle: Snapshot<R>,
+    pub(crate) middle: Snapshot<R>,
     /// Velocity, configuration and activations at the end of the step.
-    pub(super) end: [Vec<R>; 3],
+    pub(crate) end: [Vec<R>; 3],
     /// Sums of the impulses of all accepted phases, with the contacts that bore one.
-    pub(super) total: Snapshot<R>,
+    pub(crate) total: Snapshot<R>,
     /// Contacts whose impulses are being summed.
-    pub(super) summed: Contacts<R>,
+    pub(crate) summed: Contacts<R>,
     /// Velocity, configuration and activations at the beginning of the step.
-    pub(super) before: [Vec<R>; 3],
+    pub(crate) before: [Vec<R>; 3],
     /// Lanes in which a part clamped the force of each actuator.
     pub(crate) saturated: Vec<R::Mask>,
     /// Cause of the largest residual of a part, in the lanes with one, and that residual, m/s. A rejected part has an infinite residual.
-    pub(super) worst: (WorstRows<R>, R),
+    pub(crate) worst: (WorstRows<R>, R),
     /// Whether the last step of the workspace was divided into parts.
     pub(crate) is_current: bool,
     /// Lanes in which impacts touch each mechanism.
-    pub(super) touched: Vec<R::Mask>,
+    pub(crate) touched: Vec<R::Mask>,
     /// Evaluated configuration and predicted velocity of the first pass.
-    pub(super) evaluated: [Vec<R>; 2],
+    pub(crate) evaluated: [Vec<R>; 2],
     /// Separating planes of the lanes that reach the end of the step in the first pass.
-    pub(super) planes: SeparationCache,
+    pub(crate) planes: SeparationCache,
 }
 
 /// State of all lanes, with the impulses that start the next part.
 #[derive(Clone, Debug)]
-pub(super) struct Snapshot<R: Real> {
-    pub(super) state: State<R>,
+pub(crate) struct Snapshot<R: Real> {
+    pub(crate) state: State<R>,
     /// Impulses of scalar rows.
-    pub(super) scalar_impulse: Vec<R>,
+    pub(crate) scalar_impulse: Vec<R>,
     /// Length of the substep to which the impulses belong, s.
-    pub(super) span: R,
+    pub(crate) span: R,
 }
 
 impl<R: Real> Snapshot<R> {
@@ -66,21 +66,21 @@ impl<R: Real> Snapshot<R> {
     }
 
     /// Stores a state, and impulses of scalar rows, in the lanes `lanes`. The impulses belong to a substep of `span` seconds.
-    pub(super) fn store(&mut self, (state, scalar_impulse): (&State<R>, &[R]), span: R, lanes: R::Mask) {
+    pub(crate) fn store(&mut self, (state, scalar_impulse): (&State<R>, &[R]), span: R, lanes: R::Mask) {
         copy(&mut self.state, state, lanes);
         select_into(&mut self.scalar_impulse, scalar_impulse, lanes);
         kernel!(R, || self.span = R::select(lanes, span, self.span));
     }
 
     /// Restores the lanes `lanes` of a state and of impulses of scalar rows, which belong to a substep of `span` seconds afterwards.
-    pub(super) fn restore(&self, (state, scalar_impulse): (&mut State<R>, &mut [R]), span: &mut R, lanes: R::Mask) {
+    pub(crate) fn restore(&self, (state, scalar_impulse): (&mut State<R>, &mut [R]), span: &mut R, lanes: R::Mask) {
         copy(state, &self.state, lanes);
         select_into(scalar_impulse, &self.scalar_impulse, lanes);
         kernel!(R, || *span = R::select(lanes, self.span, *span));
     }
 
     /// Removes all impulses and contacts of the lanes `lanes`.
-    pub(super) fn clear(&mut self, lanes: R::Mask) {
+    pub(crate) fn clear(&mut self, lanes: R::Mask) {
         each_of(lanes.bits() & u32::MAX >> (u32::BITS as usize - R::LANES)).for_each(|lane| self.state.contacts.count[lane] = 0);
         self.state.contacts.full &= !lanes.bits();
         kernel!(R, || {
@@ -91,7 +91,7 @@ impl<R: Real> Snapshot<R> {
     }
 
     /// Restores contacts and impulses of the lanes `lanes`.
-    pub(super) fn restore_impulses(&self, (state, scalar_impulse): (&mut State<R>, &mut [R]), lanes: R::Mask) {
+    pub(crate) fn restore_impulses(&self, (state, scalar_impulse): (&mut State<R>, &mut [R]), lanes: R::Mask) {
         select_into(scalar_impulse, &self.scalar_impulse, lanes);
         select_into(&mut state.impulse, &self.state.impulse, lanes);
         state.contacts.copy_lanes(&self.state.contacts, lanes.bits());
@@ -99,7 +99,7 @@ impl<R: Real> Snapshot<R> {
 
     /// Adds the impulses of a part with the result `state`, in the lanes `lanes`. Contacts that bore an impulse in an earlier part, and are
     /// gone in this one, stay. `summed` is a buffer.
-    pub(super) fn add(&mut self, summed: &mut Contacts<R>, state: &State<R>, scalar_impulse: &[R], lanes: R::Mask) {
+    pub(crate) fn add(&mut self, summed: &mut Contacts<R>, state: &State<R>, scalar_impulse: &[R], lanes: R::Mask) {
         summed.copy_from(&state.contacts);
         summed.add_impulses(&self.state.contacts, lanes.bits());
         let earlier = &self.state.contacts;
@@ -127,7 +127,7 @@ fn copy<R: Real>(to: &mut State<R>, from: &State<R>, lanes: R::Mask) {
 
 impl<R: Real> Buffers<R> {
     /// Keeps the causes `worst` of a part with the residual `residual`, m/s, in the lanes of `lanes` in which it is the largest so far.
-    pub(super) fn note_worst(&mut self, worst: &WorstRows<R>, residual: R, lanes: R::Mask) {
+    pub(crate) fn note_worst(&mut self, worst: &WorstRows<R>, residual: R, lanes: R::Mask) {
         let (kept, largest) = &mut self.worst;
         kernel!(R, || {
             let larger = lanes.and(worst.lanes).and_not(residual.lt(*largest));
@@ -138,7 +138,7 @@ impl<R: Real> Buffers<R> {
 
     /// Buffers for states like `state`, with impulses of scalar rows like `scalar_impulse` and separating planes like `planes`. `counts`
     /// are the numbers of mechanisms, actuators and kinematic trees.
-    pub(super) fn new(state: &State<R>, scalar_impulse: &[R], planes: &SeparationCache, counts: [usize; 3]) -> Box<Self> {
+    pub(crate) fn new(state: &State<R>, scalar_impulse: &[R], planes: &SeparationCache, counts: [usize; 3]) -> Box<Self> {
         let new = || Snapshot::new(state, scalar_impulse);
         let motion = || [&state.v, &state.q, &state.act].map(Clone::clone);
         let lanes = |count| vec![R::Mask::splat(false); count];

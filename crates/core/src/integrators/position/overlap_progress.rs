@@ -19,7 +19,7 @@ use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
 use crate::constraints::{ConstraintProblem, PositionSolution};
 use crate::dynamics::mocap;
-use crate::integrators::evaluation::Evaluation;
+use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::step_input::StepInput;
 use crate::math::lanes::each_of;
 use crate::options::StepSettings;

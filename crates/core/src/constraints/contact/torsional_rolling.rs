@@ -8,7 +8,7 @@ use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::contact::{ContactRows, SlidingRows, effective_friction};
-use crate::constraints::elimination::mobility_ratio;
+use crate::constraints::equality::elimination::mobility_ratio;
 use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 

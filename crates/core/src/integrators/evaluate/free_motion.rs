@@ -6,9 +6,9 @@ use crate::actuation::forces::{ActuatorForces, Implicit};
 use crate::collision::adhesion::set_adhesive_arms;
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, advance, select_into};
-use crate::integrators::evaluation::Evaluation;
-use crate::integrators::mechanism_motion::{Jump, MechanismMotion};
-use crate::integrators::scheme::Scheme;
+use crate::integrators::evaluate::evaluation::Evaluation;
+use crate::integrators::evaluate::mechanism_motion::{Jump, MechanismMotion};
+use crate::integrators::evaluate::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Counter, Probe, span};
 use crate::stages::s01_actuate::{actuate, advance_activation};
@@ -121,7 +121,7 @@ impl<R: Real> FreeMotion<R> {
     }
 
     /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
-    pub(super) fn poison(&mut self) {
+    pub(crate) fn poison(&mut self) {
         let Self { applied, v, v_expected, constraint_impulse, scratch, .. } = self;
         [applied, v, v_expected, constraint_impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
         scratch.poison();
@@ -173,7 +173,7 @@ pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &m
 
 /// Sets the free velocity in lanes whose substep is an impact to the velocity before it: forces have no time to act.
 #[inline(always)]
-pub(super) fn stop_at_impacts<R: Real>(context: StepContext<'_, R>, v_free: &mut [R]) {
+pub(crate) fn stop_at_impacts<R: Real>(context: StepContext<'_, R>, v_free: &mut [R]) {
     let impacts = context.evaluation.substep.is_impact;
     if impacts.any() {
         select_into(v_free, &context.input.state.v, impacts);
@@ -194,7 +194,7 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
 
 /// Computes moment arms and lengths of actuators at the evaluation points. `pulls` is whether actuators on contacts pull.
 #[inline(always)]
-pub(super) fn transmit<R: Real>(input: StepInput<'_, R>, evaluation: &Evaluation<R>, free: &mut FreeMotion<R>, pulls: bool) {
+pub(crate) fn transmit<R: Real>(input: StepInput<'_, R>, evaluation: &Evaluation<R>, free: &mut FreeMotion<R>, pulls: bool) {
     let Evaluation { scheme, kinematics, q, contacts, .. } = evaluation;
     free.actuator_forces.transmit(input.compiled, (kinematics, q), (&input.state.v, scheme.time_ahead));
     if pulls {

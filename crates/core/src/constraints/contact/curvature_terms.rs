@@ -1,4 +1,4 @@
-//! Removal of curvature terms ([`crate::constraints::curvature`]) from the offsets of friction rows.
+//! Removal of curvature terms ([`crate::constraints::contact::curvature`]) from the offsets of friction rows.
 //!
 //! A curvature term assumes the free motion. If contacts hold a body from several sides (a jam), this motion does not occur. The terms can
 //! then be target velocities that no impulses reach.

@@ -13,6 +13,10 @@
 //! moving loop keeps its energy. Without kappa every step would remove the energy (h kappa)^2 / 2 G, where G is the row's entry of the
 //! Delassus matrix.
 
+pub(crate) mod active_equalities;
+pub mod elimination;
+pub mod equality_violation;
+
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};
 

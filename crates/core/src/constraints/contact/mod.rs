@@ -18,14 +18,23 @@
 //! `RowInput` (`assembler.rs`) has the numbers that all rows share. [`Assembler::push_contact_rows`] makes the rows a part of the solver's
 //! problem (`crates/solve/src/problem.rs`).
 
+pub(crate) mod approaching;
+pub mod contact_spring;
+pub mod curvature;
+pub(crate) mod curvature_terms;
+pub mod impact_time;
+pub mod redundant_supports;
+pub mod restitution;
+pub mod torsional_rolling;
+
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{FrictionContacts, Iterate, LocalSolver, Problem, velocity_rounding};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::approaching::resting_speed;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
-use crate::constraints::elimination::mobility_ratio;
+use crate::constraints::contact::approaching::resting_speed;
+use crate::constraints::equality::elimination::mobility_ratio;
 use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 use crate::options::StepSettings;

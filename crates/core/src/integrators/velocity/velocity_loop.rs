@@ -6,16 +6,15 @@ use stepper_real::Real;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
-use crate::integrators::collision_search::CollisionSearch;
-use crate::integrators::evaluation::Evaluation;
-use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::evaluate::evaluation::Evaluation;
+use crate::integrators::evaluate::free_motion::FreeMotion;
 use crate::integrators::step_input::{StepContext, StepInput};
+use crate::integrators::velocity::collision_search::CollisionSearch;
 use crate::probe::{Probe, span};
 use crate::stages::s04_assemble::assemble;
 
 /// Loop that solves for the velocity after a step with hard contact (stages 4 to 6). Its methods are in several files of this folder:
-/// `solve_velocities.rs`, `predict.rs`, `contact_activation.rs`, `impact.rs` (restitution) and `acceptance.rs`
-/// (ambiguous energy).
+/// `solve_velocities.rs`, `predict.rs`, `contact_activation.rs`, `impact.rs` and `ambiguous_energy.rs`.
 pub(crate) struct VelocityLoop<'a, R: Real> {
     /// Input of the step and its evaluation point.
     pub(crate) context: StepContext<'a, R>,

@@ -4,9 +4,9 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::tunnelling::{TestedMotion, may_have_passed};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
-use crate::integrators::evaluation::Evaluation;
-use crate::integrators::free_motion::FreeMotion;
-use crate::integrators::overlap_progress::revert_ineffective_corrections;
+use crate::integrators::evaluate::evaluation::Evaluation;
+use crate::integrators::evaluate::free_motion::FreeMotion;
+use crate::integrators::position::overlap_progress::revert_ineffective_corrections;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::advance_activation;

@@ -3,7 +3,7 @@
 use stepper_real::{Real, kernel};
 
 use crate::compile::{CompiledEquality, EqualityRows, LaneModel, PathLengths, coupling_error};
-use crate::constraints::active_equalities::ActiveEqualities;
+use crate::constraints::equality::active_equalities::ActiveEqualities;
 use crate::dynamics::frame_path::follow_path;
 use crate::dynamics::mocap::MocapTrajectory;
 use crate::math::spatial::*;

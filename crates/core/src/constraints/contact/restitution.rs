@@ -1,8 +1,8 @@
 //! Contacts that bounce: restitution by Newton's law.
 //!
-//! A flight ends where the first elastic contact of its lane collides ([`crate::constraints::impact_time`]). The contact has no rows in
-//! this flight. The substep that follows is the impact: a jump of the velocity at this configuration, in which all touching contacts take
-//! part. With the velocities v- before it, the rows of those that bounce are (Moreau 1988)
+//! A flight ends where the first elastic contact of its lane collides ([`crate::constraints::contact::impact_time`]). The contact has no
+//! rows in this flight. The substep that follows is the impact: a jump of the velocity at this configuration, in which all touching
+//! contacts take part. With the velocities v- before it, the rows of those that bounce are (Moreau 1988)
 //!
 //! ```text
 //! 0 <= lambda_n, complementary to v_n+ + e v_n- >= 0     so g_n = (1 + e) v_n-
@@ -22,7 +22,7 @@ use stepper_solve::{Iterate, Problem};
 use crate::collision::contact_set::Contacts;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::{ConstraintProblem, Impact};
-use crate::constraints::impact_time::{Flight, ImpactPrediction};
+use crate::constraints::contact::impact_time::{Flight, ImpactPrediction};
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {

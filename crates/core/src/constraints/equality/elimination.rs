@@ -20,8 +20,8 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Problem, ROUNDING_RATIO, ScalarRow, dependence_threshold, velocity_rounding};
 
 use crate::compile::LaneModel;
-use crate::constraints::active_equalities::ActiveEqualities;
 use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::constraints::equality::active_equalities::ActiveEqualities;
 use crate::constraints::row_builder::RowBuilder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;

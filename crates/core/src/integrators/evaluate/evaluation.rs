@@ -8,7 +8,7 @@ use crate::compile::LaneModel;
 use crate::constraints::evaluation_times::EvaluationTimes;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::dynamics::kinematics::Kinematics;
-use crate::integrators::scheme::Scheme;
+use crate::integrators::evaluate::scheme::Scheme;
 use crate::math::spatial::*;
 use crate::options::{Integrator, StepSettings};
 use crate::tuning::IMPACT_DURATION;
@@ -39,7 +39,7 @@ pub(crate) struct Evaluation<R: Real> {
     /// Contacts at `q`.
     pub(crate) contacts: Contacts<R>,
     /// Spatial velocities of the links, with which the step predicts impacts: before the step, and after it without constraints.
-    pub(super) link_velocities: [Vec<V6<R>>; 2],
+    pub(crate) link_velocities: [Vec<V6<R>>; 2],
     /// Overlaps in the solution of the step that is being differentiated; `None` in a normal step.
     pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
 }
@@ -63,7 +63,7 @@ pub(crate) struct Substep<R: Real> {
     pub(crate) bounces_at_end: R::Mask,
     /// Lanes whose flight ignores impacts: colliding elastic contacts have no rows. Only mechanisms without impacts use the result.
     pub(crate) ignores_impacts: R::Mask,
-    /// Lanes whose flight ends at an impact. [`locate`](crate::integrators::locate::locate) finds them.
+    /// Lanes whose flight ends at an impact. [`locate`](crate::integrators::evaluate::locate::locate) finds them.
     pub(crate) ends_at_impact: R::Mask,
     /// Lanes that the search for impacts evaluates `search_time` s after the beginning of the flight, instead of at the point of the
     /// integration rule.
@@ -130,7 +130,7 @@ impl<R: Real> Evaluation<R> {
     }
 
     /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
-    pub(super) fn poison(&mut self) {
+    pub(crate) fn poison(&mut self) {
         let Self { q, q_ahead, act, .. } = self;
         [q, q_ahead, act].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }

@@ -16,16 +16,20 @@
 //!
 //! Controls, actuator pipelines and sensors act once in a step of the user. Impulses are summed over the parts.
 
+pub mod buffers;
+mod step_doubling;
+mod untouched;
+
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::select_into;
-use crate::integrators::evaluation::Substep;
-use crate::integrators::impact::shortest_flight;
-use crate::integrators::step_doubling::{extrapolate, separate};
+use crate::integrators::evaluate::evaluation::Substep;
+use crate::integrators::evaluate::first_impact::shortest_flight;
 use crate::integrators::step_outcome::StepOutcome;
-use crate::integrators::substep_buffers::Buffers;
-use crate::integrators::untouched::{note_impacts, spread, step_untouched};
+use crate::integrators::substeps::buffers::Buffers;
+use crate::integrators::substeps::step_doubling::{extrapolate, separate};
+use crate::integrators::substeps::untouched::{note_impacts, spread, step_untouched};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::options::StepSettings;

@@ -10,7 +10,7 @@ use crate::collision::packed_sweep::{PackedSweep, can_be_packed};
 use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch, Turning};
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::constraints::ConstraintProblem;
-use crate::constraints::approaching::resting_speed;
+use crate::constraints::contact::approaching::resting_speed;
 use crate::constraints::evaluation_times::EvaluationTimes;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::{MAX_LANES, each_of};

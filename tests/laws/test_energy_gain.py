@@ -1,5 +1,7 @@
 """Steps that make energy by their own error say UNRESOLVED, and those that do not are not accused of it."""
 
+import re
+
 import numpy as np
 import pytest
 import stepper
@@ -65,6 +67,7 @@ def test_the_implicit_rule_is_flagged_before_a_chain_has_a_third_more_energy(sta
     for _ in range(round(2 / timestep)):
         sim.step()
         if sim.status & UNRESOLVED:
+            assert re.fullmatch(r"fastest joint \d+", sim.worst_row())
             return
         assert sum(sim.energy()) - before < fall / 3
 
@@ -95,6 +98,21 @@ def test_robots_under_random_control_are_not_flagged(name, integrator, precision
     for _ in range(40):
         sim.step(rng.uniform(-1, 1, (8, model.nu)), nstep=25)
         assert not (sim.status & UNRESOLVED).any()
+
+
+@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler"])
+def test_every_step_that_is_too_long_names_a_joint(integrator):
+    """Walkers that are thrown apart: joints whose constraint is the cause are named by it, others as the fastest."""
+    model = stepper_model("gymnasium/humanoid")
+    sim = stepper.Stepper(model, 32, options=stepper.Options(timestep=0.02, integrator=integrator))
+    rng, flagged = np.random.default_rng(0), 0
+    sim.set_state(qvel=rng.normal(scale=20, size=(32, model.nv)))
+    for _ in range(20):
+        sim.step()
+        for env in np.flatnonzero(sim.status & UNRESOLVED):
+            assert sim.worst_row(int(env)) is not None
+            flagged += 1
+    assert flagged > 10
 
 
 SPINNING = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><geom type="box" size=".1 .2 .05" mass="1"/></body>

@@ -375,7 +375,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 record.residual.store(&mut group.residual);
                 record.sweeps.store(&mut group.sweeps);
                 record.newton_steps.store(&mut group.newton_steps);
-                for lane in each_of(record.lanes(Status::NOT_CONVERGED | Status::INFEASIBLE | Status::NON_FINITE)) {
+                for lane in each_of(record.lanes(Status::NOT_CONVERGED | Status::INFEASIBLE | Status::NON_FINITE | Status::UNRESOLVED)) {
                     group.worst[lane] = s.velocity.worst.of_lane(lane).0;
                 }
             });

@@ -1,4 +1,4 @@
-//! Cause of an unsolved step: the constraint row with the largest residual, or the element whose number is not finite.
+//! Cause of a step with a flag: the constraint row with the largest residual, or the element that is not finite or too fast.
 
 use std::fmt;
 
@@ -8,8 +8,8 @@ use crate::compile::CompiledModel;
 use crate::constraints::worst_row::{CodedConstraint, ConstraintCode, NotFinite};
 use crate::model::Model;
 
-/// Constraint row with the largest residual in an unsolved step, or element whose number is not finite in a rejected step. The indices
-/// refer to the model.
+/// Cause of a flag: the constraint row with the largest residual in an unsolved step, the element that is not finite in a rejected step, or
+/// the fastest joint. The indices refer to the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WorstRow {
@@ -54,11 +54,17 @@ pub enum WorstRow {
         /// Index of the actuator.
         actuator: usize,
     },
+    /// Joint that is the fastest one in a step that is too long for the motion.
+    TooFast {
+        /// Index of the joint.
+        joint: usize,
+    },
 }
 
 impl WorstRow {
     /// Decodes a [`ConstraintCode`](crate::constraints::worst_row::ConstraintCode); `None` if no row is stored.
     pub(super) fn of_code<S: Scalar>(code: u64, model: &Model, compiled: &CompiledModel<S>) -> Option<Self> {
+        let joint_with = |dof: usize| model.joint_addresses().iter().rposition(|&(_, first)| first <= dof);
         let impulse_index = match ConstraintCode(code).constraint()? {
             CodedConstraint::Contact(pair) => {
                 let geoms = compiled.pair_geoms(pair)?.map(|g| compiled.geoms[g].index);
@@ -69,12 +75,10 @@ impl WorstRow {
                     NotFinite::Actuator(actuator) => Some(Self::NotFiniteActuator { actuator }),
                     NotFinite::AppliedForce(body) => Some(Self::NotFiniteBody { body }),
                     NotFinite::Mocap(i) => compiled.merged.mocap.get(i).map(|&body| Self::NotFiniteBody { body }),
-                    NotFinite::Dof(dof) => {
-                        let joint = model.joint_addresses().iter().rposition(|&(_, first)| first <= dof);
-                        joint.map(|joint| Self::NotFiniteJoint { joint })
-                    }
+                    NotFinite::Dof(dof) => joint_with(dof).map(|joint| Self::NotFiniteJoint { joint }),
                 };
             }
+            CodedConstraint::TooFast(dof) => return joint_with(dof).map(|joint| Self::TooFast { joint }),
             CodedConstraint::Scalar(impulse_index) => impulse_index,
         };
         let joint_of = |dof: usize| model.joint_addresses().iter().position(|&(_, first)| first == dof);
@@ -111,6 +115,7 @@ impl WorstRow {
             Self::Tendon { tendon } => format!("row of {}", name("tendon", tendon, &model.tendons[tendon].name)),
             Self::NotFiniteJoint { joint } => format!("number that is not finite: {}", name("joint", joint, &model.joints[joint].name)),
             Self::NotFiniteBody { body } => format!("number that is not finite: {}", name("body", body, &model.bodies[body].name)),
+            Self::TooFast { joint } => format!("fastest {}", name("joint", joint, &model.joints[joint].name)),
             Self::NotFiniteActuator { actuator } => {
                 format!("number that is not finite: {}", name("actuator", actuator, &model.actuators[actuator].name))
             }

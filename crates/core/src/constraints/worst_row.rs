@@ -9,7 +9,7 @@ use crate::math::lanes::{MAX_LANES, each_of};
 
 /// Number that encodes the cause of an unsolved step in a saved state. 0 means none. Scalar rows have the numbers from 1 on, by the index
 /// of their impulse. Contacts have the numbers from 2^32 on, by the index of their pair. Numbers that are not finite have those from 2^40,
-/// 2^41 ... on, in the order of [`NotFinite`].
+/// 2^41 ... on, in the order of [`NotFinite`]. Joints that are too fast have those from 2^44 on, by a degree of freedom.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ConstraintCode(pub u64);
 
@@ -18,6 +18,9 @@ const CONTACTS: u64 = 1 << 32;
 
 /// Smallest code of each kind of number in [`NotFinite`].
 const NOT_FINITE: [u64; 4] = [1 << 40, 1 << 41, 1 << 42, 1 << 43];
+
+/// Smallest code of a joint that is too fast for the time step.
+const TOO_FAST: u64 = 1 << 44;
 
 /// Number that is not finite in a rejected step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +44,8 @@ pub enum CodedConstraint {
     Contact(usize),
     /// Number that is not finite.
     NotFinite(NotFinite),
+    /// Joint that is too fast for the time step, by one of its degrees of freedom.
+    TooFast(usize),
 }
 
 impl ConstraintCode {
@@ -48,6 +53,7 @@ impl ConstraintCode {
         match constraint {
             CodedConstraint::Scalar(impulse_index) => Self(1 + impulse_index as u64),
             CodedConstraint::Contact(pair) => Self(CONTACTS + pair as u64),
+            CodedConstraint::TooFast(dof) => Self(TOO_FAST + dof as u64),
             CodedConstraint::NotFinite(number) => {
                 let (kind, index) = match number {
                     NotFinite::Actuator(index) => (0, index),
@@ -63,6 +69,9 @@ impl ConstraintCode {
     /// Constraint or number that the code represents; `None` for code 0.
     pub fn constraint(self) -> Option<CodedConstraint> {
         let code = self.0;
+        if code >= TOO_FAST {
+            return Some(CodedConstraint::TooFast((code - TOO_FAST) as usize));
+        }
         if let Some(kind) = NOT_FINITE.iter().rposition(|first| code >= *first) {
             let index = (code - NOT_FINITE[kind]) as usize;
             let number = [NotFinite::Actuator, NotFinite::AppliedForce, NotFinite::Mocap, NotFinite::Dof][kind](index);

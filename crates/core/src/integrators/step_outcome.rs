@@ -1,15 +1,18 @@
 //! Outcome of a step, from which stage 10 computes its record.
 
-use stepper_real::{Mask, Real, kernel};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Outcome, System};
 
+use crate::compile::LaneModel;
 use crate::constraints::equality::equality_violation::max_equality_violation;
+use crate::constraints::worst_row::CodedConstraint;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::kinematics::Kinematics;
 use crate::dynamics::mocap;
 use crate::integrators::acceptance::Accepted;
 use crate::integrators::evaluate::free_motion::FreeMotion;
 use crate::integrators::step_input::StepInput;
+use crate::math::lanes::each_of;
 use crate::stages::s08_stabilise::Infeasible;
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, Status, depth, limit_overshoot};
 
@@ -66,6 +69,11 @@ pub(crate) fn record<R: Real>(
         }
     }
     let unsolved = outcome.ambiguous.or(alive.and_not(residual.le(R::of(options.tolerance))));
+    let too_fast = free.unresolved_lanes().or(outcome.energy_unresolved).or(beyond);
+    let unnamed = too_fast.and(finite).and_not(unsolved.or(outcome.infeasible.lanes));
+    for lane in each_of(unnamed.bits()) {
+        velocity.worst.store(lane, fastest_dof(compiled, free, &state.v, lane).map(CodedConstraint::TooFast));
+    }
     // A rejected step has no error that could be measured.
     residual = R::select(finite, residual.max(outcome.infeasible.unmet), R::select(alive, R::of(f64::INFINITY), R::zero()));
     Record {
@@ -81,7 +89,7 @@ pub(crate) fn record<R: Real>(
             (Status::NOT_CONVERGED, unsolved.and(finite).bits()),
             (Status::NON_FINITE, alive.and_not(finite).bits()),
             (Status::CONTACTS_FULL, state.contacts.full),
-            (Status::UNRESOLVED, free.unresolved_lanes().or(outcome.energy_unresolved).or(beyond).bits()),
+            (Status::UNRESOLVED, too_fast.bits()),
             (Status::TUNNELLED, outcome.tunnelled.bits()),
             (Status::INFEASIBLE, alive.and(finite).and(outcome.infeasible.lanes).bits()),
             (Status::DEEP, alive.and(depth.gt(R::of(DEEP))).bits()),
@@ -90,4 +98,17 @@ pub(crate) fn record<R: Real>(
             (Status::INACCURATE, 0),
         ],
     }
+}
+
+/// Fastest degree of freedom in lane `lane`: of mechanisms whose motion is too fast for the time step, if there are any. Rotations, rad/s,
+/// come before translations, m/s.
+#[cold]
+fn fastest_dof<R: Real>(compiled: &LaneModel<R>, free: &FreeMotion<R>, v: &[R], lane: usize) -> Option<usize> {
+    let is_unresolved = |dof: &usize| free.unresolved[compiled.mechanism_of(*dof)].bits() >> lane & 1 == 1;
+    let is_rotation = |dof: &usize| compiled.rotations().any(|rotation| rotation == *dof);
+    let speed = |dof: &usize| v[*dof].lane(lane).to_f64().abs();
+    let any = (0..compiled.nv).any(|dof| is_unresolved(&dof));
+    let dofs = || (0..compiled.nv).filter(|dof| !any || is_unresolved(dof));
+    let fastest = |of: &mut dyn Iterator<Item = usize>| of.max_by(|a, b| speed(a).total_cmp(&speed(b)));
+    fastest(&mut dofs().filter(is_rotation)).or_else(|| fastest(&mut dofs()))
 }

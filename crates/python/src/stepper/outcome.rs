@@ -61,17 +61,18 @@ impl Stepper {
         structured(py, &envs, &contacts)
     }
 
-    /// Cause of the last unsolved step in the last call of `step`: a constraint, or an element with a number that is not finite.
+    /// Cause of the last unsolved step in the last call of `step`: a constraint, or an element that is not finite or too fast.
     ///
     /// With `status` NOT_CONVERGED it is the constraint with the largest residual, with INFEASIBLE the constraint that misses its target by
-    /// most. With NON_FINITE it is the joint, body or actuator whose number is not finite.
+    /// most. With NON_FINITE it is the joint, body or actuator whose number is not finite. With UNRESOLVED alone it is the fastest joint,
+    /// of the mechanisms that are too fast for the time step if these are known.
     ///
     /// Args:
     ///     env: Index of the environment.
     ///
     /// Returns:
-    ///     Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"', 'equality "loop"' or 'number that is not
-    ///     finite: actuator "servo"'. None if all steps were solved, or if no single constraint is responsible.
+    ///     Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"', 'equality "loop"', 'number that is not finite:
+    ///     actuator "servo"' or 'fastest joint "elbow"'. None if all steps were solved, or if no single constraint is responsible.
     #[pyo3(signature = (env=Env(0), **others), text_signature = "($self, env=0)")]
     fn worst_row(slf: Reading<'_>, env: Env, others: Option<&Bound<'_, PyDict>>) -> PyResult<Option<String>> {
         no_others("Stepper.worst_row", others, &["env"])?;

@@ -8,8 +8,8 @@ use crate::compile::CompiledModel;
 use crate::constraints::worst_row::{CodedConstraint, ConstraintCode, NotFinite};
 use crate::model::Model;
 
-/// Cause of a flag: the constraint row with the largest residual in an unsolved step, the element that is not finite in a rejected step, or
-/// the fastest joint. The indices refer to the model.
+/// Cause of a flag. In an unsolved step it is the constraint row with the largest residual, in a rejected step the element that is not
+/// finite. In a step that is too long for the motion it is the fastest joint. The indices refer to the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WorstRow {

@@ -302,11 +302,12 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         padded(&self.velocity(&self.rows.items[i], w))
     }
 
-    /// Calls `f` with each coordinate of contact `i` and with the entries of the contact's rows there in the lane `lane`, as six numbers.
+    /// Calls `f` with each coordinate at which contact `i` has entries in the lane `lane`, and with the entries of its rows there, as six
+    /// numbers.
     #[inline(always)]
     pub(crate) fn for_each_entry(&self, i: usize, lane: usize, mut f: impl FnMut(u32, [f64; 6])) {
         let (columns, y) = self.entries(&self.rows.items[i]);
-        for (&c, y) in columns.iter().zip(y) {
+        for (&c, y) in columns.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
             let mut entries = [0.0; 6];
             entries.iter_mut().zip(y).for_each(|(to, &y)| *to = number_of(y, lane));
             f(c, entries);

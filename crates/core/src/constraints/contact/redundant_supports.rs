@@ -126,6 +126,8 @@ struct Loads {
     rows: Vec<f64>,
     /// Index of the coordinate of each row of `rows`.
     coordinates: Vec<u32>,
+    /// Index of the row of each coordinate; `u32::MAX` for coordinates without a row.
+    row_of: Vec<u32>,
     /// Squared length of each row of `rows`, without its parts along the rows that are already orthonormal; 0 for the latter.
     squares: Vec<f64>,
 }
@@ -143,6 +145,7 @@ impl Loads {
             targets: list(),
             rows: Vec::with_capacity((dimension * MAX_SHARED_CONTACTS).max((6 * MAX_SHARED_CONTACTS * MAX_STICKING_WORK).isqrt())),
             coordinates: Vec::with_capacity(dimension),
+            row_of: vec![u32::MAX; dimension],
             squares: Vec::with_capacity(dimension),
         }
     }
@@ -150,10 +153,10 @@ impl Loads {
     /// Computes `rows` from the free contacts in `points`: one row for each coordinate that they move. Returns whether `max_rows` rows are
     /// enough.
     fn make_rows<R: Real>(&mut self, points: &[Point], lane: usize, problem: &Problem<R>, max_rows: usize) -> bool {
-        let Self { width, impulses, rows, coordinates, .. } = self;
+        let Self { width, impulses, rows, coordinates, row_of, .. } = self;
         let (width, stride) = (*width, impulses.len());
         let mut enough = true;
-        coordinates.clear();
+        coordinates.drain(..).for_each(|c| row_of[c as usize] = u32::MAX);
         rows.clear();
         for (k, p) in points.iter().enumerate().filter(|(_, p)| p.free) {
             let used = if p.mu > 0.0 { width } else { 1 };
@@ -161,16 +164,17 @@ impl Loads {
                 if y[..used].iter().all(|&y| y == 0.0) {
                     return;
                 }
-                let row = coordinates.iter().position(|&known| known == c).unwrap_or(coordinates.len());
-                if row == max_rows {
-                    enough = false;
-                    return;
-                }
-                if row == coordinates.len() {
+                let row = &mut row_of[c as usize];
+                if *row == u32::MAX {
+                    if coordinates.len() == max_rows {
+                        enough = false;
+                        return;
+                    }
+                    *row = coordinates.len() as u32;
                     coordinates.push(c);
                     rows.resize(rows.len() + stride, 0.0);
                 }
-                rows[row * stride + k * width..][..used].copy_from_slice(&y[..used]);
+                rows[*row as usize * stride + k * width..][..used].copy_from_slice(&y[..used]);
             });
         }
         enough
@@ -490,9 +494,9 @@ impl<R: Real> ContactGroups<R> {
         let lane = all[groups.start].lane;
         for p in groups.clone() {
             for i in all[p].contacts(members, problem) {
-                problem.rows.for_each_contact_entry(i, lane, |c, y| {
+                problem.rows.for_each_contact_entry(i, lane, |c, _| {
                     let (owner, cluster) = (owners[c as usize], all[p].cluster);
-                    if y == [0.0; 6] || owner == cluster {
+                    if owner == cluster {
                         return;
                     }
                     if owner == usize::MAX {

@@ -36,7 +36,8 @@ class Options(Hints):
 
             * "midpoint": Moreau's rule, second order in smooth motion. Springs, dampers and servos follow the implicit midpoint rule. It is
               stable for any stiffness and keeps the energy of linear springs. Oscillations much faster than the time step decay slowly. A
-              single body, free or on a ball joint, keeps its angular momentum exactly and its energy without drift.
+              single body, free or on a ball joint, keeps its angular momentum exactly (with `error`, to the estimate) and its energy
+              without drift.
             * "implicit": backward Euler for springs, dampers and servos, first order. Velocity-dependent forces use the predicted
               velocity. It is stable for any stiffness, and damps oscillations much faster than the time step within one step.
             * "euler": semi-implicit, first order, MuJoCo's Euler: implicit in joint damping alone. Springs and servos need
@@ -54,11 +55,11 @@ class Options(Hints):
         error: Error of the positions that a step may make, m and rad; None makes every step once, whatever its error.
 
             Otherwise a step is divided into substeps, which differ between environments. The estimate is that of step doubling: every
-            interval is stepped as a whole and in halves, and trees without constraints get the extrapolation of both. An interval may
-            have a share of the error in proportion to its length, but at least a quarter. INACCURATE in `status` means that their sum,
-            `Stepper.error_estimate`, exceeds the error, as in some steps with several impacts. `Stepper.substeps` counts substeps, of
-            which the shortest are 1/256 of the time step. Controls, actuator and sensor models act once in a step. The option needs
-            hard contact and "midpoint", "implicit" or "euler". `linearize` refuses it. docs/how-to/keep_an_error.md has its costs.
+            interval is stepped as a whole and in halves, and smooth motion gets the extrapolation of both. An interval may have a share of
+            the error in proportion to its length, but at least a quarter. INACCURATE in `status` means that their sum,
+            `Stepper.error_estimate`, exceeds the error, as in some steps with several impacts. `Stepper.substeps` counts substeps, of which
+            the shortest are 1/256 of the time step. Controls, actuator and sensor models act once in a step. The option needs hard contact
+            and "midpoint", "implicit" or "euler". `linearize` refuses it. docs/how-to/keep_an_error.md has its costs.
         solver: Solver of the constraint problem with hard contact.
 
             * "pgs": projected Gauss-Seidel with Anderson acceleration. Each iteration (sweep) visits all constraints, and solves the

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from enum import IntFlag
+from operator import index
 
 
 class Status(IntFlag):
     """Flags of `Stepper.status`: one integer per environment, with the flags of all steps in the last call of `step`."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> Status:
+        with suppress(TypeError):
+            value = index(value)  # type: ignore[arg-type]  # Integers of NumPy are no `int`.
+        return super()._missing_(value)  # type: ignore[no-any-return]
 
     OK = 0
     """No flag is set: every step was solved to the tolerance, and no condition of another flag occurred."""
@@ -36,7 +44,7 @@ class Status(IntFlag):
     revolution in a step while its speed grows by more than a tenth. With contact="mujoco", the flag is set for both reasons and does
     not change the motion.
 
-    Second, the error of integrator="midpoint" adds too much energy. There are two bounds: a tenth of the kinetic energy per step, and a
+    Second, the error of integrator="midpoint" or "implicit" adds too much energy. There are two bounds: a tenth of the kinetic energy per step, and a
     rate that doubles the kinetic energy within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The
     flag does not change the motion. Whipping chains have such steps.
 

@@ -208,6 +208,7 @@ def test_a_file_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path)
 )
 def test_flags_print_their_names(word, text):
     flags = stepper.Status(word)
+    assert stepper.Status(np.uint32(word)) == flags
     assert str(flags) == f"{flags}" == text
     assert f"{flags:d}" == str(word)
     if word < 4096:

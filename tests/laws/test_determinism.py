@@ -325,7 +325,7 @@ def test_damping_of_neighbours_changes_no_bits_with_mujocos_law(other):
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_the_largest_overlap_of_a_touch_is_positive_zero(precision):
-    """Where largest values of zeros with different signs are taken, their sign depends on the order, and so on neighbours."""
+    """The sign of the largest of two zeros depends on their order, and so on neighbours."""
     model = stepper.load(
         '<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 .5"><freejoint/><geom size=".5"/></body></worldbody></mujoco>'
     )

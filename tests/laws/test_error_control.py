@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from models import stepper_model
 from stepper import Options, Status
 
@@ -75,7 +77,7 @@ def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order):
     """Trees without constraints get the extrapolation of whole intervals and their halves. The box falls too, and spins."""
     body = BOX.format(h=0.004, more='contype="0" conaffinity="0"').replace(
         "</worldbody>",
-        """<body pos="0 0 3"><joint axis="0 1 0" damping=".1"/><geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/>
+        """<body pos="0 0 3"><joint axis="0 1 0"/><geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/>
         <body pos="0 0 -.5"><joint axis="1 .5 0"/><geom type="capsule" size=".05" fromto="0 0 0 .4 0 0"/></body></body></worldbody>""",
     )
     model = stepper.load(body)
@@ -93,6 +95,43 @@ def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order):
     errors = [np.abs(end(h) - exact).max() for h in (0.008, 0.004)]
     # Half of the time step divides the error by 2^order in the limit. The rules themselves have an order less.
     assert errors[1] * 2 ** (order - 0.4) < errors[0]
+
+
+@given(
+    st.floats(0.1, 1000), st.sampled_from([0.0, 0.05, 1.0]), st.sampled_from(["midpoint", "implicit"]), st.sampled_from(["spring", "servo"])
+)
+@settings(max_examples=40, deadline=None)
+def test_vibrations_of_springs_and_servos_do_not_grow(rate, ratio, integrator, kind):
+    """The amplitude is at most that of the start, at any stiffness. `rate` is the time step times the frequency.
+
+    Extrapolations of the midpoint rule would not be stable there.
+    """
+    h = 0.01
+    stiffness, damping = (rate / h) ** 2, 2 * ratio * rate / h
+    spring = f'stiffness="{stiffness}" damping="{damping}"' if kind == "spring" else ""
+    servo = f'<actuator><position joint="x" kp="{stiffness}" kv="{damping}"/></actuator>' if kind == "servo" else ""
+    model = stepper.load(
+        f"""<mujoco><option timestep="{h}" gravity="0 0 0"/><worldbody><body><joint name="x" type="slide" {spring}/>
+        <geom size=".1" mass="1"/></body></worldbody>{servo}</mujoco>"""
+    )
+    sim = stepper.Stepper(model, options=Options(error=E, integrator=integrator))
+    start = 1e-8
+    sim.set_state([start])
+    for _ in range(100):
+        sim.step()
+        assert abs(sim.qpos[0]) <= start * (1 + 1e-9)  # Rounding of 600 substeps.
+        assert abs(sim.qvel[0]) <= start * rate / h * (1 + 1e-9)
+
+
+def test_extrapolated_activations_stay_in_their_range():
+    """A filter with a time constant of two thirds of the step, whose halves and whole differ by a tenth of its range."""
+    general = '<general joint="x" dyntype="filter" dynprm=".01" actlimited="true" actrange="-.3 .3"/>'
+    model = stepper.load(f"""<mujoco><option timestep=".015"/><worldbody><body><joint name="x" type="slide"/><geom size=".1"/></body>
+      </worldbody><actuator>{general}</actuator></mujoco>""")
+    sim, rng = stepper.Stepper(model, 16, options=Options(error=0.1)), np.random.default_rng(0)
+    for _ in range(50):
+        sim.step(rng.uniform(-1, 1, (16, 1)))
+        assert np.abs(sim.act).max() <= 0.3
 
 
 def test_trees_in_contact_are_not_extrapolated():

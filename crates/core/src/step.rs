@@ -149,18 +149,20 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
     // Velocities are limited in islands whose motion is too fast for the time step or whose kinetic energy the solver's residual may change
     // noticeably (ambiguous energy).
     let [ambiguous, limited] = span!(probe, GuardEnergy, || velocity_loop.limit_speed(resolution, solver.residual));
-    // With the Runge-Kutta method, the energy of lanes without constraints is not checked. Stage 7 replaces their solution, except where
-    // the motion is too fast; there the velocity is limited already.
-    let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
-    let energy_unresolved = span!(probe, GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(doubtful);
+    // With the Runge-Kutta method, the energy of smooth trees is not checked here: stage 7 replaces their solution.
+    if let Some(rk4) = &mut s.rk4 {
+        rk4.find_smooth_trees(context, problem, free);
+    }
+    let replaced = |mechanism: usize| s.rk4.as_ref().map_or(R::Mask::splat(false), |rk4| rk4.is_smooth(compiled, mechanism));
+    let energy_unresolved = span!(probe, GuardEnergy, || resolution.find_energy_gain(context, free, velocity, replaced)).or(doubtful);
     if options.poison {
         free.scratch.poison();
         collisions.poison();
     }
-    // 7 integrate position. Trees without constraints whose motion is not too fast get velocity and position of the Runge-Kutta method.
+    // 7 integrate position. Smooth trees get velocity and position of the Runge-Kutta method.
     integrate_positions(StepContext { input, evaluation }, velocity, position, probe);
     if let Some(rk4) = &mut s.rk4 {
-        span!(probe, Rk4, || rk4.replace_smooth_trees(StepContext { input, evaluation }, problem, free, velocity, position));
+        span!(probe, Rk4, || rk4.replace_smooth_trees(StepContext { input, evaluation }, free, velocity, position));
     }
     // The impulses of the step are stored here, because stage 8 solves again and overwrites them.
     span!(probe, IntegrateVelocity, || {

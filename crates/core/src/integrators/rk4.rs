@@ -119,7 +119,7 @@ impl<R: Real> Rk4<R> {
 
     /// Finds the kinematic trees with smooth motion: without constraints, and without an actuator that pulls on contacts. `free` also has
     /// the lanes in which a mechanism is too fast for the time step.
-    fn find_smooth_trees(&mut self, context: StepContext<'_, R>, problem: &ConstraintProblem<R>, free: &FreeMotion<R>) {
+    pub(crate) fn find_smooth_trees(&mut self, context: StepContext<'_, R>, problem: &ConstraintProblem<R>, free: &FreeMotion<R>) {
         let StepContext { input: StepInput { compiled, alive, .. }, evaluation } = context;
         let flights = alive.and_not(evaluation.substep.is_impact);
         self.smooth_trees.fill(R::Mask::splat(false));
@@ -137,18 +137,22 @@ impl<R: Real> Rk4<R> {
         }
     }
 
+    /// Lanes in which all trees of a mechanism have smooth motion ([`Rk4::find_smooth_trees`]).
+    pub(crate) fn is_smooth(&self, compiled: &LaneModel<R>, mechanism: usize) -> R::Mask {
+        let trees = compiled.mechanisms.of_tree.iter().zip(&self.smooth_trees).filter(|(of_tree, _)| **of_tree == mechanism);
+        trees.fold(R::Mask::splat(true), |lanes, (_, smooth)| lanes.and(*smooth))
+    }
+
     /// Replaces the midpoint step by a Runge-Kutta step in trees with smooth motion ([`Rk4::find_smooth_trees`]). Without constraints, the
     /// free velocity is the velocity after the step.
     #[inline(always)]
     pub(crate) fn replace_smooth_trees(
         &mut self,
         context: StepContext<'_, R>,
-        problem: &ConstraintProblem<R>,
         free: &mut FreeMotion<R>,
         velocity: &mut VelocitySolution<R>,
         position: &mut PositionSolution<R>,
     ) {
-        self.find_smooth_trees(context, problem, free);
         let StepContext { input, evaluation: Evaluation { scheme, kinematics, .. } } = context;
         let StepInput { compiled, state, inputs, .. } = input;
         for mocap in &compiled.mocap {

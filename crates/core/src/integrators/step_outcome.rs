@@ -15,6 +15,7 @@ use crate::integrators::step_input::StepInput;
 use crate::math::lanes::each_of;
 use crate::stages::s08_stabilise::Infeasible;
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, Status, depth, limit_overshoot};
+use crate::tuning::BALANCE_ROTATION;
 
 /// Outcome of the solver in a step, and the lanes whose result may be wrong.
 #[derive(Clone, Copy, Debug)]
@@ -72,7 +73,7 @@ pub(crate) fn record<R: Real>(
     let too_fast = free.unresolved_lanes().or(outcome.energy_unresolved).or(beyond);
     let unnamed = too_fast.and(finite).and_not(unsolved.or(outcome.infeasible.lanes));
     for lane in each_of(unnamed.bits()) {
-        velocity.worst.store(lane, fastest_dof(compiled, free, &state.v, lane).map(CodedConstraint::TooFast));
+        velocity.worst.store(lane, fastest_dof(compiled, free, (&state.v, options.timestep), lane).map(CodedConstraint::TooFast));
     }
     // A rejected step has no error that could be measured.
     residual = R::select(finite, residual.max(outcome.infeasible.unmet), R::select(alive, R::of(f64::INFINITY), R::zero()));
@@ -100,15 +101,16 @@ pub(crate) fn record<R: Real>(
     }
 }
 
-/// Fastest degree of freedom in lane `lane`: of mechanisms whose motion is too fast for the time step, if there are any. Rotations, rad/s,
-/// come before translations, m/s.
+/// Fastest degree of freedom in lane `lane` at the velocity `v` and a time step of `h` s; `None` if nothing moves. Mechanisms whose motion
+/// is too fast for the time step come first, if there are any. Fast rotations, rad/s, come before translations, m/s.
 #[cold]
-fn fastest_dof<R: Real>(compiled: &LaneModel<R>, free: &FreeMotion<R>, v: &[R], lane: usize) -> Option<usize> {
+fn fastest_dof<R: Real>(compiled: &LaneModel<R>, free: &FreeMotion<R>, (v, h): (&[R], f64), lane: usize) -> Option<usize> {
     let is_unresolved = |dof: &usize| free.unresolved[compiled.mechanism_of(*dof)].bits() >> lane & 1 == 1;
-    let is_rotation = |dof: &usize| compiled.rotations().any(|rotation| rotation == *dof);
-    let speed = |dof: &usize| v[*dof].lane(lane).to_f64().abs();
+    let speed = |dof: usize| v[dof].lane(lane).to_f64().abs();
     let any = (0..compiled.nv).any(|dof| is_unresolved(&dof));
-    let dofs = || (0..compiled.nv).filter(|dof| !any || is_unresolved(dof));
-    let fastest = |of: &mut dyn Iterator<Item = usize>| of.max_by(|a, b| speed(a).total_cmp(&speed(b)));
-    fastest(&mut dofs().filter(is_rotation)).or_else(|| fastest(&mut dofs()))
+    let fastest = |dofs: &mut dyn Iterator<Item = usize>| {
+        dofs.filter(|dof| !any || is_unresolved(dof)).max_by(|&a, &b| speed(a).total_cmp(&speed(b))).filter(|&dof| speed(dof) > 0.0)
+    };
+    let rotation = fastest(&mut compiled.rotations()).filter(|&dof| speed(dof) * h > BALANCE_ROTATION);
+    rotation.or_else(|| fastest(&mut (0..compiled.nv)))
 }

@@ -19,7 +19,6 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::System;
 
 use crate::compile::{CompiledJoint, LaneModel, MechanismPart, ModelStructure};
-use crate::constraints::evaluation_times::EvaluationTimes;
 use crate::constraints::islands::IslandLoad;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
@@ -202,12 +201,12 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Lanes in which the error of the midpoint rule adds so much kinetic energy that the step counts as unresolved. The test comes
-    /// before the correction of positions. The lanes `excluded` are not tested, because the Runge-Kutta scheme replaces their step. With
-    /// Euler's rule, the function returns the lanes in which a joint [runs away](runs_away).
+    /// Lanes in which the error of the midpoint or implicit rule adds so much kinetic energy that the step counts as unresolved. The test
+    /// comes before the correction of positions. `replaced` returns the lanes of a mechanism that are not tested, because the Runge-Kutta
+    /// scheme replaces their step. With Euler's rule, the function returns the lanes in which a joint [runs away](runs_away).
     ///
     /// The work of forces and impulses f is f . (v + v+) / 2, and f = M (v+ - v) + h c. M is the mass matrix and c the inertial force, both
-    /// in the middle of the step and at the velocity `force_velocity`. The energy gained by the error of the step is therefore
+    /// at the evaluation point of the step and at the velocity `force_velocity`. The energy gained by the error of the step is therefore
     ///
     /// ```text
     /// K(q+, v+) - K(q, v) - (v + v+) / 2 . (M (v+ - v) + h c),
@@ -223,14 +222,14 @@ impl<R: Real> StepResolution<R> {
         context: StepContext<'_, R>,
         free: &FreeMotion<R>,
         velocity: &VelocitySolution<R>,
-        excluded: R::Mask,
+        replaced: impl Fn(usize) -> R::Mask,
     ) -> R::Mask {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = context;
         let Evaluation { scheme, times, q, kinematics: middle, .. } = evaluation;
         if !scheme.predicts() {
             return alive.and(runs_away(compiled, &state.v, &velocity.v, scheme.h));
         }
-        let lanes = free.may_gain.and_not(free.unresolved_lanes()).and_not(excluded);
+        let lanes = free.may_gain.and_not(free.unresolved_lanes());
         if lanes.none() {
             return lanes;
         }
@@ -250,12 +249,12 @@ impl<R: Real> StepResolution<R> {
         let (h, v_free) = (scheme.h, &free.v);
         // A mechanism that is evaluated at another time than the middle of the step has an energy error of first order in its rotation,
         // which this test would report.
-        let in_the_middle = |mechanism: usize| times.moved_lanes(mechanism).not();
+        let counts_of = |mechanism: usize| times.moved_lanes(mechanism).or(replaced(mechanism)).not();
         let gains = kernel!(R, || {
             let [mean, change] = &mut self.mean;
             let mut work = R::zero();
             for d in 0..compiled.nv {
-                let counts = in_the_middle(compiled.mechanism_of(d));
+                let counts = counts_of(compiled.mechanism_of(d));
                 mean[d] = (before[1][d] + v_next[d]) * R::of(0.5);
                 change[d] = v_next[d] - before[1][d];
                 work += R::select(counts, compiled.params.dof(d).armature * mean[d] * change[d], R::zero());
@@ -268,14 +267,14 @@ impl<R: Real> StepResolution<R> {
                 if !self.is_single_body[l] {
                     let momentum = apply_inertia(&middle.inertia[l], &self.change[l]);
                     let weight = apply_inertia(&middle.inertia[l], &ground);
-                    let counts = in_the_middle(compiled.mechanisms.of_tree[compiled.links[l].tree]);
+                    let counts = counts_of(compiled.mechanisms.of_tree[compiled.links[l].tree]);
                     let inertial = dot6(self.velocity[l], momentum) + dot6(self.velocity[l], self.newton_euler.force[l]) * h;
                     work = R::select(counts, work + inertial - dot6(self.velocity[l], weight) * h, work);
                 }
             }
-            let start = self.kinetic_energy_of_chains(compiled, times, before);
+            let start = self.kinetic_energy_of_chains(compiled, &counts_of, before);
             let q_end = std::mem::take(&mut self.q_end);
-            let end = self.kinetic_energy_of_chains(compiled, times, [&q_end, v_next]);
+            let end = self.kinetic_energy_of_chains(compiled, &counts_of, [&q_end, v_next]);
             self.q_end = q_end;
             let (mut pushed, mut fastest) = (R::zero(), R::zero());
             for d in 0..compiled.nv {
@@ -341,23 +340,23 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Kinetic energy of armatures, and of the links that are not alone in their tree, J. Mechanisms that are evaluated at another time
-    /// than the middle of the step do not count.
+    /// Kinetic energy of armatures, and of the links that are not alone in their tree, J. `counts_of` returns the lanes in which a
+    /// mechanism counts.
     #[inline(always)]
-    fn kinetic_energy_of_chains(&mut self, compiled: &LaneModel<R>, times: &EvaluationTimes<R>, [q, v]: [&[R]; 2]) -> R {
-        let in_the_middle = |tree: usize| times.moved_lanes(compiled.mechanisms.of_tree[tree]).not();
+    fn kinetic_energy_of_chains(&mut self, compiled: &LaneModel<R>, counts_of: &impl Fn(usize) -> R::Mask, [q, v]: [&[R]; 2]) -> R {
+        let counts_in = |tree: usize| counts_of(compiled.mechanisms.of_tree[tree]);
         self.kinematics.update(compiled, q);
         self.kinematics.velocities(compiled, v, &mut self.velocity);
         let mut twice = R::zero();
         for l in 0..compiled.links.len() {
             if !self.is_single_body[l] {
                 let energy = dot6(apply_inertia(&self.kinematics.inertia[l], &self.velocity[l]), self.velocity[l]);
-                twice += R::select(in_the_middle(compiled.links[l].tree), energy, R::zero());
+                twice += R::select(counts_in(compiled.links[l].tree), energy, R::zero());
             }
         }
         for (d, &v) in v.iter().enumerate() {
             let energy = compiled.params.dof(d).armature * v.square();
-            twice += R::select(in_the_middle(compiled.dofs[d].tree), energy, R::zero());
+            twice += R::select(counts_in(compiled.dofs[d].tree), energy, R::zero());
         }
         twice * R::of(0.5)
     }

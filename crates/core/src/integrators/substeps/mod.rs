@@ -8,8 +8,8 @@
 //! Ordinary Differential Equations I, section II.4). An interval is stepped once as a whole and once in two halves, each with the impacts
 //! in it. The distance between both results is the estimate, and the two halves are the result. If the distance is too large, the first
 //! half becomes the next interval. The result of a step over it is known already. Lengths are the step divided by powers of two. After an
-//! accepted interval, the next one is the longest that begins at a multiple of its length. Kinematic trees on which no constraint acts in
-//! an interval get the extrapolation of both results, whose order is higher by one (`step_doubling.rs`).
+//! accepted interval, the next one is the longest that begins at a multiple of its length. Kinematic trees with a smooth motion in an
+//! interval get the extrapolation of both results, whose order is higher by one (`step_doubling.rs`).
 //!
 //! Lanes differ in their parts, and what a lane computes does not depend on other lanes. A pass executes stages 1 to 8 and 10 in all lanes,
 //! each with the part that it needs next. Lanes that have reached the end of the step wait.
@@ -28,7 +28,7 @@ use crate::integrators::evaluate::evaluation::Substep;
 use crate::integrators::evaluate::first_impact::shortest_flight;
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::substeps::buffers::Buffers;
-use crate::integrators::substeps::step_doubling::{extrapolate, separate};
+use crate::integrators::substeps::step_doubling::{extrapolate, find_stiff_trees, separate};
 use crate::integrators::substeps::untouched::{note_impacts, spread, step_untouched};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
@@ -102,6 +102,10 @@ pub(crate) fn step_in_parts<R: Real>(
     let (all, h) = (s.alive, options.timestep);
     let mut span = R::of(h);
     buffers.begin(s, span);
+    if options.error.is_some() {
+        find_stiff_trees(compiled, options, &mut buffers.stiff);
+        buffers.rough.copy_from_slice(&buffers.stiff);
+    }
     let mut intervals = [Interval { begin: 0, length: TICKS, phase: Phase::Whole, broken: false }; MAX_LANES];
     let mut progress = [Progress::default(); MAX_LANES];
     // Lanes (bits) that have not reached the end, and lanes that keep the state before the step.
@@ -118,7 +122,7 @@ pub(crate) fn step_in_parts<R: Real>(
         buffers.note_worst(&s.velocity.worst, made.residual, R::Mask::from_bits(active));
         buffers.note_saturated(compiled, s, R::Mask::from_bits(active));
         if options.error.is_some() {
-            buffers.note_constrained(compiled, s, R::Mask::from_bits(active));
+            buffers.note_rough(compiled, s, R::Mask::from_bits(active));
         }
         let lanes = [active, keeping];
         let completed = end_parts(compiled, s, &mut buffers, options, (&intervals, &mut progress), lanes, &mut span);
@@ -129,7 +133,7 @@ pub(crate) fn step_in_parts<R: Real>(
             |phase| R::Mask::from_bits(each_of(completed).filter(|&l| intervals[l].phase == phase).fold(0, |bits, l| bits | 1 << l));
         let [wholes, firsts, seconds] = [Phase::Whole, Phase::First, Phase::Second].map(in_phase);
         let broken = parts.lanes(Status::NON_FINITE);
-        let Buffers { start, whole, separation, constrained, middle, end, total: sums, summed, configuration, .. } = &mut *buffers;
+        let Buffers { start, whole, separation, rough, stiff, middle, end, total: sums, summed, configuration, .. } = &mut *buffers;
         // The result of a phase.
         let (mut accepted, mut done) = (0, 0);
         let distance = match options.error {
@@ -159,16 +163,10 @@ pub(crate) fn step_in_parts<R: Real>(
                 let smooth = R::Mask::from_bits(smooth & accepted);
                 if smooth.any() {
                     let state = [&mut s.state.v, &mut s.state.q, &mut s.state.act].map(|list| &mut list[..]);
-                    extrapolate(
-                        compiled,
-                        s.evaluation.scheme.extrapolation(),
-                        (smooth, constrained),
-                        (whole, separation),
-                        state,
-                        configuration,
-                    );
+                    extrapolate(compiled, s.evaluation.scheme.extrapolation(), (smooth, rough), (whole, separation), state, configuration);
                 }
-                constrained.iter_mut().for_each(|lanes| *lanes = lanes.and_not(R::Mask::from_bits(accepted)));
+                let taken = R::Mask::from_bits(accepted);
+                rough.iter_mut().zip(&*stiff).for_each(|(rough, &stiff)| *rough = rough.and_not(taken).or(stiff.and(taken)));
                 distance
             }
         };
@@ -261,16 +259,18 @@ impl<R: Real> Buffers<R> {
         self.touched.fill(R::Mask::splat(false));
         self.saturated.fill(R::Mask::splat(false));
         (self.worst.0.lanes, self.worst.1) = (R::Mask::splat(false), R::zero());
-        self.constrained.fill(R::Mask::splat(false));
         self.is_current = true;
         self.parts.clear(all);
     }
 
-    /// Notes the kinematic trees on which constraints acted in the last part, or whose motion was too fast for it, in the lanes `lanes`.
-    fn note_constrained(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: R::Mask) {
-        s.problem.add_constrained_trees(compiled, lanes, &mut self.constrained);
-        for (constrained, &mechanism) in self.constrained.iter_mut().zip(&compiled.mechanisms.of_tree) {
-            *constrained = constrained.or(s.free_motion.unresolved[mechanism].and(lanes));
+    /// Notes the kinematic trees whose last part cannot be extrapolated, in the lanes `lanes`. Constraints acted on them, their motion was
+    /// too fast, or they were evaluated at the beginning. An impact concerns all trees of its lane.
+    fn note_rough(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: R::Mask) {
+        s.problem.add_constrained_trees(compiled, lanes, &mut self.rough);
+        let Substep { is_impact, .. } = s.evaluation.substep;
+        for (rough, &mechanism) in self.rough.iter_mut().zip(&compiled.mechanisms.of_tree) {
+            let other = s.free_motion.unresolved[mechanism].or(s.evaluation.times.moved_lanes(mechanism)).or(is_impact);
+            *rough = rough.or(other.and(lanes));
         }
     }
 

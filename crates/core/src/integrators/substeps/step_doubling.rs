@@ -2,10 +2,12 @@
 
 use stepper_real::{Mask, Real, kernel};
 
-use crate::compile::LaneModel;
+use crate::actuation::affine_force::within;
+use crate::compile::{DofParams, LaneModel};
 use crate::dynamics::kinematics::{displace, quat_at, select_into};
 use crate::math::spatial::*;
 use crate::model::JointKind;
+use crate::options::{Integrator, StepSettings};
 
 /// Computes the separation of the configuration `to` from the configuration `from`, in the coordinates of velocities, nv, m or rad.
 /// Returns its size: the largest change of a coordinate, or angle of a ball or free joint.
@@ -31,16 +33,41 @@ pub(super) fn separate<R: Real>(compiled: &LaneModel<R>, [from, to]: [&[R]; 2], 
     farthest
 }
 
-/// Extrapolates velocity, configuration and activations after two halves of an interval, in the lanes `lanes` of kinematic trees on which
-/// no constraint acts. `constrained` has the lanes of each tree on which one acts. `whole` has the results of a step over the interval, and
-/// `separation` is that of the configurations. The function overwrites `buffer`, nq.
+/// Finds the kinematic trees with springs, dampers, servos or drag, in `trees`, which gets the lanes of each tree.
+///
+/// Extrapolations from the midpoint rule and from Euler's rule would make stiff vibrations grow. With the implicit rule they do not: the
+/// extrapolation is L-stable (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.9).
+pub(super) fn find_stiff_trees<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, trees: &mut [R::Mask]) {
+    let extrapolates = options.integrator == Integrator::Implicit;
+    trees.fill(R::Mask::splat(!extrapolates && !compiled.fluid.is_empty()));
+    if extrapolates {
+        return;
+    }
+    kernel!(R, || {
+        for (d, dof) in compiled.dofs.iter().enumerate() {
+            let DofParams { damping, stiffness, .. } = compiled.params.dof(d);
+            trees[dof.tree] = trees[dof.tree].or((damping + stiffness).gt(R::zero()));
+        }
+    });
+    for servo in &compiled.servos {
+        let actuator = &compiled.actuators[servo.actuator];
+        let variable = actuator.variable_moment.iter().flat_map(|moment| &moment.dofs).map(|&(dof, _)| dof);
+        for dof in actuator.moment.iter().map(|&(_, dof, _)| dof).chain(variable) {
+            trees[compiled.dofs[dof].tree] = R::Mask::splat(true);
+        }
+    }
+}
+
+/// Extrapolates velocity, configuration and activations after two halves of an interval, in the lanes `lanes`. `rough` has the lanes of
+/// each kinematic tree that keep the result of the halves. `whole` has the results of a step over the interval, and `separation` is that of
+/// the configurations. The function overwrites `buffer`, nq.
 ///
 /// For a rule of order p, the result y = y_2 + (y_2 - y_1) / (2^p - 1) has order p + 1 (Hairer, Norsett and Wanner, Solving Ordinary
 /// Differential Equations I, equation II.4.11). `factor` is 1 / (2^p - 1).
 pub(super) fn extrapolate<R: Real>(
     compiled: &LaneModel<R>,
     factor: f64,
-    (lanes, constrained): (R::Mask, &[R::Mask]),
+    (lanes, rough): (R::Mask, &[R::Mask]),
     (whole, separation): (&[Vec<R>; 3], &[R]),
     [v, q, act]: [&mut [R]; 3],
     buffer: &mut [R],
@@ -48,16 +75,17 @@ pub(super) fn extrapolate<R: Real>(
     let factor = R::of(factor);
     kernel!(R, || {
         for ((v, &whole), dof) in v.iter_mut().zip(&whole[0]).zip(&compiled.dofs) {
-            *v = R::select(lanes.and_not(constrained[dof.tree]), *v + (*v - whole) * factor, *v);
+            *v = R::select(lanes.and_not(rough[dof.tree]), *v + (*v - whole) * factor, *v);
         }
-        for ((act, &whole), tree) in act.iter_mut().zip(&whole[2]).zip(&compiled.tree_of_act) {
-            let smooth = tree.map_or(R::Mask::splat(false), |tree| lanes.and_not(constrained[tree]));
-            *act = R::select(smooth, *act + (*act - whole) * factor, *act);
+        for actuator in &compiled.actuators {
+            let Some((a, tree)) = actuator.act.and_then(|a| Some((a, compiled.tree_of_act[a]?))) else { continue };
+            let extrapolated = within(act[a] + (act[a] - whole[2][a]) * factor, actuator.act_range);
+            act[a] = R::select(lanes.and_not(rough[tree]), extrapolated, act[a]);
         }
     });
     displace(compiled, q, separation, factor, buffer);
     for joint in &compiled.joints {
-        let smooth = lanes.and_not(constrained[compiled.dofs[joint.v].tree]);
+        let smooth = lanes.and_not(rough[compiled.dofs[joint.v].tree]);
         let coordinates = joint.q..joint.q + joint.kind.nq();
         select_into(&mut q[coordinates.clone()], &buffer[coordinates], smooth);
     }

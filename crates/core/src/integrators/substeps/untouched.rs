@@ -35,7 +35,7 @@ pub(super) fn note_impacts<R: Real>(
 }
 
 /// Makes the whole step in lanes that impacts have divided, without division. Its result replaces that of `buffers` in mechanisms that no
-/// impact touches, not even through the contact forces of others. `make` is that of [`super::substeps::step_in_parts`]. The lanes `kept`
+/// impact touches, not even through the contact forces of others. `make` is that of [`super::step_in_parts`]. The lanes `kept`
 /// (bits) keep their state, and `record` is that of the step.
 pub(super) fn step_untouched<R: Real>(
     compiled: &LaneModel<R>,
@@ -61,8 +61,7 @@ pub(super) fn step_untouched<R: Real>(
     s.evaluation.substep = Substep { ignores_impacts: R::Mask::splat(true), ..Substep::whole(options) };
     s.evaluation.collision.forget_planes();
     let (undivided, keeping) = make(s, None);
-    buffers.note_worst(&s.velocity.worst, undivided.residual, lanes);
-    let Buffers { touched, total, end, .. } = buffers;
+    let Buffers { touched, .. } = buffers;
     note_impacts(compiled, &s.problem, &s.state.contacts, lanes, touched);
     // Very fast mechanisms are evaluated at the beginning of a long step, of first order. Their parts are more accurate.
     for (mechanism, touched) in touched.iter_mut().enumerate() {
@@ -72,6 +71,8 @@ pub(super) fn step_untouched<R: Real>(
     // A lane that is not finite in the undivided step alone keeps its parts.
     let broken = undivided.lanes(Status::NON_FINITE) & !record.lanes(Status::NON_FINITE);
     let lanes = lanes.and_not(R::Mask::from_bits(keeping | broken));
+    buffers.note_worst(&s.velocity.worst, undivided.residual, lanes);
+    let Buffers { touched, total, end, .. } = buffers;
     record.residual = kernel!(R, || R::select(lanes, record.residual.max(undivided.residual), record.residual));
     for flag in [Status::NOT_CONVERGED, Status::CONTACTS_FULL] {
         record.add_flag(flag, undivided.lanes(flag) & lanes.bits());

@@ -130,7 +130,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         let Self { free, problem, velocity, .. } = self;
         let FreeMotion { v, scratch: Scratch { velocity_change, .. }, .. } = &mut **free;
         difference(&velocity.v, v, velocity_change);
-        let lanes = has_implausible_bias(compiled, options, problem, velocity_change);
+        // An impact at the end of Euler's step changes the velocity too. Its rebound is in the offsets of the velocity solve alone.
+        let lanes = has_implausible_bias(compiled, options, problem, velocity_change).and_not(problem.impact_lanes());
         kernel!(R, || problem.rows.exchange_offsets(lanes));
         problem.needs_position_solve = problem.needs_position_solve.or(lanes);
         problem.biased = problem.biased.and_not(lanes);

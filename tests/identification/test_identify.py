@@ -90,7 +90,7 @@ def test_what_never_moves_is_said(noise):
 
 
 def test_a_search_that_begins_where_friction_never_slides():
-    """From a friction that holds the box against the finger, the slope is zero; other starts find the one that slides."""
+    """From a friction that holds the box against the finger, the slope is zero; starts far away find the one that slides."""
     scene = pushed()
     model = scene.model(1.3, 5.0)
     soft = model.replace(actuator_gainprm=model.actuator_gainprm / 20, actuator_biasprm=model.actuator_biasprm / 20)
@@ -98,14 +98,14 @@ def test_a_search_that_begins_where_friction_never_slides():
     truth = truth.replace(actuator_gainprm=truth.actuator_gainprm / 20, actuator_biasprm=truth.actuator_biasprm / 20)
     ctrl = np.linspace(0, 0.6, 60)[:, None]
     episode = episode_of(truth, ctrl, 0.02, ("wrist_force", "box_x"))
-    found = stepper.sysid.identify(
-        soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(0.05, 10))], starts=6
-    )
-    assert found.values[0] == pytest.approx(0.35, rel=1e-4)
-    alone = stepper.sysid.identify(
-        soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(0.05, 10))], starts=1
-    )
-    # From that start alone nothing is found, and that is said.
+    for starts in (1, 6):
+        found = stepper.sysid.identify(
+            soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(0.05, 10))], starts=starts
+        )
+        # The searches end at a relative change of 1e-8; finite differences have errors of 1e-5.
+        assert found.values[0] == pytest.approx(0.35, rel=1e-4)
+    # Where the bounds exclude the one that slides, nothing is found, and that is said.
+    alone = stepper.sysid.identify(soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(2.0, 10))], starts=1)
     assert alone.values[0] == pytest.approx(5.0, rel=0.1)
     assert any("not determined" in text for text in alone.warnings)
 

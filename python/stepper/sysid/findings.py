@@ -72,7 +72,7 @@ def warnings_of(
     others = _other_values(residuals, found, std)
     for j in map(int, np.flatnonzero(~found.determined)):
         why = "no reading depends on it" if idle[j] else "the readings hardly depend on it, or depend on it as on other parameters"
-        if not np.isnan(others[j]):
+        if not idle[j] and not np.isnan(others[j]):
             why = f"another estimate, with {others[j]:.4g}, fits equally well"
         out.append(f"{labels[j]} is not determined by these data, {why}: {hints[j]}")
     correlation = covariance / np.outer(std, std)

@@ -5,7 +5,7 @@ shows the square of its centre of mass. Two equal parts can change places. Two k
 
 - Directions that the data determine worst are followed on both sides, along curved valleys. Where the sum of squared residuals falls again
   with the distance from the estimate, a search starts. This finds minima that few searches from elsewhere reach.
-- A Sobol sequence around the estimate. This finds minima in directions that are not followed.
+- A Sobol sequence around the estimate, with more points near it than far from it. This finds minima in directions that are not followed.
 
 Valleys and searches use one-sided differences, which take about half the simulations of central ones.
 """
@@ -23,9 +23,17 @@ from stepper.sysid.nullspace import FLAT_STD
 from stepper.sysid.residuals import Linearized, Residuals
 
 SPREAD = 1.5
-"""Largest change of a logarithm from the centre of a Sobol sequence or along a direction: a factor e^1.5 = 4.5."""
+"""Largest change of a logarithm from the start values, or along a direction: a factor e^1.5 = 4.5."""
 WIDER = 3.0
-"""Ratio of the largest change of other numbers, in units of their scales, to that of logarithms."""
+"""Ratio of the largest change of other numbers along a direction, in units of their scales, to that of logarithms."""
+FARTHEST = 4.5
+"""Largest change of a logarithm from the estimate in a Sobol sequence, a factor e^4.5 = 90. That of other numbers is 9 scales.
+
+For inertias it is `SPREAD`: at `FARTHEST`, an identification of ten numbers made 2.5 times the steps.
+Two springs with a ratio of 12 that can change places: at 1.5 without `TAIL`, 23 of 24 runs missed the other order, at 4.5, 1.
+"""
+TAIL = 1.5
+"""Exponent of the distance from the estimate in a Sobol sequence, as a fraction of the largest distance. At 1.5, half are below 0.35."""
 SPREAD_STARTS = 8
 """Number of start points of a Sobol sequence around the estimate.
 
@@ -36,6 +44,8 @@ FOLLOWED = 2
 
 Three springs that can change places: with one direction, 4 of 24 runs missed other orders, with two, none.
 """
+WEAKER = 0.5
+"""Ratio of a direction's effect on the readings to the largest effect of one, above which only the weakest direction is followed."""
 STRIDES = 4
 """Number of steps on each side of a direction, of `SPREAD / STRIDES` each. Twice as many find no other minima of the benchmark's scenes."""
 
@@ -70,9 +80,21 @@ def beyond(qmc: Any, residuals: Residuals, x: Array, at: Linearized, seed: int) 
         at: Residuals and Jacobian at the estimate.
         seed: Seed of the Sobol sequence.
     """
-    logarithmic = np.concatenate([np.full(block.size, block.kind.log) for block in residuals.blocks])
+    sizes = np.array([block.size for block in residuals.blocks])
+    logarithmic = np.repeat([block.kind.log for block in residuals.blocks], sizes)
     reach = SPREAD * np.where(logarithmic, 1.0, WIDER)
-    return [*_falling(residuals, x, at, reach), *sobol(qmc, residuals, x, reach, count=SPREAD_STARTS, seed=seed)]
+    farthest = np.where(logarithmic, np.where(np.repeat(sizes, sizes) == 1, FARTHEST, SPREAD), 2 * FARTHEST)
+    return [*_falling(residuals, x, at, reach), *_tailed(qmc, residuals, x, farthest, seed)]
+
+
+def _tailed(qmc: Any, residuals: Residuals, x: Array, farthest: Array, seed: int) -> Array:
+    """Points of a Sobol sequence around the estimate x, within the bounds, (SPREAD_STARTS, n + starts), more of them near than far."""
+    n = residuals.n
+    share = 2 * qmc.Sobol(n, seed=seed).random(SPREAD_STARTS) - 1
+    room = np.where(share > 0, residuals.high[:n] - x[:n], x[:n] - residuals.low[:n])
+    points = np.tile(x, (SPREAD_STARTS, 1))
+    points[:, :n] += np.sign(share) * np.abs(share) ** TAIL * np.minimum(farthest, room)
+    return points
 
 
 @dataclass(frozen=True)
@@ -93,7 +115,9 @@ class _Walk:
 def _falling(residuals: Residuals, x: Array, at: Linearized, reach: Array) -> Iterator[Array]:
     """Last points of valleys, within `reach` of the estimate x, at which the cost falls with the distance from the estimate."""
     _, S, Vt = np.linalg.svd(at.jacobian[:, : residuals.n], full_matrices=False)
-    axes = np.pad(Vt[S > 1 / FLAT_STD][-FOLLOWED:], ((0, 0), (0, len(x) - residuals.n)))
+    known = S > 1 / FLAT_STD
+    weak = [k for k in np.flatnonzero(known)[-FOLLOWED:] if WEAKER * S[0] > S[k] or k == known.sum() - 1]
+    axes = np.pad(Vt[weak], ((0, 0), (0, len(x) - residuals.n)))
     walks = [_Walk(x, sign * axis) for axis in axes for sign in (-1.0, 1.0)]
     for _ in range(STRIDES):
         points = [_ahead(residuals, walk, reach / STRIDES) for walk in walks]

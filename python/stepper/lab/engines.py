@@ -222,8 +222,9 @@ _WARNING_COUNT = 1
 
 
 def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
-    """`mujoco.MjModel` of a file, with sensors disabled."""
-    model = require("mujoco", "to compare stepper with MuJoCo").MjModel.from_xml_path(path)
+    """`mujoco.MjModel` of an MJCF file or of a compiled model (.mjb), with sensors disabled."""
+    kind = require("mujoco", "to compare stepper with MuJoCo").MjModel
+    model = kind.from_binary_path(path) if path.endswith(".mjb") else kind.from_xml_path(path)
     configure(model, settings)
     return model
 

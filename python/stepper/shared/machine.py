@@ -38,6 +38,7 @@ INSTALL = {
     "jax": "pip install jax",
     "mjlab": "pip install --no-deps mjlab",
     "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",
+    "myo_sim": "pip install --no-deps myo-sim",
     "scipy": 'pip install "stepper-sim[identify]"',
     "mujoco.sysid": 'pip install "mujoco[sysid]"',
     "typer": 'pip install "stepper-sim[cli]"',

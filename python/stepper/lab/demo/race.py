@@ -15,7 +15,7 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.lab.demo.referee import Measured, Referee
 from stepper.lab.demo.report import show
-from stepper.lab.engines import Array, EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
+from stepper.lab.engines import Array, EngineBatch, MujocoBatch, MujocoEngine, StepperBatch, mujoco_model
 from stepper.loading import load
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
@@ -93,8 +93,7 @@ def random_control(path: str, plan: Plan) -> Array:
         Controls, (k, num_envs, nu) with k = ceil(steps / hold), uniform in the actuators' ranges; without a range, from
         -1 to 1.
     """
-    mujoco = require("mujoco", "to read the model")
-    model = mujoco.MjModel.from_xml_path(path)
+    model = mujoco_model(path)
     low, high = np.where(model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, (-1.0, 1.0)).T
     return np.random.default_rng(plan.seed).uniform(low, high, (-(-plan.steps // plan.hold), plan.num_envs, model.nu))
 

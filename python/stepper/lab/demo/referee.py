@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.lab.engines import Array
+from stepper.lab.engines import Array, mujoco_model
 from stepper.shared.machine import require
 
 
@@ -39,7 +39,7 @@ class Referee:
 
     def __init__(self, path: str) -> None:
         self._mujoco = require("mujoco", "to measure both engines alike")
-        self._model = self._mujoco.MjModel.from_xml_path(path)
+        self._model = mujoco_model(path)
         # Margin and gap grow by the same length: contacts are found farther away, and exert forces at the same distance as before.
         self._model.geom_margin[:] += 10 * self.NEAR
         self._model.geom_gap[:] += 10 * self.NEAR

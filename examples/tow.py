@@ -63,13 +63,13 @@ def tow(masses: Array, brake: float, options: stepper.Options | None = None) -> 
     def drive(force: float, duration: float) -> tuple[Array, Array]:
         """Drives with a force. Returns speeds and tensions after every step, (steps, num_envs)."""
         speeds, tensions = [], []
-        for _ in range(round(duration / model.timestep)):
+        for _ in range(round(duration / sim.timestep)):
             sim.step(np.full((len(masses), 1), force))
             speeds.append(np.array(sim.qvel[:, 0]))
             tensions.append(np.array(sim.sensordata[:, 1]))
         return np.array(speeds), np.array(tensions)
 
-    last = round(0.1 / model.timestep)
+    last = round(0.1 / sim.timestep)
     speeds, pulls = drive(FORCE, 1.5)
     # The first step with tension only closes the rest of the gap. The next one ends the impact.
     jerk = np.take_along_axis(speeds, (pulls > 0).argmax(axis=0)[None] + 1, axis=0)[0]

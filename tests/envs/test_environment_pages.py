@@ -21,7 +21,8 @@ def test_the_table_of_environments_has_every_task():
 
 
 @pytest.mark.skipif(
-    any(find_spec(name) is None for name in ("dm_control", "mjlab")), reason="models of dm_control and mjlab are not installed"
+    any(find_spec(name) is None for name in ("dm_control", "mjlab", "myo_sim")),
+    reason="models of dm_control, mjlab and myo_sim are not installed",
 )
 def test_the_page_of_tasks_is_up_to_date():
     assert PAGE.read_text() == page(), (

@@ -16,7 +16,7 @@ from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.sensors import SensorModel, Transfer
 
 LIMIT = 3
-NEEDS = {"G1": "mjlab", "Go1": "mjlab", "dm_control": "dm_control"}
+NEEDS = {"G1": "mjlab", "Go1": "mjlab", "dm_control": "dm_control", "myosuite": "myo_sim"}
 """Packages that tasks need for their models, by a part of their names."""
 OWN = {"Levels": Levels, "Robot": Robot}
 """Tasks whose episodes carry values on, and with all declared parts: terms, events, commands, servos with delays."""

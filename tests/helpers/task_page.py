@@ -2,7 +2,7 @@
 
     PYTHONPATH=python:tests/helpers .venv/bin/python tests/helpers/task_page.py
 
-It needs the packages that have the models: dm_control and mjlab.
+It needs the packages that have the models: dm_control, mjlab and myo_sim.
 """
 
 import warnings
@@ -29,6 +29,7 @@ Columns of the observations and actions of all registered tasks. [Environments](
 FAMILIES = {
     "Gymnasium's MuJoCo tasks": lambda name: name.endswith("-v5"),
     "dm_control's suite": lambda name: name.startswith("dm_control."),
+    "MyoSuite's pose tasks": lambda name: name.startswith("myosuite."),
     "Legged robots": lambda name: "Velocity" in name or "Rough" in name,
     "Basic tasks": lambda name: True,
 }

@@ -8,6 +8,7 @@ from gymnasium.envs.registration import register, registry
 
 from stepper.envs.basic import FallingBlock, Grasp, falling_block, grasp
 from stepper.envs.locomotion import G1Rough, G1Velocity, Go1Rough, Go1Velocity
+from stepper.envs.myosuite import MYOSUITE
 from stepper.envs.suite import SUITE
 
 _EPISODES: dict[str, tuple[int, float | None]] = {
@@ -32,8 +33,8 @@ None means that the registry has no such return.
 def register_tasks() -> None:
     """Registers all environments with Gymnasium, unless they are registered already.
 
-    Names are "stepper/NAME-v5" for Gymnasium's tasks, "stepper/dm_control.NAME-v0" for dm_control's, and "stepper/NAME-v0" for the others.
-    (dm_control's names have a dot, because Gymnasium allows only one slash.)
+    Names are "stepper/NAME-v5" for Gymnasium's tasks, "stepper/dm_control.NAME-v0" and "stepper/myosuite.NAME-v0" for those of dm_control
+    and MyoSuite, and "stepper/NAME-v0" for the others. (These names have a dot, because Gymnasium allows only one slash.)
     """
     for name, (steps, threshold) in _EPISODES.items():
         _register(f"stepper/{name}-v5", steps, {"task": name}, threshold)
@@ -46,6 +47,8 @@ def register_tasks() -> None:
         _register(f"stepper/{name}-v0", 1000, {"task": rough})
     for name, (kind, arguments) in SUITE.items():
         _register(f"stepper/dm_control.{name}-v0", kind.episode_steps, {"task": kind, **arguments})
+    for name, (pose, arguments) in MYOSUITE.items():
+        _register(f"stepper/myosuite.{name}-v0", pose.episode_steps, {"task": pose, **arguments})
 
 
 def _register(name: str, steps: int | None, arguments: dict[str, Any], threshold: float | None = None) -> None:

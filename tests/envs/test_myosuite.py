@@ -1,6 +1,6 @@
 """Tasks of MyoSuite have its models, observations, rewards and terminations, and starts of its distribution.
 
-MyoSuite asks for an older MuJoCo, and works with this one: pip install --no-deps myosuite myo-sim termcolor colorednoise
+MyoSuite asks for an older MuJoCo, and works with this one: `pip install --no-deps myosuite myo-sim termcolor colorednoise`.
 """
 
 import warnings

@@ -32,11 +32,10 @@ def test_its_snippets_run(name):
 
 
 def test_every_library_of_its_table_has_an_example():
-    assert len(SECTIONS) == PAGE.count("```python") == 9
+    assert len(SECTIONS) == PAGE.count("```python") == 8
 
 
 @pytest.mark.parametrize(("library", "package"), [
-    ("EnvPool's calls, without it", "envpool"),
     ("Stable-Baselines3", "stable-baselines3"),
     ("rsl_rl 5", "rsl-rl-lib"),
     ("PyTorch", "torch"),

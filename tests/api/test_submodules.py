@@ -37,8 +37,8 @@ def test_a_name_of_the_engine_can_be_imported_first(name):
 
 def test_every_adapter_is_an_attribute():
     assert set(ADAPTERS) <= set(dir(stepper.adapters))
-    assert stepper.adapters.envpool.StepperPool
-    with pytest.raises(AttributeError, match=r"'stepper\.adapters' has no attribute 'acme'; there are: envpool, .*torchrl$"):
+    assert stepper.adapters.native.make_native
+    with pytest.raises(AttributeError, match=r"'stepper\.adapters' has no attribute 'acme'; there are: jax_rollout, .*torchrl$"):
         _ = stepper.adapters.acme
 
 

@@ -32,7 +32,7 @@ REMEDIES = {
 
 
 def test_every_adapter_is_here():
-    assert set(MODULES) == LIBRARIES.keys() | {"envpool", "native"}
+    assert set(MODULES) == LIBRARIES.keys() | {"native"}
 
 
 @pytest.mark.parametrize(("module", "library"), LIBRARIES.items())
@@ -46,6 +46,6 @@ def test_a_library_that_is_missing_is_named_with_its_remedy(module, library):
     assert REMEDIES[library] in error
 
 
-def test_the_package_and_the_calls_of_envpool_need_no_library():
-    code = "import sys, stepper.adapters.envpool; assert not {'torch', 'ray', 'envpool'} & sys.modules.keys()"
+def test_the_package_needs_no_library():
+    code = "import sys, stepper.adapters.native; assert not {'torch', 'ray'} & sys.modules.keys()"
     subprocess.run([sys.executable, "-c", code], check=True)

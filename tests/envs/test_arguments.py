@@ -13,7 +13,6 @@ from gymnasium.vector import AutoresetMode
 from hypothesis import given
 from hypothesis import strategies as st
 from stepper._hints import replacements
-from stepper.adapters.envpool import StepperPool
 from stepper.adapters.native import make_native, with_autoreset
 from stepper.envs import StepperEnv, StepperVectorEnv, Task
 from stepper.envs.making import SETTINGS, VECTOR_SETTINGS, autoreset
@@ -86,7 +85,6 @@ CALLS = {
     "make": lambda **given: gymnasium.make(NAME, **given),
     "single": lambda **given: StepperEnv("InvertedPendulum", **given),
     "native": lambda **given: make_native(NAME, 1, **given),
-    "pool": lambda **given: StepperPool(NAME, 1, **given),
 }
 
 
@@ -224,7 +222,7 @@ def test_a_seed_belongs_to_reset():
 )
 def test_something_else_than_a_task_is_named(given, parts):
     value = given()
-    for call in (lambda: StepperVectorEnv(value, 1), lambda: make_native(value, 1), lambda: StepperPool(value, 1)):
+    for call in (lambda: StepperVectorEnv(value, 1), lambda: make_native(value, 1)):
         with pytest.raises(TypeError, match=r"the task is .*, must be a stepper.envs.Task, the class of one, or the name of one") as error:
             call()
         assert all(part in str(error.value) for part in parts), str(error.value)

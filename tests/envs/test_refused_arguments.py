@@ -11,7 +11,6 @@ from gymnasium.spaces import Box
 from hypothesis import given
 from hypothesis.extra import numpy as arrays
 from stepper._arrays import array_of
-from stepper.adapters.envpool import StepperPool
 from stepper.envs import StepperEnv, StepperVectorEnv
 from stepper.policies.ppo_settings import check_bounds
 
@@ -106,15 +105,9 @@ def test_a_closed_environment_refuses_calls(make, call):
     assert len(env.sim.qpos) == env.sim.num_envs
 
 
-def test_a_closed_environment_behind_wrappers_and_a_closed_pool_refuse_steps():
+def test_a_closed_environment_behind_wrappers_refuses_steps():
     env = gymnasium.make("stepper/HalfCheetah-v5")
     env.reset(seed=0)
     env.close()
     with pytest.raises(ClosedEnvironmentError):
         env.step(np.zeros(6))
-    pool = StepperPool("stepper/HalfCheetah-v5", num_envs=2, seed=0)
-    pool.reset()
-    pool.close()
-    for call in (lambda: pool.step(np.zeros((2, 6))), pool.async_reset):
-        with pytest.raises(ClosedEnvironmentError, match="after close"):
-            call()

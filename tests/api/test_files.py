@@ -21,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import joint, link, robot
 from stepper.cli.app import COMMANDS, application, main
-from stepper.lab import ControlLog, Outcome, Parameter, PolicyController, Study
+from stepper.lab import Outcome, Parameter, Study
 from stepper.lab.study.journal import rows_of
 from stepper.policies.ppo_settings import Settings, default_folder
 from stepper.shared.files import (
@@ -49,7 +49,6 @@ MJCF = """<mujoco><worldbody><body name="pole"><joint name="my hinge" axis="0 1 
   <sensor><jointpos name="angle" joint="my hinge"/></sensor></mujoco>"""
 URDF = robot(link("base"), "{pole}", joint("j", "base", "pole", kind="continuous"))
 STUDY = """model = "m.xml"
-controller = "c.npz"
 seconds = 0.1
 qpos_noise = 0.01
 [[outcomes]]
@@ -83,8 +82,6 @@ def files(tmp_path_factory, model):
     (folder / "s.toml").write_text("[sensors.angle]\nnoise_std = 0.1\n")
     (folder / "s.json").write_text('{"sensors": {"angle": {"noise_std": 0.1}}}')
     (folder / "a.toml").write_text("[actuators.motor]\nlag = 0.1\n")
-    (folder / "c.csv").write_text("motor\n0.1\n0.2\n")
-    np.savez(folder / "c.npz", ctrl=np.zeros((5, 1)))
     (folder / "study.toml").write_text(STUDY)
     time = np.arange(20) * 0.02
     (folder / "log.csv").write_text("time,ctrl,qpos\n" + "".join(f"{t},0,{np.cos(t)}\n" for t in time))
@@ -137,13 +134,10 @@ READERS = [
     ("s.toml", lambda path, _: stepper.SensorModel.from_file(path)),
     ("s.json", lambda path, _: stepper.SensorModel.from_file(path)),
     ("a.toml", lambda path, _: stepper.ActuatorModel.from_file(path)),
-    ("c.csv", lambda path, _: ControlLog(path)),
-    ("c.npz", lambda path, _: ControlLog(path)),
     ("study.toml", lambda path, _: Study.from_file(path)),
     ("log.csv", episodes_of),
     ("log.npz", episodes_of),
     ("p.npz", lambda path, _: stepper.policies.load(path)),
-    ("p.npz", lambda path, _: PolicyController(path)),
     ("i.json", Identification.load),
     *[(f"run/{name}", read) for name in ("run.json", "model.stepper", "rows.bin") for read in (replayed, segments, viewed)],
     *[(f"run/{name}", reported) for name in ("run.json", "rows.bin")],
@@ -240,15 +234,6 @@ def test_commands_name_files_and_show_no_traceback(work, capsys, monkeypatch, wo
     assert Path(file).name in told
     assert "Traceback" not in told
     assert content or (re.search("there is no (.* )?file|is a folder without", told) and "Errno" not in told)
-
-
-def test_controls_that_are_objects_are_refused_by_name(tmp_path):
-    np.savez(tmp_path / "c.npz", ctrl=np.array([1, None], dtype=object))
-    with pytest.raises(ValueError, match=r"c\.npz: the array 'ctrl' has Python objects, must have numbers: save numpy\.asarray"):
-        ControlLog(tmp_path / "c.npz")
-    np.savez(tmp_path / "c.npz", ctrl=np.array([["a"]]))
-    with pytest.raises(TypeError, match=r'c\.npz: "ctrl" is .*, must be an array of numbers'):
-        ControlLog(tmp_path / "c.npz")
 
 
 def forged(name, header, data, method=zipfile.ZIP_STORED):

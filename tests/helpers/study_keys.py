@@ -10,7 +10,7 @@ import stepper
 PARTS = (("", stepper.lab.Study), ("[[outcomes]]", stepper.lab.Outcome), ("[parameters.NAME]", stepper.lab.Parameter))
 IN_TOML = {
     "model": 'a path beside the file, MJCF, or "file.py:function"',
-    "controller": '"file.py:function" or class, "module:function", "controls.npz", "controls.csv", "random"',
+    "controller": '"file.py:function" or class, "module:function", "random"',
     "start": '"file.py:function"',
     "exact": '"file.py:function"',
     "outcomes": "tables `[[outcomes]]`, below",
@@ -22,7 +22,7 @@ IN_TOML = {
 }
 """How values are written in a file that are no numbers, words or lists of them."""
 POLICY = (
-    "| `policy` | | Only in study files, instead of `controller`: a function of the sensor readings, or a file with a network. "
+    "| `policy` | | Only in study files, instead of `controller`: a function of the sensor readings, or a .npz file of `stepper.policies`. "
     'In Python: `controller=stepper.lab.PolicyController(...)`. | "file.py:function", a file |'
 )
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import stepper
-from stepper.lab import ControlLog, Outcome, Parameter, Study, chart, rank, sweep, tune
+from stepper.lab import Outcome, Parameter, Study, chart, rank, sweep, tune
 
 ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0"/><geom name="rod" size=".02" pos=".3 0 0"/>
   <site name="tip" pos=".3 0 0"/></body></worldbody><actuator><position name="servo" joint="hinge" kp="5"/></actuator>
@@ -95,7 +95,6 @@ def arm():
     (lambda out: arm().at("mass"), "values is 'mass', must be a dict"),
     (lambda out: arm().episode("mass"), "values is 'mass', must be a dict"),
     (lambda out: arm().episode(record=3), r"record is 3 \(int\), must be a path"),
-    (lambda out: ControlLog(3), r"path is 3 \(int\), must be a path"),
     (lambda out: replace(arm(), outcomes=Outcome(name="x", measure=lambda now: {})).episode(), "outcome 'x': the measure is {}"),
     (lambda out: Study.from_file(3), r"path is 3 \(int\), must be a path"),
     (lambda out: sweep(3, out), r"study is 3 \(int\), must be a stepper.lab.Study or the path"),

@@ -1,6 +1,5 @@
-"""Policies of files: what is read, what is refused, and what rows follow from. `make study-libraries` tests those of ONNX and torch."""
+"""Policies of studies: files of `stepper.policies`, functions and objects with a memory."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +7,7 @@ import pytest
 import stepper
 import stepper.policies
 from servo_arm import ARM, angles
-from stepper.lab.study.controllers import digest_of, name_of
-from stepper.shared.machine import MissingPackageError
+from stepper.lab.study.controllers import digest_of
 
 
 def network(gain=-2.0):
@@ -43,47 +41,12 @@ def test_a_policy_of_stepper_drives_a_study(tmp_path):
     same = replace(study, controller=stepper.lab.PolicyController(network()))
     other = stepper.lab.sweep(same, tmp_path / "other").sweep
     assert [row["outcomes"] for row in found.table.rows] == [row["outcomes"] for row in other.table.rows]
-    assert name_of(study.controller) == "policy servo.npz"
     # What the file holds is what rows follow from, not where it is.
     (tmp_path / "copy").mkdir()
     network().save(tmp_path / "copy/servo.npz")
-    again = stepper.lab.PolicyController(tmp_path / "copy/servo.npz")
-    network(-3.0).save(tmp_path / "copy/servo.npz")
-    changed = stepper.lab.PolicyController(tmp_path / "copy/servo.npz")
+    again = stepper.lab.PolicyController(stepper.policies.load(tmp_path / "copy/servo.npz"))
+    changed = stepper.lab.PolicyController(network(-3.0))
     assert digest_of(again) == digest_of(study.controller) != digest_of(changed)
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "error", "message"),
-    [
-        ("policy.zip", b"", ValueError, "the ending is '.zip', must be one of .onnx, .pt, .pth, .ts, .npz, or give a function"),
-        ("program.pt2", b"", ValueError, r"can run any code: if you trust it, load it yourself with torch.export.load\(...\).module\(\)"),
-        ("none.npz", None, FileNotFoundError, "none.npz"),
-        ("other.npz", b"words", ValueError, "other.npz: it is not an .npz file, or is cut off; give a file that Policy.save wrote"),
-    ],
-)
-def test_files_that_hold_no_policy_are_named(tmp_path, name, content, error, message):
-    if content is not None:
-        (tmp_path / name).write_bytes(content)
-    with pytest.raises(error, match=message):
-        stepper.lab.PolicyController(tmp_path / name)
-
-
-def test_a_study_of_a_program_is_refused_with_the_remedy(tmp_path):
-    (tmp_path / "arm.xml").write_text(ARM)
-    (tmp_path / "reach.toml").write_text(STUDY.replace("servo.npz", "servo.pt2"))
-    with pytest.raises(ValueError, match=r"servo\.pt2: a program of torch\.export is not read"):
-        stepper.lab.Study.from_file(tmp_path / "reach.toml")
-
-
-@pytest.mark.parametrize(
-    ("name", "package", "remedy"), [("a.onnx", "onnxruntime", r"stepper-sim\[onnx\]"), ("a.pt", "torch", "pip install torch")]
-)
-def test_what_is_not_installed_is_named_with_the_remedy(tmp_path, monkeypatch, name, package, remedy):
-    (tmp_path / name).write_bytes(b"")
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(MissingPackageError, match=f"{package} is needed to run a policy .*{remedy}"):
-        stepper.lab.PolicyController(tmp_path / name)
 
 
 class Integrator:

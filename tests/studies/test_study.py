@@ -20,7 +20,6 @@ import stepper
 from stepper.cli import main
 from stepper.cli.options import progress_kept_in
 from stepper.lab import Outcome, Parameter, PolicyController, Study
-from stepper.lab.study import ControlLog
 from stepper.lab.study.batches import begin, run_points, world_of
 from stepper.lab.study.controllers import digest_of
 from stepper.lab.study.episode import Episodes
@@ -515,56 +514,18 @@ def test_what_has_no_digest_is_named_with_the_remedy():
     assert digest_of(told) != digest_of(other)
 
 
-def test_recorded_controls_and_policies(tmp_path):
-    ctrl = np.linspace(0, 0.5, 10)[:, None]
-    np.savez(tmp_path / "controls.npz", ctrl=ctrl)
+def test_functions_policies_and_random_controls(tmp_path):
     outcome = Outcome(name="angle", measure="joint hinge")
     played = []
-    policies = (ControlLog(tmp_path / "controls.npz"), PolicyController(lambda seen: 0.5 - seen), "random", None)
-    for k, drive in enumerate(policies):
+    for k, drive in enumerate((lambda now: np.full(1, 0.3), PolicyController(lambda seen: 0.5 - seen), "random", None)):
         with Results(Study(model=ARM, controller=drive, outcomes=outcome, episodes=2, seconds=0.3), tmp_path / str(k)) as results:
             played.append([row["outcomes"]["angle"] for row in run_points(results_study(drive, outcome), [Point({})], results.journal)])
     sim = stepper.Stepper(stepper.load(ARM))
-    for k in range(15):
-        sim.step(ctrl[min(k, 9)], nstep=10)
+    for _ in range(15):
+        sim.step([0.3], nstep=10)
     assert played[0] == [sim.qpos[0]] * 2
     assert played[2][0] != played[2][1]
     assert len({row[0] for row in played}) == 4
-
-
-TWO = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".05" pos=".2 0 0"/></body>
-  <body><joint name="b" axis="0 1 0"/><geom size=".05" pos=".2 0 0"/></body></worldbody>
-  <actuator><motor name="left" joint="a"/><motor name="right" joint="b"/></actuator></mujoco>"""
-
-
-def test_controls_of_a_csv_file_are_those_of_the_names_in_its_first_line(tmp_path):
-    ctrl = np.random.default_rng(0).uniform(-1, 1, (5, 2))
-    np.savez(tmp_path / "controls.npz", ctrl=ctrl)
-    plain = "\n".join(f"{a!r},{b!r}" for a, b in ctrl.tolist())
-    (tmp_path / "plain.csv").write_text(plain + "\n")
-    (tmp_path / "named.csv").write_text("right, left\n" + "\n".join(f"{b!r},{a!r}" for a, b in ctrl.tolist()))
-    (tmp_path / "two.xml").write_text(TWO)
-    rows = []
-    for name in ("controls.npz", "plain.csv", "named.csv"):
-        file = tmp_path / f"{name}.toml"
-        file.write_text(f'model = "two.xml"\ncontroller = "{name}"\nseconds = 0.2\n[[outcomes]]\nname = "a"\nmeasure = "joint a"\n')
-        rows.append(Study.from_file(file).episode()["outcomes"])
-    assert rows[0] == rows[1] == rows[2]
-
-
-@pytest.mark.parametrize(("text", "said"), [
-    ("left,write\n1,2\n", r"actuators in its first line differ from the model's: \['right'\] are missing, \['write'\] are unknown"),
-    ("1,2,3\n", "it has controls of 3 actuators, and the model has 2: left, right"),
-    ("left,right\n1,2\n1\n", "line 3: it is '1', must be 2 numbers"),
-    ("1,2\n\n1,two\n", "line 3: it is '1,two', must be 2 numbers"),
-    ("1,2\n1,nan\n", "control 1, actuator 1: nan is not finite"),
-    ("left,right\n", '"ctrl" has the shape'),
-    ("", '"ctrl" has the shape'),
-])  # fmt: skip
-def test_what_is_wrong_in_a_csv_file_is_named(tmp_path, text, said):
-    (tmp_path / "controls.csv").write_text(text)
-    with pytest.raises(ValueError, match=rf"controls\.csv.*{said}"):
-        Study(model=TWO, controller=ControlLog(tmp_path / "controls.csv")).episode()
 
 
 def results_study(drive, outcome):

@@ -13,7 +13,6 @@ PACKAGES = {
     "viewer": ("moviepy", "mujoco-core", "rerun-sdk", "viser"),
     "train": ("gymnasium", "imageio", "matplotlib", "moviepy", "mujoco-core", "packaging", "rich", "scipy", "torch", "typer"),
     "identify": ("scipy",),
-    "onnx": ("onnxruntime",),
 }
 """Names of the packages of each extra (group of optional packages), as in pyproject.toml."""
 

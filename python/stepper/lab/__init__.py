@@ -19,7 +19,7 @@ from stepper.lab.calibration.recordings import FittedSet, RecordedCalibration, c
 from stepper.lab.calibration.search import Trial
 from stepper.lab.comparison import LawComparison, compare
 from stepper.lab.comparison.trial import Course
-from stepper.lab.study import ControlLog, Outcome, Parameter, PolicyController, Study, World
+from stepper.lab.study import Outcome, Parameter, PolicyController, Study, World
 from stepper.lab.study.failure_causes import Verdict
 from stepper.lab.study.ranking import Rank, Ranking, rank
 from stepper.lab.study.report import Report, report, sweep
@@ -32,7 +32,6 @@ __all__ = [
     "Certificate",
     "Chart",
     "Cliff",
-    "ControlLog",
     "CostProfile",
     "Course",
     "Dot",

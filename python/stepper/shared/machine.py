@@ -27,7 +27,6 @@ INSTALL = {
     "rsl_rl": "pip install rsl-rl-lib",
     "stable_baselines3": "pip install stable-baselines3",
     "onnx": "pip install onnx",
-    "onnxruntime": 'pip install "stepper-sim[onnx]"',
     "torch": "pip install torch",
     "torchrl": "pip install torchrl",
     "ray": "pip install ray",

@@ -11,7 +11,7 @@
 - `report`, `document`, `draw`: documents and pictures of the results
 """
 
-from stepper.lab.study.controllers import ControlLog, PolicyController
+from stepper.lab.study.controllers import PolicyController
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.ranking import Ranking, rank
@@ -19,4 +19,4 @@ from stepper.lab.study.report import Report, report, sweep
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import World
 
-__all__ = ["ControlLog", "Outcome", "Parameter", "PolicyController", "Ranking", "Report", "Study", "World", "rank", "report", "sweep"]
+__all__ = ["Outcome", "Parameter", "PolicyController", "Ranking", "Report", "Study", "World", "rank", "report", "sweep"]

@@ -1,4 +1,4 @@
-"""Controllers of a study: recorded controls, policies and random controls; digests of controllers and measures (functions of outcomes)."""
+"""Controllers of a study: policies and random controls; digests of controllers and measures (functions of outcomes)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import importlib
 import importlib.util
 import inspect
 import io
-import os
 import pickle
 import sys
 from collections.abc import Callable, Collection
@@ -21,11 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._arrays import array_of
-from stepper.lab.study.policy_files import Network, PolicyFile, is_module, read_policy
 from stepper.lab.study.worlds import World
-from stepper.shared.arguments import path_of
-from stepper.shared.files import existing, read_arrays, read_csv
+from stepper.shared.files import existing
 from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
@@ -34,92 +30,6 @@ FILES = "stepper_study_"
 Controller = Callable[[World], Any]
 """Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to keep the last controls. If it has
 a method `begin(now)`, the method is called at the start of each batch."""
-
-
-class ControlLog:
-    """Controller that plays recorded controls, one row per control period. After the end it keeps the last row.
-
-    Args:
-        path: File with the controls, in the actuators' units. An .npz file has "ctrl" (T, nu), or (T, n, nu) with controls for n episodes;
-            episode e then uses the controls with the index e modulo n. A .csv file has a line per control period and a column per actuator;
-            its first line may have the actuators' names, in any order.
-
-    Raises:
-        ValueError: The file does not contain controls in this form.
-    """
-
-    def __init__(self, path: str | os.PathLike[str]):
-        path = existing(path_of("path", path), "recorded controls")
-        self.names: list[str] | None = None
-        if path.suffix == ".csv":
-            self.names, self.ctrl = _read_csv(path)
-        else:
-            arrays = read_arrays(path, "recorded controls", ["ctrl"])
-            if "ctrl" not in arrays:
-                raise ValueError(f'{path}: it has no array "ctrl", (T, nu) or (T, n, nu): save it by numpy.savez(path, ctrl=...)')
-            self.ctrl = array_of(f'{path}: "ctrl"', arrays["ctrl"])
-        if self.ctrl.ndim not in (2, 3) or not len(self.ctrl):
-            raise ValueError(f'{path}: "ctrl" has the shape {self.ctrl.shape}, must be (T, nu) or (T, n, nu)')
-        if not np.isfinite(self.ctrl).all():
-            row, *rest = (int(k) for k in np.argwhere(~np.isfinite(self.ctrl))[0])
-            raise ValueError(f"{path}: control {row}, actuator {rest[-1]}: {self.ctrl[row, *rest]} is not finite")
-        self._path, self._row = path, 0
-        self._places: list[int] | None = None
-
-    def begin(self, now: World) -> None:
-        """Restarts the recorded controls at their first row, at the start of a batch of episodes.
-
-        Raises:
-            ValueError: The actuators of the file differ from those of the model.
-        """
-        own, known = self.ctrl.shape[-1], [name or f"#{k}" for k, name in enumerate(now.model.actuator_names)]
-        if self.names is not None and sorted(self.names) != sorted(known):
-            missing, more = sorted(set(known) - set(self.names)), sorted(set(self.names) - set(known))
-            raise ValueError(
-                f"{self._path}: the actuators in its first line differ from the model's: {missing or 'none'} are missing, "
-                f"{more or 'none'} are unknown; correct the line"
-            )
-        if own != now.model.nu:
-            raise ValueError(f"{self._path}: it has controls of {own} actuators, and the model has {now.model.nu}: {', '.join(known)}")
-        self._places = None if self.names is None else [self.names.index(name) for name in known]
-        self._row = 0
-
-    def __call__(self, now: World) -> Array:
-        """Recorded controls of the current control period, (nu,) or (num_envs, nu), in the actuators' units.
-
-        Each call advances by one control period. After the end of the record, the last controls are kept.
-        """
-        row: Array = self.ctrl[min(self._row, len(self.ctrl) - 1)]
-        self._row += 1
-        if self._places is not None:
-            row = row[self._places]
-        return row if row.ndim == 1 else row[now.episodes % len(row)]
-
-
-def _read_csv(path: Path) -> tuple[list[str] | None, Array]:
-    """Reads a CSV file of controls.
-
-    Returns:
-        Names of the actuators (None if the first line does not have them), and controls (T, nu).
-    """
-    lines = [(number, row) for number, row in enumerate(read_csv(path, "recorded controls"), 1) if row]
-    names = None
-    if lines and not _is_number(lines[0][1][0]):
-        names = [name.strip() for name in lines.pop(0)[1]]
-    width = len(names) if names is not None else len(lines[0][1]) if lines else 0
-    for number, row in lines:
-        if len(row) != width or not all(map(_is_number, row)):
-            raise ValueError(f"{path}, line {number}: it is {','.join(row)!r}, must be {width} numbers, one per actuator")
-    return names, np.array([[float(value) for value in row] for _, row in lines]).reshape(len(lines), width)
-
-
-def _is_number(text: str) -> bool:
-    """Whether a text is a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 class Random:
@@ -155,27 +65,13 @@ class PolicyController:
     """Controller that calls a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
 
     Args:
-        act: Policy, in one of these forms:
-
-            * a function of arrays that returns an array or a torch tensor
-            * a `torch.nn.Module`, which is called with tensors
-            * a file: .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`)
-
-            A network for single observations is called row by row. A policy with internal state needs a method `begin(now)`, which is
-            called at the start of each batch. Modules and TorchScripts need none: each batch uses a fresh copy, and calls the `reset()` of
-            a TorchScript.
-
-    Raises:
-        ValueError: The file does not contain a policy.
-        MissingPackageError: ONNX Runtime or torch is not installed.
+        act: Policy: a function of arrays that returns an array or a torch tensor, such as a `stepper.policies.Policy`. A policy with
+            internal state needs a method `begin(now)`, which is called at the start of each batch.
     """
 
-    def __init__(self, act: Callable[[Array], Any] | str | os.PathLike[str]):
-        if isinstance(act, str | os.PathLike):
-            act = read_policy(act)
-        elif callable(act) and not is_module(act):
-            check_takes(act, ["observations"], "act")
-        self.act = Network(act) if is_module(act) else act
+    def __init__(self, act: Callable[[Array], Any]):
+        check_takes(act, ["observations"], "act")
+        self.act = act
 
     def begin(self, now: World) -> None:
         """Calls the policy's method `begin` at the start of a batch, if it has one."""
@@ -270,15 +166,15 @@ class StateCheck:
     """
 
     def __init__(self, controller: Any):
-        # `PolicyController.begin` calls the method `begin` of its function if there is one. Networks are copied for each batch.
+        # `PolicyController.begin` calls the method `begin` of its function if there is one.
         self._controller = controller.act if isinstance(controller, PolicyController) else controller
-        self._restarts = hasattr(self._controller, "begin") or isinstance(self._controller, PolicyFile | Network)
+        self._restarts = hasattr(self._controller, "begin")
         self._before = {} if self._restarts else self._held()
 
     def check(self) -> None:
         """Raises ValueError if an attribute or closure variable of the controller changed during the batch.
 
-        Controllers with a method `begin` and networks are not checked. Variables without a digest are not checked either, and variables
+        Controllers with a method `begin` are not checked. Variables without a digest are not checked either, and variables
         that were missing, None or empty before the batch, because they may be caches.
         """
         if self._restarts:
@@ -413,10 +309,6 @@ def name_of(thing: Any) -> str:
         return str(thing or "nothing")
     if isinstance(thing, PolicyController):
         return f"policy {name_of(thing.act)}"
-    if isinstance(thing, PolicyFile):
-        return thing.path.name
-    if isinstance(thing, Network):
-        return name_of(thing.module)
     if isinstance(thing, functools.partial):
         return name_of(thing.func)
     name = getattr(thing, "__qualname__", type(thing).__qualname__)

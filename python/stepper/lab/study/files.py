@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from stepper._hints import did_you_mean
 from stepper._options import Options
 from stepper.actuators import ActuatorModel
-from stepper.lab.study.controllers import ControlLog, PolicyController, find, load_file
+from stepper.lab.study.controllers import PolicyController, find, load_file
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
-from stepper.lab.study.policy_files import ENDINGS, PROGRAM
+from stepper.policies import load
 from stepper.sensors import SensorModel
 from stepper.shared.files import existing
 from stepper.shared.tables import read_file
@@ -98,16 +98,14 @@ def _model(source: str, folder: Path) -> Any:
 
 def _policy(source: str, folder: Path) -> PolicyController:
     """Controller from the entry `policy` of a study file."""
-    if source.endswith((*ENDINGS, PROGRAM)):
-        return PolicyController(folder / source)
+    if source.endswith(".npz"):
+        return PolicyController(load(folder / source))
     found = find(source, folder)
     return PolicyController(found() if isinstance(found, type) else found)
 
 
 def _controller(source: str, folder: Path) -> Callable[[Any], Any]:
     """Controller from the entry `controller` of a study file."""
-    if source.endswith((".npz", ".csv")):
-        return ControlLog(folder / source)
     found: Callable[[Any], Any] = find(source, folder)
     # A controller with internal state is an object of the class that the file names.
     return found() if isinstance(found, type) else found

@@ -88,7 +88,7 @@ class Study:
     Attributes:
         model: Source of the model, as for `stepper.load`, or a `Model`, or a function that returns one of these.
         name: Name in tables and of the folder of results; for studies in files the default is the name of the file.
-        controller: Source of the controls: a function of a `World`, `ControlLog(path)`, `PolicyController(function)`, or "random". None
+        controller: Source of the controls: a function of a `World`, `PolicyController(function)`, or "random". None
             keeps the controls of the keyframe, or 0.
         outcomes: Measured results of an episode, of which at most one has a condition of success. `chart` and `tune` need no outcome.
         parameters: Uncertain parameters by name.
@@ -142,7 +142,7 @@ class Study:
     def _check_functions(self) -> None:
         """Raises an error unless controller, start and exact are functions that can be called with the right arguments."""
         if not (self.controller is None or self.controller == "random" or callable(self.controller)):
-            raise TypeError(f'controller is {self.controller!r}, must be a function, ControlLog, PolicyController, "random" or None')
+            raise TypeError(f'controller is {self.controller!r}, must be a function, PolicyController, "random" or None')
         if not (self.start is None or callable(self.start)):
             raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" works only in TOML files')
         if not (self.exact is None or callable(self.exact)):

@@ -1,21 +1,22 @@
-"""Report of `stepper demo`."""
+"""`stepper demo`: a short race of humanoids."""
 
-from dataclasses import asdict
+import json
 
-import stepper
-from stepper.lab.demo.report import _notes
+import pytest
+from stepper.lab.demo import Plan, demo
+
+pytest.importorskip("dm_control")
 
 
-def test_the_report_names_the_integrator_of_the_default_options():
-    """An integrator of None is the midpoint rule with hard contact."""
-    figures = {
-        "plan": {"steps": 5, "hold": 1, "seed": 0, "rest": 5, "chunk": 5, "peers": 1},
-        "engines": {"stepper": {"options": asdict(stepper.Options()) | {"tolerance": 1e-4}, "timestep": 0.005}},
-        "provenance": {"versions": {"stepper": "0", "mujoco-core": "4"}, "cpu": "", "load_average": 0.0, "cpu_levels": ["avx2"]},
-        "model": "humanoid",
-        "core": 0,
-        "num_cores": 1,
-    }
-    text = "\n".join(_notes(figures))
-    assert "integrator midpoint" in text
-    assert "None" not in text
+def test_the_demo_prints_the_table_of_all_engines(tmp_path, capsys):
+    demo(Plan(num_envs=8, steps=2, rest=1, chunk=1), tmp_path)
+    lines = capsys.readouterr().out.splitlines()
+    assert [cell.strip() for cell in lines[0].split("|")[2:-1]] == [
+        "stepper f64",
+        "stepper f32",
+        "MuJoCo implicitfast, elliptic",
+        "MuJoCo defaults",
+    ]
+    assert next(line for line in lines if line.startswith("| environments")).split("|")[2:-1] == [" 8 ", " 8 ", " 2 ", " 2 "]
+    figures = json.loads((tmp_path / "demo.json").read_text())
+    assert figures["engines"]["stepper f64"]["solver_statistics"]["rest"]["env_steps"] == 8

@@ -17,8 +17,7 @@ from stepper.lab.calibration.certificate import Certificate
 from stepper.lab.calibration.fit import Fit
 from stepper.lab.calibration.recordings import FittedSet, RecordedCalibration, calibrate_on_recordings
 from stepper.lab.calibration.search import Trial
-from stepper.lab.comparison import LawComparison, compare
-from stepper.lab.comparison.trial import Course
+from stepper.lab.comparison import Course, LawComparison, compare
 from stepper.lab.study import Outcome, Parameter, PolicyController, Study, World
 from stepper.lab.study.failure_causes import Verdict
 from stepper.lab.study.ranking import Rank, Ranking, rank

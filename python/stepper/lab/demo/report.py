@@ -1,24 +1,95 @@
-"""Table that `stepper demo` prints: speeds and errors of stepper and MuJoCo."""
+"""Demo (`stepper demo`): a thousand humanoids fall and come to rest in stepper and in MuJoCo, with speed and errors in one table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import dataclasses
+import functools
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
 from typing import Any
 
-from stepper.shared.machine import require
+from stepper.lab.demo.race import MATCHED, Plan, Track, humanoid_path, race, random_control
+from stepper.lab.demo.referee import Referee
+from stepper.lab.engines import EngineBatch, MujocoBatch, StepperBatch
+from stepper.lab.study.document import markdown_table
+from stepper.loading import load
+from stepper.shared.files import locked, write_text
+from stepper.shared.machine import one_core, provenance
+from stepper.shared.progress import ProgressCallback, show_files, show_progress
 
 Figures = dict[str, Any]
-"""Results of the demo or of one engine, by name."""
-LENGTHS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "um"), (1e-9, "nm"))
-"""Units of length, the longest first: the length of the unit in metres, and its symbol."""
+"""Results of the demo or of one engine, by name. Speeds have one number for each phase of the race, "control" and "rest"."""
 
 
-def length(metres: float) -> str:
-    """Text of a length with a suitable unit, such as "3.2 mm"."""
-    for unit, name in LENGTHS:
-        if abs(metres) >= unit:
-            return f"{metres / unit:.3g} {name}"
-    return f"{metres:.1e} m"
+def measure(plan: Plan, progress: ProgressCallback) -> Figures:
+    """Runs the race of the humanoids on one core.
+
+    Returns:
+        Results of all engines, and settings, as values that JSON can represent.
+    """
+    path = humanoid_path()
+    model, control, referee = load(path), random_control(path, plan), Referee(path)
+    with one_core():
+        batches: list[EngineBatch] = [
+            StepperBatch(model, plan.num_envs),
+            StepperBatch(model, plan.num_envs, precision="f32"),
+            MujocoBatch.from_file(path, plan.num_peers, settings=MATCHED),
+            MujocoBatch.from_file(path, plan.num_peers),
+        ]
+        tracks = race(batches, control, plan, clock=time.process_time, progress=progress, what="one core", referee=referee)
+    peers = {batch.name: tracks[batch.name] for batch in batches if isinstance(batch, MujocoBatch)}
+    return {
+        "model": "dm_control/suite/humanoid.xml",
+        "plan": dataclasses.asdict(plan) | {"peers": plan.num_peers},
+        "engines": {batch.name: _figures(batch, tracks[batch.name], peers) for batch in batches},
+        "provenance": provenance(),
+    }
+
+
+def _figures(batch: EngineBatch, track: Track, peers: dict[str, Track]) -> Figures:
+    """Results of one engine: speeds (medians over the turns of the race), contacts, penetration and energy."""
+    samples = track.samples["control"] + track.samples["rest"]
+    phases = {phase: times for phase, times in track.times.items() if times}
+    figures: Figures = {
+        "num_envs": batch.num_envs,
+        "steps_per_second": {phase: 1e6 / median(times) for phase, times in phases.items()},
+        "ratio": {name: {phase: _ratio(times, theirs.times[phase]) for phase, times in phases.items()} for name, theirs in peers.items()},
+        "worst_penetration": max(sample.penetration for sample in samples),
+        "at_the_end": dataclasses.asdict(samples[-1]),
+    }
+    if isinstance(batch, StepperBatch):
+        figures["solver_statistics"] = {phase: dataclasses.asdict(statistics) for phase, statistics in batch.solver_statistics.items()}
+    return figures
+
+
+def _ratio(ours: list[float], theirs: list[float]) -> float:
+    """Median over the turns of the ratio of another engine's time to ours."""
+    return median(their / our for our, their in zip(ours, theirs, strict=True))
+
+
+def table(figures: Figures) -> str:
+    """Markdown table of the results of `measure`, with a column for each engine."""
+    engines: dict[str, Figures] = figures["engines"]
+    cells: dict[str, Callable[[Figures], str]] = {
+        "environments": lambda own: f"{own['num_envs']:,}",
+        "steps per second of one core, control / rest": lambda own: _phases(own["steps_per_second"], ",.0f"),
+        **{f"times {peer}": functools.partial(_times, peer) for peer in next(iter(engines.values()))["ratio"]},
+        "largest penetration, mm": lambda own: f"{1e3 * own['worst_penetration']:.2g}",
+        "penetration at the end, mm": lambda own: f"{1e3 * own['at_the_end']['penetration']:.2g}",
+        "kinetic energy at the end, J": lambda own: f"{own['at_the_end']['kinetic_mean']:.2g}",
+        "worst residual of a step, m/s": lambda own: _of_steps(own, "worst_residual", "{:.1e}"),
+        "steps not converged": lambda own: _of_steps(own, "not_converged", "{:,}"),
+    }
+    rows = [[label, *map(cell, engines.values())] for label, cell in cells.items()]
+    return markdown_table(["", *engines], rows)
+
+
+def _times(peer: str, figures: Figures) -> str:
+    """Text of an engine's speed relative to that of a peer, by phase."""
+    return _phases(figures["ratio"][peer], ".2f")
 
 
 def _phases(values: dict[str, float], form: str) -> str:
@@ -26,75 +97,25 @@ def _phases(values: dict[str, float], form: str) -> str:
     return " / ".join(format(value, form) for value in values.values())
 
 
-def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
-    """Rows of the demo's table: pairs of a label, and a function from the results of an engine to the text of the table's cell."""
-    return [
-        ("environments", lambda f: f"{f['num_envs']:,}"),
-        ("steps per second, one core, control / rest", lambda f: _phases(f["steps_per_second_one_core"], ",.0f")),
-        *[(f"  times {name}", lambda f, name=name: _phases(f["ratio_one_core"][name], ".2f")) for name in peers],
-        ("steps per second, all cores, control", lambda f: _phases(f["steps_per_second_all_cores"], ",.0f")),
-        ("largest penetration", lambda f: length(f["worst_penetration"])),
-        ("penetration after rest", lambda f: length(f["at_the_end"]["penetration"])),
-        ("contacts per humanoid, control / rest", lambda f: _phases(f["contacts_mean"], ".2f")),
-        ("kinetic energy after rest, mean", lambda f: f"{f['at_the_end']['kinetic_mean']:.2e} J"),
-        ("kinetic energy after rest, largest", lambda f: f"{f['at_the_end']['kinetic_max']:.2e} J"),
-        ("worst residual of any step, m/s", lambda f: _certified(f, lambda c: f"{c['worst_residual']:.1e}")),
-        ("environment-steps not converged", lambda f: _certified(f, lambda c: f"{100.0 * c['not_converged'] / c['env_steps']:.2g} %")),
-        ("environment-steps not finite", lambda f: _certified(f, lambda c: f"{c['non_finite']:,}")),
-        ("environment-steps with contacts left out", lambda f: _certified(f, lambda c: f"{c['contacts_full']:,}")),
-        (
-            "solver iterations per step (sweeps and Newton steps), mean",
-            lambda f: _certified(f, lambda c: f"{c['sweeps'] / c['env_steps']:.1f}"),
-        ),
-        ("same bits on one and on all cores", lambda f: {True: "yes", False: "NO"}.get(f.get("same_bits_on_one_and_all_cores"), "")),
-    ]
+def _of_steps(figures: Figures, name: str, form: str) -> str:
+    """Text of a statistic of the solver by phase; a dash for MuJoCo, which reports none."""
+    return " / ".join(form.format(own[name]) for own in figures.get("solver_statistics", {}).values()) or "-"
 
 
-def _certified(figures: Figures, form: Callable[[Figures], str]) -> str:
-    """Text on how well an engine solved its steps, by phase; "not reported" for MuJoCo."""
-    return " / ".join(form(statistics) for statistics in figures.get("solver_statistics", {}).values()) or "not reported"
+def demo(plan: Plan, out: Path) -> Figures:
+    """Runs the demo: prints the table, and writes `demo.json`.
 
-
-def _notes(figures: Figures) -> list[str]:
-    """Notes below the demo's table: settings, method of measurement and machine."""
-    plan, engines = figures["plan"], figures["engines"]
-    ours = next(f for f in engines.values() if "options" in f)
-    options, came_from = ours["options"], figures["provenance"]
-    versions = came_from["versions"]
-    return [
-        f"{figures['model']}, dt {ours['timestep'] * 1e3:g} ms; {plan['steps']} steps of random control (uniform in ctrlrange, new every "
-        f"{plan['hold']} steps, seed {plan['seed']}), then {plan['rest']} steps without control.",
-        f"stepper: integrator {options['integrator'] or 'midpoint'}, solver {options['solver']}, at most {options['iterations']} "
-        f"iterations, tolerance {options['tolerance']:g} m/s, stabilization {options['stabilization']}. "
-        f"MuJoCo {versions.get('mujoco-core')}: "
-        "mujoco.batch.Batch, Newton, sensors off, same dt; its defaults are Euler and the pyramidal cone.",
-        f"Engines take turns of {plan['chunk']} steps in one process, on core {figures['core']} (processor time), then on "
-        f"all {figures['num_cores']} cores (wall time); one call per step; numbers and ratios are medians over the turns.",
-        f"MuJoCo steps the first {plan['peers']} humanoids only, with the same controls, to save time.",
-        f"Contacts (nearer than 0.1 mm), penetration and energy follow from MuJoCo's collision detection and inertia at each engine's "
-        f"qpos and qvel, on the first {plan['peers']} humanoids, every {plan['chunk']} steps.",
-        f"Machine: {came_from['cpu']}, load {came_from['load_average']}, CPU level {came_from['cpu_levels'][-1]}; "
-        f"stepper {versions['stepper']}.",
-    ]
-
-
-def show(figures: Figures) -> None:
-    """Prints the table of speeds and errors, with notes on the measurement.
-
-    Args:
-        figures: Results of `stepper.lab.demo.race.measure`.
+    Returns:
+        Results and settings, as returned by `measure`.
     """
-    consoles, tables = require("rich.console", "to print the table"), require("rich.table", "to print the table")
-    console = consoles.Console(highlight=False)
-    if not console.is_terminal:
-        console = consoles.Console(highlight=False, width=150)
-    table = tables.Table(title="Humanoids that fall and come to rest")
-    table.add_column("")
-    for name in figures["engines"]:
-        table.add_column(name, justify="right")
-    engines = list(figures["engines"].values())
-    for label, cell in _rows(list(engines[0]["ratio_one_core"])):
-        table.add_row(label, *[cell(engine) for engine in engines])
-    console.print(table)
-    for note in _notes(figures):
-        console.print(note, markup=False)
+    with locked(out):
+        with show_progress() as progress:
+            figures = measure(plan, progress)
+        file = write_text(out / "demo.json", json.dumps(figures, indent=2) + "\n")
+    came_from = figures["provenance"]
+    print(table(figures))
+    print(f"Humanoids that fall under random controls for {plan.steps} steps, and rest for {plan.rest}. Engines take turns on one core")
+    print(f"of {came_from['cpu']}, load {came_from['load_average']}; speeds are medians over the turns.")
+    print(f"Penetration and energy are those of the first {plan.num_peers} humanoids, by MuJoCo's collision detection and inertia.")
+    show_files([file])
+    return figures

@@ -1,7 +1,5 @@
 """Friction that a heap uses, what happened in a run beside what could, and what the parts of a scene cost."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import stepper
@@ -97,43 +95,6 @@ def test_explicit_pairs_that_never_come_near_are_taken_out(tmp_path, masks, more
     assert contacts(study.loaded[0], near)
     # Neither the explicit pair nor, without it, the masks of its geoms give a contact.
     assert not contacts(stepper.load(tmp_path / "smaller.stepper"), near)
-
-
-def test_explicit_pairs_of_bodies_that_touch_elsewhere_are_taken_out():
-    """The spheres touch, the ear is far above, and its masks meet nobody's."""
-    model = FAR.format(masks="", more="", place=0.19, pair="ear")
-    study = stepper.lab.Study(model=model, seconds=0.1, episodes=1, control=0.02)
-    (found,), smaller = without(study, "1 of 1 explicit pairs of geoms")
-    assert found.removed
-    assert found.error == 0.0
-    beside = np.array(study.loaded[0].qpos0)
-    beside[7:10] = 0.0, 0.0, 0.33
-    assert contacts(study.loaded[0], beside)
-    assert not contacts(smaller, beside)
-
-
-def test_explicit_pairs_that_their_masks_would_bring_back_stay():
-    """Beside spheres that touch there is one that is far, and may collide without its pair: nothing is gained by taking it out."""
-    model = FAR.format(masks="", more="", place=0.19, pair="ear").replace('size=".05" contype="0" conaffinity="0"', 'size=".05"')
-    study = stepper.lab.Study(model=model, seconds=0.1, episodes=1, control=0.02)
-    assert without(study, "pairs")[0] == []
-
-
-def slide(now):
-    """The third box alone is pushed."""
-    now.xfrc_applied[:, 3, 0] = MASS * G * 1.5
-
-
-def test_friction_of_an_explicit_pair_is_its_own():
-    """One of the pair's geoms slides on another floor: its friction is needed there, and not in the pair, which nothing pushes sideways."""
-    more = '<contact><pair geom1="floor" geom2="low"/><pair geom1="low" geom2="top"/></contact>'
-    study = stepper.lab.Study(model=HEAP.format(more=more), name="heap", controller=slide, seconds=0.1, control=0.02)
-    (found,), smaller = without(study, "friction of")
-    assert found.part == "friction of 2 explicit pairs of geoms"
-    assert found.removed
-    friction = {pair.names: pair.friction for pair in touching(replace(study, model=smaller), range(1)).pairs}
-    # The box that slides has its friction, to the other end.
-    assert friction["ice", "slides"] == 1.0
 
 
 def test_what_happened_beside_what_could():

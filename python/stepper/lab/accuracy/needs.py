@@ -8,24 +8,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from stepper._stepper import Model
 from stepper.lab.accuracy.costs import saving
 from stepper.lab.accuracy.traces import Distance, Trace, run
 from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
-from stepper.lab.study.touching import Touching, pairs_of_bodies, pairs_that_may_touch, touching
+from stepper.lab.study.touching import Touching, pairs_that_may_touch, touching
 from stepper.loading import describe
 from stepper.shared.machine import one_core
 
 Description = dict[str, Any]
 _Cut = tuple[str, str, Callable[[Description], None]]
 """Removable part of a scene: its name, the reason why it may be removed, and the function that removes it from a description."""
-_NO_FRICTION = 1e-9
-"""Ratio of tangential to normal force below which a contact counts as frictionless."""
-_LIMIT_DISTANCE = 0.01
-"""Distance from a limit, as a fraction of the joint's range, beyond which the limit counts as not needed."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +112,7 @@ def spares(bench: Bench, budget: float, progress: Callable[[float], None]) -> tu
         return [Spare("nothing", why, math.nan, math.nan, math.nan, False)], None
     seen = touching(bench.study, bench.episodes, **bench.settings)
     whole = describe(compiled)
-    tries = [*_pairs(model, compiled, seen, whole), *_frictionless(model, seen, whole), *_limits(model, seen), *_sensors(model, seen)]
+    tries = [*_pairs(model, compiled, seen), *_sensors(model, seen)]
     models = [_smaller(whole, [cut]) for _, _, cut in tries]
     errors = bench.errors(models, lambda done: progress(0.9 * done))
     found = [bench.spare(own, smaller, error, budget) for own, smaller, error in zip(tries, models, errors, strict=True)]
@@ -140,55 +134,23 @@ def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) 
     return Model.from_description(description, strict=False)
 
 
-def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> list[_Cut]:
-    """Contact pairs that a scene does not need, with the functions that remove them from a description of the scene.
+def _pairs(model: Model, compiled: Any, seen: Touching) -> list[_Cut]:
+    """Pairs of bodies that may collide but never came near enough to touch, with the function that removes them from a description.
 
-    The first entry excludes pairs of bodies that may collide but never came near enough to touch, and removes their explicit contact pairs.
-    The second entry removes unused explicit contact pairs of other bodies.
+    The function excludes the pairs, and removes their explicit contact pairs, to which exclusions do not apply.
     """
-    bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
     may = pairs_that_may_touch(model, compiled)
-    never = sorted(may - set(bodies.values()))
-    apart = set(never) | {_ordered(own) for own in whole["excludes"]}
-    # Without their explicit pair, geoms with matching masks still collide, unless their bodies are excluded. Removing such a pair saves
-    # nothing.
-    idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _collides(model, geoms))]
-    of_near = [geoms for geoms in idle if _bodies(model, geoms) not in never]
+    never = sorted(may - {_bodies(model, pair.geoms) for pair in seen.pairs})
 
     def remove(description: Description) -> None:
         known = {_ordered(own) for own in description["excludes"]}
         description["excludes"] += [list(own) for own in never if own not in known]
-        # Exclusions do not apply to explicit pairs.
-        _without_pairs(description, set(idle) - set(of_near))
+        description["pairs"] = [pair for pair in description["pairs"] if _bodies(model, pair["geoms"]) not in never]
 
-    found: list[_Cut] = []
-    if never:
-        found.append((f"{len(never)} of {len(may)} pairs of bodies", "they never came near enough to touch within a step", remove))
-    if of_near:
-        what = f"{len(of_near)} of {len(whole['pairs'])} explicit pairs of geoms"
-        why = "they never came near enough to touch within a step, unlike other geoms of their bodies; or their bodies are excluded"
-        found.append((what, why, lambda description: _without_pairs(description, set(of_near))))
-    return found
+    return [(f"{len(never)} of {len(may)} pairs of bodies", "they never came near enough to touch within a step", remove)] if never else []
 
 
-def _without_pairs(description: Description, gone: set[tuple[int, int]]) -> None:
-    """Removes explicit contact pairs, given by their two geoms, from a description in place."""
-    description["pairs"] = [pair for pair in description["pairs"] if _ordered(pair["geoms"]) not in gone]
-
-
-def _explicit(whole: Description) -> dict[tuple[int, int], int]:
-    """Index of each explicit contact pair in a description, by its two geoms, the lower index first."""
-    return {_ordered(pair["geoms"]): k for k, pair in enumerate(whole["pairs"])}
-
-
-def _collides(model: Model, geoms: tuple[int, int]) -> bool:
-    """Whether two geoms may collide even without an explicit pair, according to their collision masks and bodies."""
-    one, other = model.geom(geoms[0]), model.geom(geoms[1])
-    masks = (one.contype & other.conaffinity) or (other.contype & one.conaffinity)
-    return bool(masks) and _bodies(model, geoms) in pairs_of_bodies(model)
-
-
-def _bodies(model: Model, geoms: tuple[int, int]) -> tuple[int, int]:
+def _bodies(model: Model, geoms: Sequence[int]) -> tuple[int, int]:
     """Indices of the bodies of two geoms, the lower index first."""
     return _ordered([model.geom(g).bodyid for g in geoms])
 
@@ -197,54 +159,6 @@ def _ordered(pair: Sequence[int]) -> tuple[int, int]:
     """Pair of indices in ascending order."""
     first, second = sorted(pair)
     return first, second
-
-
-def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
-    """Friction that a scene does not need, with the function that removes it from a description of the scene.
-
-    It is the friction of geoms and explicit pairs whose contacts have no tangential forces. The list is empty if there is none.
-    """
-    pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
-    idle = {key for key, pair in pressed.items() if pair.used <= _NO_FRICTION and pair.twists <= _NO_FRICTION * pair.peak}
-    explicit = _explicit(whole)
-    # An explicit pair has separate friction, which does not depend on its geoms.
-    busy = {g for key in pressed.keys() - idle - explicit.keys() for g in key}
-    geoms = sorted(g for g in {g for key in idle - explicit.keys() for g in key} - busy if model.geom(g).condim > 1)
-    pairs = sorted(k for key, k in explicit.items() if key in idle and whole["pairs"][k]["condim"] > 1)
-
-    def remove(description: Description) -> None:
-        for g in geoms:
-            description["geoms"][g]["condim"] = 1
-        for k in pairs:
-            description["pairs"][k]["condim"] = 1
-
-    what = " and ".join(f"{len(own)} {name}" for own, name in ((geoms, "geoms"), (pairs, "explicit pairs of geoms")) if own)
-    return [(f"friction of {what}", "none of their contacts has a tangential force", remove)] if what else []
-
-
-def _limits(model: Model, seen: Touching) -> list[_Cut]:
-    """Joint limits that the joints never came near, with the function that removes them from a description of the scene.
-
-    The list is empty if there are none.
-    """
-    far = []
-    for k in range(model.njnt):
-        joint = model.joint(k)
-        if not joint.limited or joint.nq != 1:
-            continue
-        low, high = joint.range
-        margin = _LIMIT_DISTANCE * (high - low) if np.isfinite(high - low) else _LIMIT_DISTANCE
-        if seen.reach[0, joint.qposadr] > low + margin and seen.reach[1, joint.qposadr] < high - margin:
-            far.append(k)
-    if not far:
-        return []
-
-    def remove(description: Description) -> None:
-        for k in far:
-            description["joints"][k]["range"] = None
-
-    what = "the limit of one joint" if len(far) == 1 else f"the limits of {len(far)} joints"
-    return [(what, f"no step came nearer to a limit than {_LIMIT_DISTANCE:.0%} of the joint's range", remove)]
 
 
 def _sensors(model: Model, seen: Touching) -> list[_Cut]:

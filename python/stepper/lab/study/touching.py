@@ -70,7 +70,6 @@ class Touching:
         saturated: Fraction of the steps in which each actuator was at a bound of its force, (nu,).
         limits: Fraction of the steps in which each joint was within a hundredth of its range from a limit, (njnt,).
         senses: Whether the controller or an outcome read a sensor.
-        reach: Lowest and highest position of every coordinate, (2, nq), m or rad.
     """
 
     pairs: tuple[Pair, ...]
@@ -82,7 +81,6 @@ class Touching:
     saturated: Array
     limits: Array
     senses: bool
-    reach: Array
 
     @property
     def deciding(self) -> tuple[Pair, ...]:
@@ -186,7 +184,6 @@ class _Ledger:
         self.max_contacts, self.sweeps, self.newton_steps, self.status, self.saturated = 0, 0, 0, 0, np.zeros(model.nu)
         self.found: dict[tuple[int, int], dict[str, float]] = {}
         self.limits = np.zeros(model.njnt)
-        self.reach = np.array([np.full(model.nq, np.inf), np.full(model.nq, -np.inf)])
         joints = [model.joint(i) for i in range(model.njnt)]
         self._limited = [(k, j.qposadr, *j.range) for k, j in enumerate(joints) if j.limited and j.nq == 1]
 
@@ -195,7 +192,6 @@ class _Ledger:
         assert isinstance(now, StepperWorld)
         self.steps += self.num_envs
         qpos = now.qpos
-        self.reach[0], self.reach[1] = np.minimum(self.reach[0], qpos.min(axis=0)), np.maximum(self.reach[1], qpos.max(axis=0))
         for joint, at, low, high in self._limited:
             near = 0.01 * (high - low) if np.isfinite(high - low) else 0.01
             self.limits[joint] += np.count_nonzero((qpos[:, at] < low + near) | (qpos[:, at] > high - near))
@@ -272,7 +268,6 @@ class _Ledger:
             saturated=self.saturated / max(1, self.steps),
             limits=self.limits / max(1, self.steps),
             senses=senses,
-            reach=self.reach,
         )
 
 

@@ -15,7 +15,6 @@ LIBRARIES = {
     "rllib": "ray.rllib",
     "rsl_rl": "rsl_rl",
     "sb3": "stable_baselines3",
-    "torch": "torch",
     "torch_rollout": "torch",
     "torchrl": "torchrl",
 }

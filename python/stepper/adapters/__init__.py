@@ -12,7 +12,7 @@ from stepper._hints import no_name
 
 _SUBMODULES = (
     *("jax_rollout", "native", "pufferlib", "ray", "rllib", "rsl_rl", "sb3"),
-    *("torch", "torch_rollout", "torchrl"),
+    *("torch_rollout", "torchrl"),
 )
 """Names of the adapter modules, which are imported at first use."""
 

@@ -77,7 +77,7 @@ def sweep(
         progress: Progress callback with a text and the fraction done.
 
     Returns:
-        The sweep. OUT/NAME has table.csv, table.npz (table.parquet with pyarrow), sweep.html, sweep.md, sweep.png, resolved_settings.json.
+        The sweep. OUT/NAME has table.csv, table.npz, sweep.html, sweep.md, sweep.png, resolved_settings.json.
 
     Raises:
         ValueError: The study has no outcome, a parameter is unknown, `resolution` is out of range, or a time step does not divide the

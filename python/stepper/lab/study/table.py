@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.lab.study.journal import Row
-from stepper.shared.files import atomic_write, write_arrays, write_csv
-from stepper.shared.machine import require
+from stepper.shared.files import write_arrays, write_csv
 
 
 class Table:
@@ -48,15 +46,9 @@ class Table:
         return self.columns[name]
 
     def save(self, folder: Path, name: str = "table") -> list[Path]:
-        """Writes NAME.csv and NAME.npz, and NAME.parquet if pyarrow is installed, and returns their paths."""
+        """Writes NAME.csv and NAME.npz, and returns their paths."""
         rows = zip(*(column.tolist() for column in self.columns.values()), strict=True)
-        files = [write_csv(folder / f"{name}.csv", [self.columns, *rows]), write_arrays(folder / f"{name}.npz", self.columns)]
-        if importlib.util.find_spec("pyarrow") is not None:
-            arrow, parquet = require("pyarrow", "to write Parquet"), require("pyarrow.parquet", "to write Parquet")
-            files.append(folder / f"{name}.parquet")
-            with atomic_write(files[-1]) as stream:
-                parquet.write_table(arrow.table({own: column.tolist() for own, column in self.columns.items()}), stream)
-        return files
+        return [write_csv(folder / f"{name}.csv", [self.columns, *rows]), write_arrays(folder / f"{name}.npz", self.columns)]
 
 
 def _flat(row: Row, cause: str | None) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """A study over Ray has the rows of one without, for a file of the study's own, and goes on where it was stopped."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -85,62 +84,16 @@ def test_threads_of_all_cpus_are_one_of_a_task(study, tmp_path):
     assert [row["outcomes"] for row in there.sweep.table.rows] == [row["outcomes"] for row in here.sweep.table.rows]
 
 
-def test_a_chart_is_that_of_one_process(study, tmp_path):
-    given = {"horizon": 0.1, "episodes": 2, "quick": True}
-    here, there = (stepper.lab.chart(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
-    # All but what is timed. What is no number is nowhere the same.
-    told = [[{**vars(dot), "us_single_env": 0.0, "batch": 0.0} for dot in found.dots] for found in (here, there)]
-    np.testing.assert_equal(told[1], told[0])
-    assert there.skipped == here.skipped
-
-
-SPARE = """<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="plane" size="9 9 1"/>
-  <body name="far" pos="5 0 1"><freejoint/><geom name="far" size=".1"/></body>
-  <body pos="0 0 1"><joint name="hinge" axis="0 1 0" damping="1" range="-90 90"/><geom size=".05" pos=".2 0 0"/></body></worldbody>
-  <actuator><motor name="motor" joint="hinge"/></actuator><sensor><jointpos joint="hinge"/></sensor></mujoco>"""
-"""A body that nothing comes near, a limit that is never reached, and a sensor that nobody reads."""
-
-
-def test_a_tuning_is_that_of_one_process(study, tmp_path, monkeypatch):
-    # What is taken out is what saves time, which is another matter in each run.
-    monkeypatch.setattr(sys.modules["stepper.lab.accuracy.needs"], "saving", lambda own, less, trace: (0.1, 0.05))
-    study = replace(study, model=SPARE)
-    given = {"error": "1 mm", "horizon": "0.1 s", "coverage": 0.5, "episodes": 4}
-    here, there = (stepper.lab.tune(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
-    errors = [{(own.name, own.settings["timestep"]): own.error for own in found.candidates} for found in (here, there)]
-    assert errors[1] == errors[0]
-    # Which precision is the cheapest is a matter of time too.
-    spare = [[(own.part, own.error, own.removed) for own in found.spare if not own.setting] for found in (here, there)]
-    assert spare[1] == spare[0]
-    assert [what for what, _, taken in spare[0] if taken] == [
-        "3 of 3 pairs of bodies",
-        "the limit of one joint",
-        "1 sensors",
-        "all that is taken out, together",
-    ]
-    assert there.smaller.digest == here.smaller.digest
-    assert [(trial.held, trial.episodes) for trial in there.trials] == [(trial.held, trial.episodes) for trial in here.trials]
-
-
 def test_what_fails_in_a_worker_is_raised_here(study, tmp_path):
     broken = replace(study, ray=True, outcomes=stepper.lab.Outcome(name="a", measure=lambda now: now.read("qpos", "elbow")[:, 0]))
     with pytest.raises(KeyError, match="elbow"):
         stepper.lab.sweep(broken, tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("given", "page"),
-    [
-        (["sweep", "study.toml", "--no-cliffs"], "sweep.html"),
-        (["chart", "study.toml", "--quick", "--horizon", "0.1 s", "--episodes", "2"], "chart.html"),
-        (["tune", "study.toml", "--error", "1 mm", "--horizon", "0.1 s", "--coverage", "0.5", "--no-reduce"], "tune.html"),
-    ],
-    ids=lambda own: own[0] if isinstance(own, list) else "",
-)
-def test_the_commands(study, tmp_path, monkeypatch, given, page):
+def test_the_command(study, tmp_path, monkeypatch):
     from stepper.cli.app import application
 
     monkeypatch.chdir(tmp_path)
-    told = CliRunner().invoke(application(), [*given, "--ray"])
+    told = CliRunner().invoke(application(), ["sweep", "study.toml", "--no-cliffs", "--ray"])
     assert told.exit_code == 0, told.output
-    assert f"wrote out/study/{page}" in told.output
+    assert "wrote out/study/sweep.html" in told.output

@@ -30,12 +30,6 @@ Out = Annotated[Path, typer.Option("--out", help="Output folder.")]
 StudyFile = Annotated[Path, typer.Argument(help=STUDY)]
 Source = Annotated[str, typer.Argument(help="Model (MJCF, URDF, saved) or study (.toml, .py).")]
 Ray = Annotated[bool, typer.Option("--ray", help="Run batches as tasks of Ray, on all machines of its cluster.")]
-RayRuns = Annotated[
-    bool,
-    typer.Option(
-        "--ray", help="Run the settings as tasks of Ray, on all machines of its cluster; costs are still measured on this machine."
-    ),
-]
 Varied = Annotated[
     list[str] | None,
     typer.Option(
@@ -76,15 +70,9 @@ def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
     return replace(study, **changed) if changed else study
 
 
-def source_with(source: str, *, ray: bool, values: Sequence[str]) -> Any:
-    """Argument `source` of a command, with the options --ray and --values applied.
-
-    Without these options, the result is `source` itself. With them, it is a study.
-    """
-    if not ray and not values:
-        return source
-    study = Study.from_model(source, ray=True) if ray else Study.from_model(source)
-    return study.at(values_of(values))
+def source_with(source: str, values: Sequence[str] | None) -> Any:
+    """Argument `source` of a command, or with the option --values the study with these values."""
+    return Study.from_model(source).at(values_of(values)) if values else source
 
 
 def values_of(texts: Sequence[str]) -> dict[str, float | str]:

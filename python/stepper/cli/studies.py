@@ -16,7 +16,6 @@ from stepper.cli.options import (
     STUDY,
     Out,
     Ray,
-    RayRuns,
     Seed,
     Setting,
     Source,
@@ -58,7 +57,6 @@ def chart(
         str | None, typer.Option(help='Limit of the processor time, "60 s"; the report lists runs that were left out.')
     ] = None,
     values: Values = None,
-    ray: RayRuns = False,
 ) -> None:
     """Draws charts of simulation error against computing time, to compare time steps, integrators, solvers, contact laws and engines.
 
@@ -70,7 +68,7 @@ def chart(
     if not Path(scene).exists():
         raise ValueError(f'there is no file "{scene}": give the path of a model or a study')
     with show_progress() as progress:
-        source = source_with(scene, ray=ray, values=values or ())
+        source = source_with(scene, values)
         unit = "rad" if angle else "m"
         found = lab.chart(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, progress=progress)
     show(found)
@@ -86,7 +84,6 @@ def tune(
     alone: Annotated[bool, typer.Option("--alone", help="Minimise the cost of a single environment, not of a batch.")] = False,
     reduce: Annotated[bool, typer.Option(help="Search for parts of the scene that can be removed.")] = True,
     values: Values = None,
-    ray: RayRuns = False,
 ) -> None:
     """Finds the cheapest settings within an error budget, tests them on further episodes, and prints them as Options(...).
 
@@ -95,7 +92,7 @@ def tune(
     Example: stepper tune robot.xml --error "1 mm" --horizon "0.5 s"
     """
     with show_progress() as progress:
-        chosen = source_with(source, ray=ray, values=values or ())
+        chosen = source_with(source, values)
         found = lab.tune(chosen, out, error=error, horizon=horizon, coverage=coverage, alone=alone, reduce=reduce, progress=progress)
     show(found)
 

@@ -1,6 +1,6 @@
 """Time budget of a chart, and of the stages of its computation, in processor time of this process.
 
-Processor time does not depend on other load of the machine. A stage or budget that is sent to a task of Ray keeps its remaining time.
+Processor time does not depend on other load of the machine.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import Any
 
 QUICK = 120.0
 """Default time budget of a quick chart, s of processor time."""
@@ -35,9 +34,6 @@ class Stage:
     def limited(self) -> bool:
         """Whether the stage has a finite end."""
         return math.isfinite(self.end)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _stage_with, (self.left,)
 
     def within(self, seconds: float) -> Stage:
         """Stage that ends when this one ends, or `seconds` from now if that is earlier."""
@@ -69,9 +65,6 @@ class Budget:
         """Time budget of the given length, s, that starts now."""
         return cls(seconds, time.process_time())
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _budget_after, (self.seconds, time.process_time() - self.begin)
-
     def stage(self, share: float) -> Stage:
         """Stage of the computation, which ends when the fraction `share` of the time budget has passed since its start.
 
@@ -79,13 +72,3 @@ class Budget:
         """
         drawing = min(_DRAWING[0], _DRAWING[1] * self.seconds)
         return Stage(self.begin + share * (self.seconds - drawing)) if math.isfinite(self.seconds) else Stage()
-
-
-def _stage_with(left: float) -> Stage:
-    """Stage with `left` seconds of processor time of this process."""
-    return Stage(time.process_time() + left)
-
-
-def _budget_after(seconds: float, spent: float) -> Budget:
-    """Budget of `seconds` of processor time of which another process has `spent` a part."""
-    return Budget(seconds, time.process_time() - spent)

@@ -76,8 +76,7 @@ def chart(
     """Charts error against cost for time steps, integrators, solvers, precisions, contact laws and MuJoCo.
 
     The reference is the study's closed form (`Study.exact`), or a run that is converged by halving the time step
-    (`stepper.lab.accuracy.reference`). Sensors are ideal. With `Study.ray`, settings run as tasks of Ray; costs are still measured in
-    this process.
+    (`stepper.lab.accuracy.reference`). Sensors are ideal.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
@@ -88,7 +87,7 @@ def chart(
         episodes: Number of episodes; the chart shows their medians.
         quick: Whether to use fewer settings, time steps and repeats.
         budget: Bound of the processor time: "60 s", or a number of seconds. The table marks runs that the budget stopped. None sets no
-            time limit, or two minutes with `quick`. With `Study.ray`, it bounds the time of this process and of each task.
+            time limit, or two minutes with `quick`.
         progress: Progress callback with a text and the fraction done.
 
     Returns:

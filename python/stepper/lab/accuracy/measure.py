@@ -6,7 +6,6 @@ Runs that the budget stops get a note with the reason.
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -20,7 +19,6 @@ from stepper.lab.accuracy.budget import Budget, Stage
 from stepper.lab.accuracy.candidates import Line
 from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience, reference_of
 from stepper.lab.accuracy.traces import Distance, Trace, run
-from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
 
 Array = NDArray[np.float64]
@@ -119,19 +117,18 @@ def measure(
         Three results: the points of the chart; texts with the labels of lines that could not be run and the reasons; and by label of a
         line the converged run with the contact law of the line.
     """
-    study = basis.study
-    made: dict[int, list[tuple[Trace | None, str]] | str] = {}
-    for number, own in each(study, list(enumerate(all_lines)), functools.partial(_runs, basis, steps, len(all_lines))):
-        made[number] = own
+    made: list[list[tuple[Trace | None, str]] | str] = []
+    for number, line in enumerate(all_lines):
+        made.append(_runs(basis, line, steps, left=(len(all_lines) - number) * len(steps)))
         progress("runs", len(made) / len(all_lines))
-    could = {number: own for number, own in sorted(made.items()) if not isinstance(own, str)}
-    skipped = [f"{all_lines[number].label}: {own}" for number, own in sorted(made.items()) if isinstance(own, str)]
+    could = {number: own for number, own in enumerate(made) if not isinstance(own, str)}
+    skipped = [f"{line.label}: {own}" for line, own in zip(all_lines, made, strict=True) if isinstance(own, str)]
     laws = _laws(basis, [all_lines[number] for number in could], lambda done: progress("laws of contact", done))
     distinct = {_solved_key(all_lines[n], dt): (all_lines[n], dt) for n in could for dt in steps if all_lines[n].engine == "stepper"}
     solved: dict[str, tuple[Trace | None, str]] = {}
-    jobs = [(*own, 1.0 / (len(distinct) - k)) for k, own in enumerate(distinct.values())]
-    for number, last in each(study, jobs, functools.partial(_solved, basis)):
-        solved[list(distinct)[number]] = last
+    for key, (line, dt) in distinct.items():
+        stage = basis.budget.stage(SOURCES).one(1.0 / (len(distinct) - len(solved)))
+        solved[key] = _run(basis, stage, line.settings | TIGHT | {"timestep": dt}, until=basis.distance.horizon)
         progress("sources of errors", len(solved) / len(distinct))
     points = []
     for number, row in could.items():
@@ -150,10 +147,9 @@ def _laws(basis: ChartBasis, lines: Sequence[Line], progress: Callable[[float], 
     """
     laws: dict[str, Reference | str] = {basis.study.options.contact: basis.reference}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
-    jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
-    for done, (number, law) in enumerate(each(basis.study, jobs, functools.partial(_converged, basis))):
-        laws[_law(jobs[number][0])] = law
-        progress((done + 1) / len(jobs))
+    for done, (law, line) in enumerate(reversed(first.items())):
+        laws[law] = _converged(basis, line, 1.0 / (len(first) - done))
+        progress((done + 1) / len(first))
     return laws
 
 
@@ -170,45 +166,38 @@ def _solved_key(line: Line, dt: float) -> str:
     return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
 
 
-def _runs(
-    basis: ChartBasis, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]
-) -> list[tuple[Trace | None, str]] | str:
+def _runs(basis: ChartBasis, line: Line, steps: Sequence[float], *, left: int) -> list[tuple[Trace | None, str]] | str:
     """Runs of one line of the chart with all lengths of the time step.
+
+    Args:
+        basis: Data that all points of the chart share.
+        line: Line of the chart.
+        steps: Time steps, s.
+        left: Number of runs of this line and of those after it, which share the time that is left.
 
     Returns:
         Pairs of a run and a note, one per time step. The run is None if the time budget left no time for it. If the line cannot be run,
         the result is the reason, as text.
     """
-    (number, line), stage = own, basis.budget.stage(RUNS)
+    stage = basis.budget.stage(RUNS)
     made: dict[float, tuple[Trace | None, str]] = {}
-    left = (count - number) * len(steps)
     try:
         # Long time steps run first, because they take the least time.
         for k, dt in enumerate(sorted(steps, reverse=True)):
-            made[dt] = _run(basis, stage.one(1.0 / (left - k)), line.settings | {"timestep": dt}, study)
+            made[dt] = _run(basis, stage.one(1.0 / (left - k)), line.settings | {"timestep": dt})
         return [made[dt] for dt in steps]
     except ValueError as error:
         return " ".join(str(error).split())[:300]
 
 
-def _solved(basis: ChartBasis, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
-    """Run of a line of the chart with a tight solver tolerance, up to the horizon, and a note on the run.
-
-    The first result is None if the time budget left no time for the run.
-    """
-    line, dt, share = own
-    return _run(
-        basis, basis.budget.stage(SOURCES).one(share), line.settings | TIGHT | {"timestep": dt}, study, until=basis.distance.horizon
-    )
-
-
-def _run(basis: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
+def _run(basis: ChartBasis, stage: Stage, settings: dict[str, Any], until: float = math.inf) -> tuple[Trace | None, str]:
     """Run of a study with changed settings, and a note, which is empty unless the run was stopped or not started.
 
     The first result is None if the time budget left no time for the run.
     """
     if stage.limited and not stage.left:
         return None, f"the budget of {basis.budget.seconds:g} s was spent before"
+    study = basis.study
     patient = patience(study, basis.reference.trace, settings["timestep"], slower=_MAX_SLOWDOWN, least=_MIN_PATIENCE)
     trace = run(study, basis.episodes, until=until, stage=stage.within(patient), **settings)
     if trace.stopped:
@@ -218,9 +207,8 @@ def _run(basis: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study
     return trace, ""
 
 
-def _converged(basis: ChartBasis, study: Study, own: tuple[Line, float]) -> Reference | str:
+def _converged(basis: ChartBasis, line: Line, share: float) -> Reference | str:
     """Converged run for the contact law of a line of the chart, or the reason why it failed."""
-    line, share = own
     # All lines of hard contact share a run with one integrator. A line of MuJoCo's law runs with its integrator, because the study's
     # integrator may exist for hard contact only.
     law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
@@ -230,7 +218,7 @@ def _converged(basis: ChartBasis, study: Study, own: tuple[Line, float]) -> Refe
     most = min(basis.most, 5)
     try:
         return converge(
-            study,
+            basis.study,
             basis.episodes,
             distance,
             target=TARGET[distance.unit],

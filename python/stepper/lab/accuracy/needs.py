@@ -11,7 +11,6 @@ from typing import Any
 from stepper._stepper import Model
 from stepper.lab.accuracy.costs import saving
 from stepper.lab.accuracy.traces import Distance, Trace, run
-from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
 from stepper.lab.study.touching import Touching, pairs_that_may_touch, touching
 from stepper.loading import describe
@@ -66,21 +65,15 @@ class Bench:
 
         A change is infinite if the controller or a measure of an outcome reads a removed part.
         """
-        found: dict[int, float] = {}
-        for number, error in each(self.study, smaller, self._error):
-            found[number] = error
+        found: list[float] = []
+        for model in smaller:
+            try:
+                trace = run(self._study_with(model), self.episodes, **self.settings)
+                found.append(float(self.distance(trace, self.trace).max()))
+            except KeyError:
+                found.append(math.inf)
             progress(len(found) / len(smaller))
-        return [found[number] for number in range(len(smaller))]
-
-    def _error(self, _: Study, smaller: Model) -> float:
-        """Largest change of the motion in any episode with a smaller model, m or rad.
-
-        It is infinite if the controller or a measure of an outcome reads a removed part. The first argument is not used.
-        """
-        try:
-            return float(self.distance(run(self._study_with(smaller), self.episodes, **self.settings), self.trace).max())
-        except KeyError:
-            return math.inf
+        return found
 
     def saved(self, smaller: Model) -> tuple[float, float]:
         """Fraction of a batch's processor time that a smaller model saves: median and lower bound."""

@@ -7,7 +7,6 @@ episode that is not finite, the trace has NaN for this episode.
 from __future__ import annotations
 
 import contextlib
-import functools
 import math
 import re
 import time
@@ -20,7 +19,6 @@ from numpy.typing import NDArray
 
 from stepper.lab.accuracy.budget import Stage
 from stepper.lab.study.batches import running, world_of
-from stepper.lab.study.jobs import each
 from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
@@ -189,23 +187,13 @@ def runs(
     patience: Sequence[float],
     progress: Callable[[float], None] | None = None,
 ) -> list[Trace]:
-    """Traces of the same episodes with several settings, computed on Ray if `study.ray` is set."""
-    made: dict[int, Trace] = {}
-    for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_run_limited, episodes)):
-        made[number] = trace
+    """Traces of the same episodes with several settings, each stopped after a limit of processor time, `patience`, s."""
+    made: list[Trace] = []
+    for own, seconds in zip(settings, patience, strict=True):
+        made.append(run(study, episodes, stage=Stage().within(seconds), **own))
         if progress:
             progress(len(made) / len(settings))
-    return [made[number] for number in range(len(settings))]
-
-
-def _run_limited(episodes: Sequence[int], study: Study, task: tuple[Mapping[str, Any], float]) -> Trace:
-    """Runs episodes of a study with changed settings, and stops after a limit of processor time.
-
-    Returns:
-        Recorded motion of the episodes.
-    """
-    settings, patience = task
-    return run(study, episodes, stage=Stage().within(patience), **settings)
+    return made
 
 
 def _points(now: World) -> Array:

@@ -26,7 +26,6 @@ from stepper.lab.accuracy.traces import Distance, Trace, quantity, run, runs
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.document import Document, Section, check_pages, counted
 from stepper.lab.study.intervals import least_share, trials_for
-from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
 from stepper.shared.arguments import check_fraction, check_whole, path_of
 from stepper.shared.files import locked, write_text
@@ -49,7 +48,7 @@ _RETIMED_RATIO = 1.25
 OWN = "the study's own"
 """Name that `tune` gives to the settings of the study in the list of candidate settings."""
 _HELD_OUT_BATCH = 16
-"""Number of held-out episodes in one batch or one task of Ray."""
+"""Number of held-out episodes in one batch."""
 
 
 @dataclass(frozen=True)
@@ -153,8 +152,7 @@ def tune(
 
     Settings are chosen on some episodes and tested on others (held out). With the given confidence, at least the fraction `coverage` of
     episodes is within the budget. Errors are those of time step, solver and precision. They are measured relative to the study's closed
-    form (`Study.exact`), or to a reference with the same contact law that is converged to a tenth of the budget. With `Study.ray`,
-    candidates, held-out episodes and smaller models run as tasks of Ray. The first reference and all costs are computed in this process.
+    form (`Study.exact`), or to a reference with the same contact law that is converged to a tenth of the budget.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
@@ -403,11 +401,10 @@ def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> lis
 
 def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance: Distance, budget: float, *, confidence: float) -> Trial:
     """Tests a candidate on held-out episodes."""
-    parts = [episodes[k : k + _HELD_OUT_BATCH] for k in range(0, len(episodes), _HELD_OUT_BATCH)]
-    apart, unsure = np.empty(len(episodes)), np.empty(len(episodes))
-    for number, (own, doubt) in each(study, parts, functools.partial(_held_out, candidate, distance, budget)):
-        place = slice(_HELD_OUT_BATCH * number, _HELD_OUT_BATCH * (number + 1))
-        apart[place], unsure[place] = own, doubt
+    parts = [
+        _held_out(candidate, distance, budget, study, episodes[k : k + _HELD_OUT_BATCH]) for k in range(0, len(episodes), _HELD_OUT_BATCH)
+    ]
+    apart, unsure = (np.concatenate(own) for own in zip(*parts, strict=True))
     unknown = unsure > 0.5 * budget
     held = int(np.count_nonzero((apart + unsure <= budget) & ~unknown))
     share = least_share(held, len(episodes), confidence)

@@ -112,7 +112,8 @@ class Study:
         batch: Largest number of episodes that are stepped together. With a sensor model all episodes of a point are stepped together,
             because sensor errors depend on the index in a batch.
         threads: Number of threads that step environments; 0 uses all cores.
-        ray: Whether to run batches as tasks of Ray, on all machines of its cluster. The results are the same.
+        ray: Whether to run batches as tasks of Ray, on all machines of its cluster. The results are the same. `chart` and `tune` do not
+            use Ray.
     """
 
     model: Any

@@ -211,7 +211,7 @@ def test_an_unknown_keyword_has_a_hint(call):
 
 def test_results_of_a_recorder_cannot_be_assigned(tmp_path):
     recorder = stepper.Stepper(MODEL).record(tmp_path / "run")
-    for name in ("path", "rows", "failures"):
+    for name in ("path", "rows"):
         with pytest.raises(AttributeError, match=rf"^{name} of a stepper\.recording\.Recorder cannot be assigned$"):
             setattr(recorder, name, 1)
     sensors = stepper.SensorModel()

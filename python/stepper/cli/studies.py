@@ -157,7 +157,7 @@ def rank(
 def report(source: Annotated[Path, typer.Argument(help=f"{STUDY} Or: {RECORDING}")], out: Out = Path("out"), ray: Ray = False) -> None:
     """Writes the simulator report of a study: state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
 
-    For a recording, the command prints the settings and the failures in physics, sensing or action.
+    For a recording, the command prints the settings, and where it ends if it was cut off.
 
     Example: stepper report examples/studies/tray.toml
     """
@@ -170,7 +170,7 @@ def report(source: Annotated[Path, typer.Argument(help=f"{STUDY} Or: {RECORDING}
 
 
 def report_recording(recording: Path) -> None:
-    """Prints the settings and the failures of a recording."""
+    """Prints the settings of a recording, and where it ends if it was cut off."""
     head = read_header(recording)
     rows = sum(block.rows for block in find_blocks(recording, head))
     end = end_of(recording, head)
@@ -179,7 +179,7 @@ def report_recording(recording: Path) -> None:
 
 
 def _report(recording: Path, head: dict[str, Any], end: str) -> None:
-    """Prints the settings and failures of a recording."""
+    """Prints the contents of a recording's header."""
     envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
     print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}')
     if end:
@@ -189,16 +189,6 @@ def _report(recording: Path, head: dict[str, Any], end: str) -> None:
         print(f"note: {head['note']}")
     settings = head["options"] | {"tolerance": head["tolerance"], "seed": head["seed"]}
     print(", ".join(f"{name} {value}" for name, value in settings.items() if value is not None))
-    for failure in head["failures"]:
-        row, env = failure["first"][0]
-        word = "steps" if "steps" in failure else "readings"
-        counts = ", ".join(f"{name} {count}" for name, count in failure.get(word, {}).items())
-        print(
-            f"{failure['cause']}: {failure['count']} times {failure['meaning']}, first in row {row}, environment {env}"
-            + (f"; {word}: {counts}" if counts else "")
-        )
-    if not head["failures"]:
-        print("no failures")
 
 
 def calibrate(

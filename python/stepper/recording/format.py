@@ -3,7 +3,7 @@
 A recording is a folder:
 
     run.json         versions, machine, options, precision, seed, digest of the model, units of the fields;
-                     numbers of rows and of calls of step, size and digest of rows.bin; failures;
+                     numbers of rows and of calls of step, size and digest of rows.bin;
                      whether the recording was closed; and the SHA-256 of run.json itself
     model.stepper    the model, as written by `Model.save`
     rows.bin         blocks of rows; a row is an event such as a call of step or reset

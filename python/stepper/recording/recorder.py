@@ -19,7 +19,6 @@ import numpy as np
 from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Stepper, selected
 from stepper.loading import origin_of
-from stepper.recording.failures import Failures
 from stepper.recording.format import COMPARED, FIELDS, FIRST_DIGEST, FORMAT, KINDS, MODEL, ROWS, append_block, archive_of, write_header
 from stepper.shared.arguments import check_kind, check_whole, path_of
 from stepper.shared.fields import APPLIED
@@ -61,7 +60,6 @@ class Recorder(Hints):
         check_whole("chunk (bytes)", chunk, least=1)
         self._path = path_of("path", path)
         self._unlock = weakref.finalize(self, _locked_folder(self._path).close)
-        self._failures = Failures(sim)
         self._sim, self._chunk = sim, chunk
         self._rows = self._stored_rows = self._stored_steps = self._size = 0
         self._digest = FIRST_DIGEST
@@ -83,11 +81,6 @@ class Recorder(Hints):
         """Number of events recorded so far: the start, calls, and changes of applied forces."""
         return self._rows
 
-    @property
-    def failures(self) -> Failures:
-        """Counts of failures so far."""
-        return self._failures
-
     def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
         """Records a call of `Stepper.step` with controls (num_envs, nu). The stepper calls this method after the steps.
 
@@ -99,7 +92,6 @@ class Recorder(Hints):
             self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
         row = {name: np.asarray(getattr(sim, name)) for name in COMPARED}
         row |= {"ctrl": ctrl, "nstep": np.asarray(nstep)}
-        self._failures.count(self._rows, row, sim.sensor_faults, sim.actuator_saturation)
         for name, value in row.items():
             self._steps[name].append(value)
         self._count("step", sum(value.nbytes for value in row.values()))
@@ -180,7 +172,7 @@ class Recorder(Hints):
             if self._kinds:
                 self._write_rows()
             entries = {"closed": closed, "rows": self._stored_rows, "steps": self._stored_steps, "size": self._size}
-            write_header(self._path, self._header | entries | {"digest": self._digest.hex(), "failures": self._failures.summary()})
+            write_header(self._path, self._header | entries | {"digest": self._digest.hex()})
         except OSError as error:
             self._end()
             error.strerror = f"{error.strerror}; the recording ends here, after {self._stored_rows} rows"

@@ -3,7 +3,6 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LIBRARIES := .venv-adapters
-MJBATCH := .venv-mjbatch
 DOCS := .venv-docs
 DENY := 0.20.2
 
@@ -38,7 +37,7 @@ wheel: build $(VENV)/wheel.stamp
 	$(BIN)/python tests/helpers/wheel.py
 
 # Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors, drives and environments cost. Downloads six packages for
-# the scenes with many contacts, of which only files are read, EnvPool, and mjbatch into an environment of its own: it asks for MuJoCo 3.
+# the scenes with many contacts, of which only files are read, and EnvPool.
 bench: build
 	cargo bench -p stepper-benches
 	$(BIN)/python benches/comparison/throughput.py
@@ -49,9 +48,7 @@ bench: build
 	$(BIN)/python benches/sensing.py
 	$(BIN)/python benches/drives.py
 	$(BIN)/python -m pip install --quiet 'envpool>=1.2'
-	test -d $(MJBATCH) || $(PYTHON) -m venv $(MJBATCH)
-	$(MJBATCH)/bin/python -m pip install --quiet 'mjbatch>=0.1.4' 'gymnasium>=1.2'
-	$(BIN)/python benches/environments.py --mjbatch $(MJBATCH)/bin/python
+	$(BIN)/python benches/environments.py
 	$(BIN)/python benches/derivatives.py
 	$(BIN)/python benches/rollout_gradients.py
 	$(BIN)/python benches/states.py

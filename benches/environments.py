@@ -5,34 +5,26 @@ All engines run the same tasks with random actions, Gymnasium's default autorese
 * stepper's vector environments;
 * EnvPool, with one thread and the number of environments at which it is fastest;
 * Gymnasium's environments in a `SyncVectorEnv`, with few environments, as its speed does not depend on their number;
-* stepper's task code over `mujoco.batch`, and over mjbatch if `--mjbatch` gives a Python that has it.
+* stepper's task code over `mujoco.batch`.
 
 The engines take turns, and the results are medians of processor time, so that other load on the machine affects all engines alike.
 
     pip install envpool imageio                         # Gymnasium needs imageio; missing libraries are skipped
-    python -m venv .venv-mjbatch && .venv-mjbatch/bin/pip install mjbatch gymnasium
     python benches/environments.py                      # HalfCheetah, Hopper, Ant, Humanoid with 1,024 environments
-    python benches/environments.py --mjbatch .venv-mjbatch/bin/python
     python benches/environments.py Walker2d --num-envs 256 --seconds 2
 """
 
 import argparse
 import importlib
-import json
-import os
-import subprocess
-import tempfile
 import time
 import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import gymnasium
 import mujoco_vector
 import numpy as np
-import stepper
 from gymnasium.vector import SyncVectorEnv
 from stepper.envs import TASKS, StepperVectorEnv, Task, TaskView
 from stepper.shared.machine import cpu_name, one_core
@@ -46,21 +38,6 @@ BESIDE = ("EnvPool", "mujoco.batch", "Gymnasium's own")
 """Reference engines. The table has a column for each, with the speed of the row's engine divided by that of the reference engine."""
 TURN = 0.15
 """Processor time of a turn, in which one batch is stepped, s."""
-
-
-class Timed(Protocol):
-    """Batch of environments whose speed is measured. The batches of all engines take turns."""
-
-    def turn(self) -> None:
-        """Step the environments for the duration of one measurement turn, and store the times."""
-
-    @property
-    def rate(self) -> float:
-        """Environment steps per second."""
-
-    @property
-    def layer(self) -> tuple[float, float]:
-        """Time of a step outside the physics: ratio to the time of the physics, and time per environment step, us; NaN if unknown."""
 
 
 class Contender:
@@ -127,47 +104,6 @@ def ours(name: str, num_envs: int, contact: str, precision: str) -> Contender:
     return Contender(StepperVectorEnv(task, num_envs, max_episode_steps=LIMIT, **settings), num_envs, times)
 
 
-class Elsewhere:
-    """Batch of environments on mjbatch in another process.
-
-    Args:
-        python: Python interpreter that has mjbatch.
-        name: Name of the task.
-        num_envs: Number of environments.
-    """
-
-    layer = float("nan"), float("nan")
-
-    def __init__(self, python: str, name: str, num_envs: int):
-        here = Path(__file__).parent
-        self._num_envs, self._times, self._folder = num_envs, list[float](), tempfile.TemporaryDirectory()
-        kind: Any = TASKS[name]
-        saved = Path(self._folder.name, "model.stepper")
-        kind().model().save(saved)
-        paths = {"PYTHONPATH": os.pathsep.join([str(here), str(Path(stepper.__file__).parents[1])])}
-        command = [python, str(here / "mjbatch_turns.py"), name, str(num_envs), str(saved)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ | paths)
-        self._answer()
-
-    def _answer(self) -> Any:
-        """Read the next line of the mjbatch process, and return its JSON content. An error is raised if the process has ended."""
-        line = self._process.stdout.readline() if self._process.stdout else ""
-        if not line:
-            raise RuntimeError(f"the mjbatch process exited with code {self._process.wait()}: see its error message above")
-        return json.loads(line)
-
-    def turn(self) -> None:
-        """Step the environments in the other process for the duration of one measurement turn, and store the times of the steps."""
-        if self._process.stdin:
-            print(TURN, file=self._process.stdin, flush=True)
-        self._times += self._answer()
-
-    @property
-    def rate(self) -> float:
-        """Environment steps per second."""
-        return self._num_envs / float(np.median(self._times))
-
-
 def batches(name: str, num_envs: int) -> Contender:
     """Batch of environments with stepper's task code and the physics of `mujoco.batch`."""
     return Contender(mujoco_vector.MujocoVectorEnv(name, num_envs, max_episode_steps=LIMIT), num_envs)
@@ -192,7 +128,6 @@ def main() -> None:
     parser.add_argument("names", nargs="*", default=NAMES, metavar="TASK", help=f"one of {', '.join(sorted(TASKS))}")
     parser.add_argument("--num-envs", type=int, default=1024)
     parser.add_argument("--seconds", type=float, default=5.0, help="processor time of each row, s [5]")
-    parser.add_argument("--mjbatch", metavar="PYTHON", help="Python interpreter that has mjbatch and gymnasium")
     given = parser.parse_args()
     print(f"{given.num_envs} environments, one core of {cpu_name()}\n")
     print("| task | contact | precision | steps/s | x EnvPool | x mujoco.batch | x Gymnasium | overhead / physics | overhead, us/step |")
@@ -203,10 +138,8 @@ def main() -> None:
     }
     with one_core():
         for name in given.names:
-            rows: dict[tuple[str, str], Timed] = {(peer, "f64"): make(name) for peer, (needed, make) in peers.items() if find_spec(needed)}
+            rows = {(peer, "f64"): make(name) for peer, (needed, make) in peers.items() if find_spec(needed)}
             rows["mujoco.batch", "f64"] = batches(name, given.num_envs)
-            if given.mjbatch:
-                rows["mjbatch", "f64"] = Elsewhere(given.mjbatch, name, given.num_envs)
             ours_too = {
                 (contact, precision): ours(name, given.num_envs, contact, precision)
                 for contact in ("mujoco", "hard")

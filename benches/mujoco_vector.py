@@ -1,4 +1,4 @@
-"""Tasks of `stepper.envs` with MuJoCo's physics: the same observations, rewards and resets over `mujoco.batch` or mjbatch.
+"""Tasks of `stepper.envs` with MuJoCo's physics: the same observations, rewards and resets over `mujoco.batch`.
 
     python benches/environments.py        # speed of whole environments, compared with stepper
     python benches/training.py engines    # the Go1 learns in both engines
@@ -76,21 +76,16 @@ class MujocoSim(MujocoFields):
     Args:
         model: stepper's model of the scene.
         num_envs: Number of environments.
-        engine: "mujoco.batch" or "mjbatch".
         threads: Number of threads.
         m: MuJoCo's model. None compiles the source of `model`.
-        reads_contacts: Whether `contacts` works, which `mujoco.batch` alone supports.
+        reads_contacts: Whether `contacts` works.
     """
 
-    def __init__(
-        self, model: Model, num_envs: int, *, engine: str = "mujoco.batch", threads: int = 1, m: Any = None, reads_contacts: bool = False
-    ):
-        if engine not in ("mujoco.batch", "mjbatch"):
-            raise ValueError(f"engine is {engine!r}, must be 'mujoco.batch' or 'mjbatch': give one of these")
+    def __init__(self, model: Model, num_envs: int, *, threads: int = 1, m: Any = None, reads_contacts: bool = False):
         m = mujoco_model(model, with_contact_forces=False) if m is None else m
         # The last argument of `mujoco.batch` keeps an MjData per environment, whose contacts `contacts` reads.
         kept = [True] if reads_contacts else []
-        super().__init__(importlib.import_module(engine).Batch(m, num_envs, threads, *kept), num_envs)
+        super().__init__(importlib.import_module("mujoco.batch").Batch(m, num_envs, threads, *kept), num_envs)
         self.model, self._m = model, m
         self.timestep = float(m.opt.timestep)
         self.status = np.zeros(num_envs, dtype=np.uint32)
@@ -195,7 +190,6 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
     Args:
         task: Task, task class, or name of a task.
         num_envs: Number of environments.
-        engine: "mujoco.batch" or "mjbatch".
         threads: Number of threads.
         m: MuJoCo's model. None compiles the source of the task's model.
         settings: Arguments of `StepperVectorEnv`, such as autoreset_mode and max_episode_steps, and of the task.
@@ -206,7 +200,6 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         task: Task | type[Task] | str,
         num_envs: int,
         *,
-        engine: str = "mujoco.batch",
         threads: int = 1,
         m: Any = None,
         **settings: Any,
@@ -215,9 +208,9 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         batch = envs._batch
         if m is None:
             m = mujoco_model(batch.sim.model, with_contact_forces=reads_contact_forces(envs.task))
-        reads_contacts = isinstance(envs.task, RoughTask) and engine == "mujoco.batch"
+        reads_contacts = isinstance(envs.task, RoughTask)
         batch.sim = MujocoSim(  # type: ignore[assignment]
-            batch.sim.model, num_envs, engine=engine, threads=threads, m=m, reads_contacts=reads_contacts
+            batch.sim.model, num_envs, threads=threads, m=m, reads_contacts=reads_contacts
         )
         batch.clear_last_step()
         self.num_envs, self.metadata = num_envs, envs.metadata

@@ -68,5 +68,3 @@ def test_what_a_batch_has_not_is_said():
     envs = mujoco_vector.MujocoVectorEnv(TASKS["Hopper"](), 2)
     with pytest.raises(AttributeError, match="no attribute 'residual'"):
         _ = envs._envs.sim.residual
-    with pytest.raises(ValueError, match="engine is 'brax'"):
-        mujoco_vector.MujocoVectorEnv("Hopper", 2, engine="brax")

@@ -140,7 +140,7 @@ class MujocoFields:
     """Access to the fields of a batch of MuJoCo environments, and to steps of the batch.
 
     Args:
-        batch: A `mujoco.batch.Batch`, or a batch of the package mjbatch, which has the same interface.
+        batch: A `mujoco.batch.Batch`.
         num_envs: Number of environments.
     """
 

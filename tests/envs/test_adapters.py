@@ -10,7 +10,6 @@ import stepper.adapters
 MODULES = sorted(path.stem for path in Path(stepper.adapters.__file__).parent.glob("[a-z]*.py"))
 LIBRARIES = {
     "jax_rollout": "jax",
-    "pufferlib": "pufferlib",
     "ray": "ray",
     "rllib": "ray.rllib",
     "rsl_rl": "rsl_rl",
@@ -20,7 +19,6 @@ LIBRARIES = {
 }
 REMEDIES = {
     "jax": "pip install jax",
-    "pufferlib": "pip install pufferlib-core",
     "ray": "pip install ray",
     "ray.rllib": 'pip install "ray[rllib]"',
     "rsl_rl": "pip install rsl-rl-lib",

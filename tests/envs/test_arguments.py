@@ -75,8 +75,8 @@ def test_a_library_has_the_mode_that_it_needs():
     same = AutoresetMode.SAME_STEP
     assert with_autoreset({"threads": 1}, same, "L") == {"threads": 1, "autoreset_mode": same}
     assert with_autoreset({"autoreset_mode": "SAME_STEP"}, same, "L") == {"autoreset_mode": same}
-    with pytest.raises(ValueError, match="autoreset_mode is NEXT_STEP, must be SAME_STEP for PufferLib: leave it out"):
-        with_autoreset({"autoreset_mode": "NEXT_STEP"}, same, "PufferLib")
+    with pytest.raises(ValueError, match="autoreset_mode is NEXT_STEP, must be SAME_STEP for rsl_rl: leave it out"):
+        with_autoreset({"autoreset_mode": "NEXT_STEP"}, same, "rsl_rl")
 
 
 CALLS = {

@@ -11,7 +11,7 @@ from typing import Any
 from stepper._hints import no_name
 
 _SUBMODULES = (
-    *("jax_rollout", "native", "pufferlib", "ray", "rllib", "rsl_rl", "sb3"),
+    *("jax_rollout", "native", "ray", "rllib", "rsl_rl", "sb3"),
     *("torch_rollout", "torchrl"),
 )
 """Names of the adapter modules, which are imported at first use."""

@@ -31,7 +31,6 @@ INSTALL = {
     "torchrl": "pip install torchrl",
     "ray": "pip install ray",
     "ray.rllib": 'pip install "ray[rllib]" torch',
-    "pufferlib": "pip install pufferlib-core",
     "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",
     "jax": "pip install jax",

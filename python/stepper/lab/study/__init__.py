@@ -1,7 +1,7 @@
 """Studies: episodes of a model with a controller, measured outcomes and uncertain parameters.
 
 - `study`: the definition of a study; `files` reads it from TOML
-- `parameters`, `outcomes`, `controllers`, `policy_files`: parts of the definition
+- `parameters`, `outcomes`, `controllers`: parts of the definition
 - `worlds`: environments of one engine
 - `points`, `batches`, `jobs`: runs of episodes at values of the parameters, in batches, optionally on Ray
 - `episode`: selected episodes, for recordings and the viewer

@@ -175,28 +175,6 @@ def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array
     return out
 
 
-def copied(values: Array, out: Array | None) -> Array:
-    """Copy of an array of any shape (...) and unit, stored in `out` if it is given, otherwise in a new array.
-
-    Raises:
-        ValueError: `out` has another shape or scalar type than `values`.
-    """
-    found = output_array(values.shape, values.dtype, out)
-    found[...] = values
-    return found
-
-
-def given_out(values: Array, out: Array | None) -> Array:
-    """Result of a method with the argument `out`: `values` itself if `out` is None, otherwise `out`, filled with the values.
-
-    Both have any shape (...) and the same unit.
-
-    Raises:
-        ValueError: `out` has another shape or scalar type than `values`.
-    """
-    return values if out is None else copied(values, out)
-
-
 def headings(quat: Array) -> Array:
     """Headings (...) of frames with unit quaternions (w, x, y, z), (..., 4): angle of the x axis about the world's z axis, rad."""
     w, x, y, z = np.moveaxis(quat, -1, 0)

@@ -25,9 +25,6 @@ import numpy as np
 
 Array: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
 
-LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
-"""Names of the ten log-Cholesky parameters of an inertia, in the order of Rucker and Wensing (2022)."""
-
 
 def second_moments(inertia: Array) -> Array:
     """Second moments of mass along the principal axes, (..., 3), kg m^2, from principal moments of inertia: S = trace(I) / 2 - I."""

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import pickle
 import sys
 import time
 from dataclasses import replace
@@ -49,21 +48,6 @@ def test_other_load_of_the_machine_spends_no_budget(monkeypatch):
     budget = Budget.from_seconds(100.0)
     assert budget.stage(0.5).left > 0
     assert not run(ball(), range(2), stage=budget.stage(0.5)).stopped
-
-
-@pytest.mark.parametrize("spent", [0.0, 30.0, 200.0])
-def test_another_process_gets_the_time_that_is_left(monkeypatch, spent):
-    """Its processor time begins anew."""
-    monkeypatch.setattr(time, "process_time", lambda: 1000.0)
-    budget = Budget.from_seconds(100.0)
-    monkeypatch.setattr(time, "process_time", lambda: 1000.0 + spent)
-    stage, sent = budget.stage(1.0), pickle.dumps((budget, budget.stage(1.0), Stage()))
-    left = stage.left
-    monkeypatch.setattr(time, "process_time", lambda: 0.5)
-    other, same, endless = pickle.loads(sent)
-    assert other.stage(1.0).left == pytest.approx(left)
-    assert same.left == pytest.approx(left)
-    assert not endless.limited
 
 
 def ball(**changed):

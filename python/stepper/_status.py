@@ -44,9 +44,9 @@ class Status(IntFlag):
     revolution in a step while its speed grows by more than a tenth. With contact="mujoco", the flag is set for both reasons and does
     not change the motion.
 
-    Second, the error of integrator="midpoint" or "implicit" adds too much energy. There are two bounds: a tenth of the kinetic energy per step, and a
-    rate that doubles the kinetic energy within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The
-    flag does not change the motion. Whipping chains have such steps.
+    Second, the error of integrator="midpoint" or "implicit" adds too much energy. There are two bounds: a tenth of the kinetic energy per
+    step, and a rate that doubles the kinetic energy within 0.1 s. Both bounds are twice as high where constraints change the velocity much.
+    The flag does not change the motion. Whipping chains have such steps.
 
     Third, elastic impacts became inelastic, because Newton's law of impact has no plausible solution, as in a corner with much friction.
 

@@ -94,7 +94,8 @@ class MyoPose(Task):
     def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: minus the distance d from the target, 4 each for d < near and d < 1.5 near, minus the mean activation, minus 50 if far.
 
-        The mean activation is the norm of the activations divided by their number. The info has the weighted terms, and "solved": 1 for d < near, else 0.
+        The mean activation is the norm of the activations divided by their number. The info has the weighted terms, and "solved": 1 for
+        d < near, else 0.
         """
         distance = _distance(now)
         terms = {

@@ -49,8 +49,8 @@ SCENE = """
 </mujoco>
 """
 LEFT_OUT = {
-    "spatial tendon rope: not simulated: armature": {
-        "rest": '<tendon><spatial name="rope" armature="1"><site site="sa"/><site site="sb"/></spatial></tendon>'
+    "spatial tendon rope: not simulated: actuatorfrcrange": {
+        "rest": '<tendon><spatial name="rope" actuatorfrcrange="-1 1"><site site="sa"/><site site="sb"/></spatial></tendon>'
     },
     "fixed tendon belt: not simulated: stiffness that grows with deflection": {
         "rest": '<tendon><fixed name="belt" stiffness="1 2"><joint joint="ja" coef="1"/></fixed></tendon>'

@@ -366,11 +366,13 @@ def test_forces_of_constraints_are_no_springs():
         assert np.abs(sim.qfrc_constraint[env] - data.qfrc_constraint).max() < AGREES * size
 
 
-def test_an_armature_of_a_tendon_is_refused():
-    more = '<tendon><fixed name="t" armature=".1"><joint joint="hinge" coef="1"/></fixed></tendon>'
-    model = stepper.load(scene(more=more))
-    with pytest.raises(ValueError, match='contact is mujoco, and tendon "t" has an armature, must be hard'):
-        stepper.Stepper(model, options=stepper.Options(contact="mujoco"))
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit", "RK4", "discrete"])
+def test_a_step_with_the_inertia_of_a_tendon_is_mujocos(integrator):
+    """The inertia of a fixed tendon is in the mass matrix."""
+    tendon = '<fixed armature=".3"><joint joint="hinge" coef="1"/><joint joint="slide" coef="-2"/></fixed>'
+    model = compiled(scene(option=f'integrator="{integrator}"', more=f"<tendon>{tendon}</tendon>"))
+    assert model.tendon_armature[0] == 0.3
+    assert compare(stepper.load(model), states(model, 12)).agrees == 1.0
 
 
 def test_a_second_of_motion_is_mujocos_until_chaos():

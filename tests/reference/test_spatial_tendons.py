@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from models import forward, random_state, simulate
+from models import forward, full_mass_matrix, random_state, simulate
 from mujoco_law.parity import compare, prepare, states
 from numerics import relative_error
 
@@ -141,6 +141,79 @@ def test_a_step_of_mujocos_law_is_mujocos(path, rows):
         assert found.agrees == 1.0, integrator
 
 
+# MuJoCo allows an inertia of tendons that wrap around nothing.
+STRAIGHT = {
+    "one branch": '<site site="base"/><site site="tip"/>',
+    "pulley": '<site site="base"/><site site="tip"/><pulley divisor="2"/><site site="tip"/><site site="hull"/><site site="base"/>',
+    "branches": '<site site="hand"/><site site="tip"/><site site="load"/>',
+}
+
+
+def heavy(path: str, more: str = "", option: str = "") -> str:
+    """The scene with a tendon whose inertia is of the order of the bodies' masses."""
+    return scene(f'<spatial name="t" armature="40" {more}>{STRAIGHT[path]}</spatial>', option=option)
+
+
+@pytest.mark.parametrize("more", ["", 'stiffness="40" springlength=".1 .3" damping="3" limited="true" range=".2 .9" frictionloss="1"'])
+@pytest.mark.parametrize("path", STRAIGHT)
+def test_a_step_with_inertia_of_mujocos_law_is_mujocos(path, more):
+    """As above. MuJoCo's mass matrix has no entries between branches, and so has the law's."""
+    for integrator in INTEGRATORS:
+        model = mujoco.MjModel.from_xml_string(heavy(path, more, f'integrator="{integrator}"'))
+        prepare(model)
+        found = compare(stepper.load(model), states(model, 6, 0))
+        assert found.agrees == 1.0, integrator
+
+
+@pytest.mark.parametrize("path", STRAIGHT)
+def test_inertia_of_a_tendon_is_m_jtj(path):
+    """Mass matrix, bias force, acceleration and energy. Between branches, where MuJoCo has no entries, they follow from its Jacobian."""
+    source = heavy(path)
+    model, sim, rng = mujoco.MjModel.from_xml_string(source), simulate(source), np.random.default_rng(0)
+    light = mujoco.MjModel.from_xml_string(source)
+    light.tendon_armature[:] = 0
+    for _ in range(20):
+        state = random_state(model, rng)
+        sim.set_state(*state)
+        data = forward(model, *state)
+        jacobian = np.zeros((1, model.nv))
+        mujoco.mju_sparse2dense(jacobian, *(np.ravel(x) for x in (data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind)))
+        mass = full_mass_matrix(light, forward(light, *state)) + 40 * jacobian.T @ jacobian
+        assert relative_error(sim.mass_matrix(), mass) < BOUND
+        assert relative_error(sim.qfrc_bias, data.qfrc_bias) < BOUND
+        assert relative_error(sim.qacc_smooth, np.linalg.solve(mass, data.qfrc_smooth)) < BOUND
+        if path != "branches":
+            assert relative_error(sim.qacc_smooth, data.qacc_smooth) < BOUND
+        kinetic = 0.5 * state[1] @ mass @ state[1]
+        assert sim.energy()[1] == pytest.approx(kinetic, rel=BOUND)
+
+
+@pytest.mark.parametrize("integrator", ["euler", "midpoint"])
+@pytest.mark.parametrize("path", STRAIGHT)
+def test_a_step_with_inertia_tends_to_the_smooth_acceleration(path, integrator):
+    """The inertia of a tendon is a row of the step: extrapolated to h = 0, the acceleration is that of the mass matrix with m J^T J."""
+    source = heavy(path)
+    model, rng = mujoco.MjModel.from_xml_string(source), np.random.default_rng(0)
+    for _ in range(5):
+        state, found = random_state(model, rng), []
+        for h in (8e-6, 4e-6, 2e-6):
+            sim = simulate(source, integrator=integrator, timestep=h)
+            sim.set_state(*state)
+            expected = np.array(sim.qacc_smooth)
+            sim.step()
+            found.append((sim.qvel - state[1]) / h)
+        # Neville's scheme over three step sizes leaves terms of order h^3, and the rounding of v over h.
+        twice = [2 * found[1] - found[0], 2 * found[2] - found[1]]
+        assert relative_error((4 * twice[1] - twice[0]) / 3, expected) < 1e-7
+
+
+def test_inertia_of_a_tendon_around_a_geom_is_refused():
+    """MuJoCo's compiler refuses it, and so does a model that is changed later."""
+    model = stepper.load(scene(f'<spatial name="t">{PATHS["sphere"]}</spatial>'))
+    with pytest.raises(stepper.ModelError, match='tendon "t": armature is 1, and its path wraps around a geom; leave out the geom'):
+        model.replace(tendon_armature=[1.0])
+
+
 @pytest.mark.parametrize("kind", ACTUATORS)
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_step_with_an_actuator_is_mujocos(kind, integrator):
@@ -153,12 +226,13 @@ def test_a_step_with_an_actuator_is_mujocos(kind, integrator):
     assert found.agrees == 1.0
 
 
-def test_energy_of_a_rubber_band_is_conserved():
+@pytest.mark.parametrize("armature", [0.0, 0.5])
+def test_energy_of_a_rubber_band_is_conserved(armature):
     """The midpoint rule conserves the energy of a mass on a spatial spring to order h^2: halving the step divides the error by four."""
     source = """<mujoco><option gravity="0 0 0"/><worldbody><site name="a" pos="0 0 1"/>
       <body pos=".4 0 1"><freejoint/><geom size=".05"/><site name="b"/></body></worldbody>
-      <tendon><spatial stiffness="60" springlength=".1"><site site="a"/><site site="b"/></spatial></tendon></mujoco>"""
-    errors = []
+      <tendon><spatial stiffness="60" springlength=".1" armature="{}"><site site="a"/><site site="b"/></spatial></tendon></mujoco>"""
+    source, errors = source.format(armature), []
     for h in (4e-3, 2e-3, 1e-3):
         sim = simulate(source, timestep=h, integrator="midpoint")
         sim.set_state(qvel=[0, 2.0, 1.0, 0, 0, 0])

@@ -9,6 +9,7 @@ use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, PathLengths};
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::Kinematics;
+use crate::dynamics::path_lengths::add_path_bias;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::acceleration::add_tendon_springs;
 use crate::math::spatial::*;
@@ -30,10 +31,13 @@ impl<R: Real> SmoothDynamics<R> {
         self.inertia.get_or_insert_with(|| FullMass::new(compiled)).assemble(compiled, kinematics)
     }
 
-    /// Computes Coriolis, centrifugal and gravitational forces, (nv,), into `out`.
+    /// Computes Coriolis, centrifugal and gravitational forces, with those of the inertia of tendons, (nv,), into `out`.
     pub(crate) fn bias_force(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], out: &mut [R]) {
         let work = self.newton_euler.get_or_insert_with(|| NewtonEuler::new(compiled));
-        kernel!(R, || bias_force(compiled, kinematics, v, work, out));
+        kernel!(R, || {
+            bias_force(compiled, kinematics, v, work, out);
+            add_path_bias(compiled, kinematics, work, out);
+        });
     }
 
     /// Acceleration without constraints at the state [q, v, act], (nv,), in a step of `h` seconds.

@@ -32,7 +32,7 @@ use crate::compile::{CompiledModel, LaneModel, RaySurfaces};
 use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::Model;
-use crate::options::{ContactLaw, Integrator, Options};
+use crate::options::{Integrator, Options};
 
 /// Simulation of many environments of one model.
 ///
@@ -127,12 +127,6 @@ impl Simulation {
         threads: usize,
         level: Level,
     ) -> Result<Self, Error> {
-        if options.contact == ContactLaw::Mujoco
-            && let Some(tendon) = model.tendons.iter().find(|t| t.armature > 0.0)
-        {
-            let must = "hard where a tendon has an armature, which MuJoCo's law does not have here; or give it none";
-            return Err(Error::Option { name: "contact", found: format!("mujoco, and tendon {:?} has an armature", tendon.name), must });
-        }
         let n = num_envs.unwrap_or(1);
         let gravity = model.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let asked = model.requested.as_ref().and_then(|asked| Integrator::of_source(&asked.integrator));

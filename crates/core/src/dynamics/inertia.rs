@@ -302,7 +302,7 @@ fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize,
 }
 
 /// Computes Coriolis, centrifugal and gravitational forces into `out`, by recursive Newton-Euler with zero joint acceleration, in world
-/// axes.
+/// axes, without the inertia of tendons.
 #[inline(always)]
 pub fn bias_force<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>, out: &mut [R]) {
     link_forces(compiled, kinematics, v, work);
@@ -371,5 +371,21 @@ impl<R: Real> NewtonEuler<R> {
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let n = compiled.links.len();
         Self { velocity: vec![zero(); n], acceleration: vec![zero(); n], force: vec![zero(); n] }
+    }
+
+    /// Velocity (m/s), and acceleration (m/s^2) if no joint accelerates, of the point `p` of a frame, world axes. Both are zero for the
+    /// world and for mocap bodies.
+    #[inline(always)]
+    pub(crate) fn of_point(&self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, frame: usize, p: V3<R>) -> [V3<R>; 2] {
+        if frame == 0 || frame > compiled.links.len() {
+            return [zero(); 2];
+        }
+        let l = frame - 1;
+        let (motion, change) = (&self.velocity[l], &self.acceleration[l]);
+        let arm = sub(p, kinematics.origin[compiled.links[l].tree]);
+        // The recursion represents gravity as an upward acceleration of the world. Adding gravity removes it.
+        let change = spatial(angular(change), add(linear(change), compiled.params.gravity()));
+        let velocity = velocity_at(motion, arm);
+        [velocity, add(velocity_at(&change, arm), cross(angular(motion), velocity))]
     }
 }

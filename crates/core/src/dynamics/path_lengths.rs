@@ -9,7 +9,8 @@ use std::f64::consts::PI;
 use stepper_geometry::{Obstacle, Wrap};
 use stepper_real::{Mask, Real};
 
-use crate::compile::{CompiledObstacle, CompiledPath, CompiledSegment, LaneModel, SMALLEST};
+use crate::compile::{Combination, CompiledObstacle, CompiledPath, CompiledSegment, CompiledTendon, LaneModel, PathTerm, SMALLEST};
+use crate::dynamics::inertia::NewtonEuler;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
@@ -71,6 +72,21 @@ impl<R: Real> Kinematics<R> {
     /// Obstacle in the world frame, and the path of a string from `ends[0]` to `ends[1]` around it.
     #[inline(always)]
     fn wrap(&self, obstacle: &CompiledObstacle<R::Scalar>, ends: [V3<R>; 2]) -> (Obstacle<R>, Wrap<R>) {
+    /// Second time derivative of the length of a straight segment if no joint accelerates, m/s^2.
+    ///
+    /// For the vector r between its ends, with the length L and the direction n, it is n . r'' + (r' . r' - (n . r')^2) / L.
+    #[inline(always)]
+    fn acceleration_of_segment(&self, compiled: &LaneModel<R>, segment: &CompiledSegment<R::Scalar>, motion: &NewtonEuler<R>) -> R {
+        let [first, last] = &segment.ends;
+        let points = [self.point(first.frame, splat(first.pos)), self.point(last.frame, splat(last.pos))];
+        let [from, to] = [motion.of_point(compiled, self, first.frame, points[0]), motion.of_point(compiled, self, last.frame, points[1])];
+        let (velocity, acceleration) = (sub(to[0], from[0]), sub(to[1], from[1]));
+        let (direct, length) = direction(points);
+        let across = dot(velocity, velocity) - dot(direct, velocity).square();
+        let short = length.lt(R::of(SMALLEST));
+        dot(direct, acceleration) + R::select(short, R::zero(), across / R::select(short, R::one(), length))
+    }
+
         let shape = Obstacle {
             pos: self.point(obstacle.place.frame, splat(obstacle.place.pos)),
             mat: mat_mul(&self.mat[obstacle.place.frame], &splat(obstacle.place.mat)),
@@ -139,6 +155,32 @@ impl<R: Real> Kinematics<R> {
 /// Direction from the first point to the second, and their distance. Without a distance the direction is the x axis, as in MuJoCo.
 #[inline(always)]
 fn direction<R: Real>([from, to]: [V3<R>; 2]) -> (V3<R>, R) {
+/// Adds to `bias` the forces that accelerate the inertia of spatial tendons if no joint accelerates. They are J^T m L'', with the moment
+/// arms J and the inertia m. L'' is the second time derivative of the length at the velocity of `motion`.
+///
+/// Tendons with inertia wrap around no geoms.
+#[inline(always)]
+pub(crate) fn add_path_bias<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, motion: &NewtonEuler<R>, bias: &mut [R]) {
+    for tendon in &compiled.tendons {
+        let CompiledTendon { length: Combination { path: Some(PathTerm { path, dofs, arms }), .. }, spring: Some((spring, _)), .. } =
+            tendon
+        else {
+            continue;
+        };
+        if spring.inertia <= R::Scalar::default() {
+            continue;
+        }
+        let mut acceleration = R::zero();
+        for segment in &compiled.paths[*path].segments {
+            acceleration += R::splat(segment.weight) * kinematics.acceleration_of_segment(compiled, segment, motion);
+        }
+        let force = R::splat(spring.inertia) * acceleration;
+        for (&dof, &arm) in dofs.iter().zip(&kinematics.paths.arms[*arms..]) {
+            bias[dof as usize] += arm * force;
+        }
+    }
+}
+
     let apart = sub(to, from);
     let distance = norm(apart);
     let short = distance.lt(R::of(SMALLEST));

@@ -8,6 +8,7 @@ use crate::dynamics::fluid::Fluid;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
 use crate::dynamics::kinematics::Kinematics;
+use crate::dynamics::path_lengths::add_path_bias;
 use crate::math::spatial::*;
 
 /// Smooth dynamics at one configuration: mass matrix, bias force and acceleration without constraints.
@@ -103,6 +104,7 @@ impl<R: Real> Smooth<R> {
                     sub(self.newton_euler.force[compensated.link], spatial(cross(arm, force), force));
             }
             project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
+            add_path_bias(compiled, kinematics, &self.newton_euler, &mut self.bias);
             let forces = tau.iter().zip(applied).zip(&self.bias);
             let damping = compiled.params.dofs();
             for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(damping).zip(v) {

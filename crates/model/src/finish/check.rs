@@ -332,6 +332,10 @@ fn tendons(model: &Description) -> Checked {
         at.finite("spring_length", &tendon.spring_length)?;
         at.size("damping", &[tendon.damping], "")?;
         at.size("armature", &[tendon.armature], "")?;
+        if tendon.armature > 0.0 && tendon.path.iter().any(|element| matches!(element, PathElement::Wrap { .. })) {
+            let what = format!("armature is {}, and its path wraps around a geom", tendon.armature);
+            return at.fail(what, "leave out the geom, or give the armature to joints");
+        }
         at.size("frictionloss", &[tendon.frictionloss], "")?;
         at.softness(&tendon.limit_softness)?;
         at.softness(&tendon.friction_softness)?;

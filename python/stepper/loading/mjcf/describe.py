@@ -245,7 +245,7 @@ def _tendon(source: Source, i: int) -> Description:
         "stiffness": 0.0 if source.off("spring") else float(m.tendon_stiffness[i]),
         "spring_length": m.tendon_lengthspring[i].tolist(),
         "damping": 0.0 if source.off("damper") else float(m.tendon_damping[i]),
-        "armature": float(m.tendon_armature[i]) if fixed else 0.0,
+        "armature": float(m.tendon_armature[i]),
         "frictionloss": 0.0 if source.off("frictionloss") else float(m.tendon_frictionloss[i]),
         **tendon_softness(source, i),
     }

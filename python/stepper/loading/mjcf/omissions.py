@@ -169,7 +169,6 @@ def _tendons(source: Source) -> None:
         properties = {
             "stiffness that grows with deflection": bool(np.any(m.tendon_stiffnesspoly[i])) and not source.off("spring"),
             "damping that grows with speed": bool(np.any(m.tendon_dampingpoly[i])) and not source.off("damper"),
-            "armature": bool(m.tendon_armature[i]) and not fixed,
             "yield": bool(m.tendon_springyield[i]) and bool(m.tendon_stiffness[i]) and not source.off("spring"),
             "actuatorfrcrange": bool(m.tendon_actfrclimited[i]),
         }

@@ -101,7 +101,11 @@ impl<R: Real> RowBuilder<R> {
             self.column[d] = if shared { zero() } else { j };
             self.scales[d] = [scale; 3];
         }
-        let kappa = sub(acceleration(input, frames[0], points[0]), acceleration(input, frames[1], points[1]));
+        let [[_, first], [_, second]] = [
+            input.motion.of_point(compiled, kinematics, frames[0], points[0]),
+            input.motion.of_point(compiled, kinematics, frames[1], points[1]),
+        ];
+        let kappa = sub(first, second);
         let bodies = compiled.mobility(frames[0]) + compiled.mobility(frames[1]);
         EqualityJacobian { error: sub(points[0], points[1]), kappa, size, bodies }
     }
@@ -500,21 +504,6 @@ pub(crate) fn spring_law<R: Real>(input: &RowInput<'_, R>, spring: &Spring<R::Sc
 #[inline(always)]
 pub(crate) fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: usize) -> bool {
     compiled.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1
-}
-
-/// Acceleration of the point `p` of a frame if no joint accelerates, world axes, m/s^2; zero for the world and for mocap bodies.
-#[inline(always)]
-fn acceleration<R: Real>(input: &RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
-    let RowInput { compiled, kinematics, .. } = *input;
-    if frame == 0 || frame > compiled.links.len() {
-        return zero();
-    }
-    let l = frame - 1;
-    let (velocity, change) = (&input.motion.velocity[l], &input.motion.acceleration[l]);
-    let arm = sub(p, kinematics.origin[compiled.links[l].tree]);
-    // The recursion represents gravity as an upward acceleration of the world. Adding gravity removes it.
-    let change = spatial(angular(change), add(linear(change), compiled.params.gravity()));
-    add(velocity_at(&change, arm), cross(angular(velocity), velocity_at(velocity, arm)))
 }
 
 /// Angular acceleration of a frame if no joint accelerates, world axes, rad/s^2.

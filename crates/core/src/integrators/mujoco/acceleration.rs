@@ -17,6 +17,7 @@ use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::free_motion::FreeMotion;
 use crate::integrators::evaluate::recomputed::Recomputed;
 use crate::integrators::mujoco::discrete::assemble_effective_mass;
+use crate::integrators::mujoco::implicit::add_along_tendons;
 use crate::integrators::mujoco::workspace::StageState;
 use crate::integrators::step_input::StepInput;
 use crate::options::Integrator;
@@ -85,7 +86,11 @@ impl<R: Real> Acceleration<'_, R> {
         let (compiled, discrete) = (input.compiled, input.options.integrator == Integrator::Discrete);
         if discrete || recomputed == Recomputed::Configuration {
             let explicit = Implicit::<R>::none().weights;
-            span!(probe, MassMatrix, || self.free.smooth.assemble_mass(compiled, &self.evaluation.kinematics, explicit));
+            span!(probe, MassMatrix, || {
+                let (smooth, kinematics) = (&mut self.free.smooth, &self.evaluation.kinematics);
+                smooth.assemble_mass(compiled, kinematics, explicit);
+                add_along_tendons(compiled, &kinematics.paths, R::one(), |spring| spring.inertia, &mut smooth.mass.entries);
+            });
         }
         span!(probe, Actuate, || self.compute_forces(input, stage));
         let Self { evaluation: Evaluation { kinematics, .. }, free, problem, effective, .. } = self;

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::forces::ForceState;
-use crate::compile::{CompiledTendon, LaneModel, PathLengths};
+use crate::compile::{CompiledTendon, LaneModel, PathLengths, Spring};
 use crate::constraints::ConstraintProblem;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::{Kinematics, advance};
@@ -59,7 +59,7 @@ pub(super) fn integrate_velocity<R: Real>(
         let at = ForceState::state([&state.q, v, &state.act], h, &inputs.ctrl, &inputs.actuator_dynamics);
         set_added_inertia_by_damping(compiled, &at, h, actuator_forces);
         smooth.add_implicit_terms(compiled, kinematics, [&actuator_forces.added_inertia, &actuator_forces.arms], v, h);
-        kernel!(R, || add_tendon_damping(compiled, &kinematics.paths, h, &mut smooth.mass.entries));
+        add_along_tendons(compiled, &kinematics.paths, h, |spring| spring.damping, &mut smooth.mass.entries);
     }
     if let Some(matrix) = unsymmetric {
         matrix.solve(compiled, kinematics, &smooth.mass.entries, v, h, work);
@@ -97,28 +97,40 @@ pub(super) fn integrate_velocity<R: Real>(
     advance(v, work, h, v_next);
 }
 
-/// Adds h times the damping of tendons to the mass matrix. Pairs of dofs without an entry in the matrix are left out.
-#[inline(always)]
-fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, paths: &PathLengths<R>, h: R, entries: &mut [R]) {
+/// Adds `factor` w J^T J of every tendon with a spring to the entries of the mass matrix, with the moment arms J and w = `weight`(spring).
+/// Pairs of dofs without an entry in the matrix are left out, as in MuJoCo: those on different branches.
+pub(super) fn add_along_tendons<R: Real>(
+    compiled: &LaneModel<R>,
+    paths: &PathLengths<R>,
+    factor: R,
+    weight: impl Fn(&Spring<R::Scalar>) -> R::Scalar,
+    entries: &mut [R],
+) {
     for tendon in &compiled.tendons {
         let CompiledTendon { length, spring: Some((spring, _)), .. } = tendon else { continue };
-        let damping = h * R::splat(spring.damping);
-        length.for_each_arm(
-            paths,
-            #[inline(always)]
-            |dof, arm| {
-                let (row, chain) = (&compiled.dofs[dof], compiled.chain_of(dof));
-                length.for_each_arm(
-                    paths,
-                    #[inline(always)]
-                    |other, other_arm| {
-                        if let Some(k) = chain.iter().position(|&above| above as usize == other) {
-                            entries[row.chain + k] += damping * arm * other_arm;
-                        }
-                    },
-                );
-            },
-        );
+        let weight = weight(spring);
+        if weight <= R::Scalar::default() {
+            continue;
+        }
+        kernel!(R, || {
+            let weight = factor * R::splat(weight);
+            length.for_each_arm(
+                paths,
+                #[inline(always)]
+                |dof, arm| {
+                    let (row, chain) = (&compiled.dofs[dof], compiled.chain_of(dof));
+                    length.for_each_arm(
+                        paths,
+                        #[inline(always)]
+                        |other, other_arm| {
+                            if let Some(k) = chain.iter().position(|&above| above as usize == other) {
+                                entries[row.chain + k] += weight * arm * other_arm;
+                            }
+                        },
+                    );
+                },
+            );
+        });
     }
 }
 

@@ -472,6 +472,40 @@ def test_a_column_is_flagged_in_the_environment_that_is_at_the_kink(*, model, op
     assert not lin.near_kink[1]
 
 
+# A string of 2 m over a cylinder of radius 0.1 m in its middle touches it if the end is below this height above the cylinder's axis, m.
+TANGENT = 2 * np.tan(np.arcsin(0.1))
+ABSENT = 'contype="0" conaffinity="0"'
+STRING = scene(
+    f'<site name="a" pos="-1 0 0"/><geom name="drum" type="cylinder" size=".1 .2" euler="90 0 0" {ABSENT}/>'
+    f'<body pos="1 0 0"><joint name="x" type="slide" axis="0 0 1"/><geom size=".05" mass="1" {ABSENT}/><site name="b"/></body>',
+    more='<tendon><spatial name="t" stiffness="1" springlength="1"><site site="a"/><geom geom="drum"/><site site="b"/></spatial></tendon>'
+    + MOTOR,
+)
+CUP = scene(
+    '<body name="cup"><joint name="x" type="slide" axis="0 0 1"/><geom type="box" size=".1 .1 .1" mass="1" gap=".01"/></body>',
+    floor='friction="0 0 0"', more='<actuator><adhesion body="cup" gain="20" ctrlrange="0 1"/></actuator>',
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("arguments", [{}, {"centered": False}, {"method": "implicit"}], ids=str)
+@pytest.mark.parametrize("contact", ["hard", "mujoco"])
+@pytest.mark.parametrize("kink", [Kink.WRAP, Kink.ADHESION])
+def test_a_switch_of_a_tendon_or_of_suction_is_a_kink(kink, contact, arguments):
+    """The end of a string and a cup, 3e-7 m from where the string touches a drum and suction begins, and far away.
+
+    Differences move them by 1e-6 m. Suction begins at the gap of the cup, with hard contact 1e-5 m above it.
+    """
+    reach = 1e-5 if contact == "hard" else 0.0
+    model, edge = (STRING, TANGENT) if kink == Kink.WRAP else (CUP, 0.11 + reach)
+    for side in (3e-7, -3e-7):
+        sim = stepper.Stepper(model, 2, options=Options(integrator="euler", contact=contact))
+        sim.set_state([[edge + side], [edge + 0.1]])
+        lin = sim.linearize(ctrl=[1.0], **arguments)
+        np.testing.assert_array_equal(lin.kinks["qpos"][:, 0] & int(kink) != 0, [True, False], err_msg=str(side))
+        assert lin.kink_distance[0] <= 1.0 < lin.kink_distance[1]
+        assert not lin.near_kink[1]
+
+
 def test_a_control_at_its_bound_is_perturbed_inwards():
     model = scene(
         '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>',

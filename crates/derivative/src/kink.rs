@@ -17,3 +17,7 @@ pub const SATURATION: u32 = 32;
 pub const SLOPE: u32 = 64;
 /// Flag: a step was not solved, not finite, or too long for the motion of the bodies, so that the derivative is unreliable.
 pub const UNSOLVED: u32 = 128;
+/// Flag: a tendon touches a geom in its path at only one of the two compared states (nominal, displaced).
+pub const WRAP: u32 = 512;
+/// Flag: adhesion pulls different numbers of contacts at the two compared states (nominal, displaced).
+pub const ADHESION: u32 = 1024;

@@ -1,9 +1,10 @@
 //! Search for kinks of a step: compares the active sets of an environment and its perturbed copies.
 //!
 //! A step with contact is differentiable if all copies have the same active set. The active set lists contacts that push, stick and slip,
-//! joints at their limits or held by dry friction, and saturated actuators. If two copies have different active sets, a kink is between
-//! them. Switch values give the distance to the kink to first order, as a multiple of the perturbation. A switch value is a quantity that
-//! is zero at a kink, such as a normal force, the margin to slipping, or a gap.
+//! joints at their limits or held by dry friction, and saturated actuators. It also lists geoms that tendons touch, and contacts that
+//! adhesion pulls. If two copies have different active sets, a kink is between them. Switch values give the distance to the kink to first
+//! order, as a multiple of the perturbation. A switch value is a quantity that is zero at a kink, such as a normal force, the margin to
+//! slipping, or a gap.
 
 use std::cmp::Ordering;
 
@@ -14,7 +15,7 @@ use crate::kink::*;
 use crate::rows::check_length;
 
 /// Flags of kinks for which [`ActiveSet`] lists the active constraints, in the order of these lists.
-const LISTED: [u32; 6] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION];
+const LISTED: [u32; 8] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION, WRAP, ADHESION];
 
 /// Ratio of a contact's normal force to the largest normal force in the environment, above which the contact counts as pushing.
 const PUSHES: f64 = 1e-9;
@@ -74,8 +75,8 @@ pub struct Kinks {
 #[derive(Clone, Debug, Default)]
 struct ActiveSet {
     /// Numbers that identify the active constraints, one list for each flag in [`LISTED`]. They are indices of geoms, of pushing contacts,
-    /// of ends of joint ranges, of degrees of freedom, and of actuators.
-    lists: [Vec<usize>; 6],
+    /// of ends of joint ranges, of degrees of freedom, and of actuators. The last two lists are those of [`Simulation::switches`].
+    lists: [Vec<usize>; 8],
     /// Switch values of each contact that pushes: normal force, margin to slipping, and gap. A NaN gives no distance to a kink.
     contacts: Vec<[f64; 3]>,
     /// Switch values of joint limits and of dry friction: distances from the limits, m or rad, and joint velocities, m/s or rad/s. A NaN
@@ -159,7 +160,10 @@ fn read_active_set(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, o
     out.unsolved = status.intersects(harmful) || (loose && status.intersects(Status::NOT_CONVERGED));
     read_contacts(sim, copies, env, hard, out);
     read_joints(sim, copies, env, hard, out);
-    let [.., saturated] = &mut out.lists;
+    let [.., saturated, wraps, adhesion] = &mut out.lists;
+    for (list, switches) in [wraps, adhesion].into_iter().zip(sim.switches(env)) {
+        list.extend(switches.into_iter().map(|switch| switch as usize));
+    }
     saturated.extend(sim.actuator_saturation(env).iter().enumerate().filter(|(_, n)| **n > 0).map(|(i, _)| i));
 }
 
@@ -184,7 +188,7 @@ fn read_contacts(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, har
 }
 
 fn read_joints(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, hard: bool, out: &mut ActiveSet) {
-    let ActiveSet { lists: [_, _, gaps, limits, rubbing, _], joints: numbers, .. } = out;
+    let ActiveSet { lists: [_, _, gaps, limits, rubbing, ..], joints: numbers, .. } = out;
     let joints = copies.limited.len();
     if joints > 0 {
         let (q, ranges) = (sim.qpos(env), row_of(copies.ranges, env, 2 * joints));

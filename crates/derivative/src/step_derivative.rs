@@ -37,6 +37,8 @@ pub(crate) struct StepDerivative<R: Real> {
     response: HardResponse<R>,
     /// Whether contact is hard. With MuJoCo's contact law the solver itself computes the response.
     is_hard: bool,
+    /// Numbers that change where tendons and adhesion have kinks ([`GroupStep::switches`]), at the undisplaced state.
+    switches: [Vec<R>; 2],
     /// Changes of the state after the step that are caused by the first and by the second displacement of a coordinate.
     changes: [Vec<R>; 2],
 }
@@ -48,6 +50,7 @@ impl<R: Real> StepDerivative<R> {
         Self {
             response: HardResponse::new(step.settings()),
             is_hard: step.settings().contact == ContactLaw::Hard,
+            switches: step.switches().map(<[R]>::to_vec),
             changes: [2 * nv + na; 2].map(|n| vec![R::zero(); n]),
         }
     }
@@ -73,6 +76,7 @@ impl<R: Real> StepDerivative<R> {
                     step.displace(part, i, offset);
                     sound = self.evaluate(step, recomputed, sound, &mut |near| rows[near.lane].note(near, c));
                     step.change(&mut self.changes[point]);
+                    self.note_switches(step, rows, c);
                 }
                 self.write_slopes(step, &offsets[..query.points], rows, (c, columns.len()));
             }
@@ -112,6 +116,9 @@ impl<R: Real> StepDerivative<R> {
         let sound = if self.is_hard { self.response.prepare(step, solved) } else { solved };
         let sound = self.evaluate(step, Recomputed::Configuration, sound, &mut |_| {});
         step.change(&mut self.changes[0]);
+        for (nominal, switches) in self.switches.iter_mut().zip(step.switches()) {
+            nominal.copy_from_slice(switches);
+        }
         let [_, v, _] = step.outcome();
         kernel!(R, || {
             let (mut apart, mut speed) = (R::zero(), R::one());
@@ -123,6 +130,18 @@ impl<R: Real> StepDerivative<R> {
             }
             sound & apart.le(speed * R::of(FAITHFUL)).bits()
         })
+    }
+
+    /// Flags column `c` where a tendon touches another geom, or adhesion pulls another number of contacts, than at the undisplaced state.
+    fn note_switches(&self, step: &GroupStep<R>, rows: &mut [MutexGuard<'_, DerivativeRows<'_>>], c: usize) {
+        for ((nominal, switches), flag) in self.switches.iter().zip(step.switches()).zip([WRAP, ADHESION]) {
+            for (nominal, switch) in nominal.iter().zip(switches) {
+                for (_, rows) in rows.iter_mut().enumerate().filter(|(l, _)| nominal.lane(*l) != switch.lane(*l)) {
+                    rows.causes[c] |= flag;
+                    rows.distance[0] = rows.distance[0].min(1.0);
+                }
+            }
+        }
     }
 
     /// Evaluates the step at the displaced state in the lanes `lanes` (bits).

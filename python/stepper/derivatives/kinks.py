@@ -1,8 +1,9 @@
 """Kinks, which are states where a step is not differentiable, found by comparing perturbed copies with the nominal environment.
 
 There are two tests. `Stepper._find_kinks` compares the active constraints: contacts that push, stick or slip, joints at their limits,
-joints held by dry friction, saturated actuators. The second test compares the slopes on the two sides of the nominal value. Without a kink
-they differ by curvature only. docs/how-to/derivatives.md explains what each test proves.
+joints held by dry friction, saturated actuators. It also compares the geoms that tendons touch, and the contacts that adhesion pulls. The
+second test compares the slopes on the two sides of the nominal value. Without a kink they differ by curvature only.
+docs/how-to/derivatives.md explains what each test proves.
 """
 
 from __future__ import annotations
@@ -68,6 +69,10 @@ class Kink(IntFlag):
     """A step was not solved, its result was not finite, or the time step was too long for the motion (see `Status`)."""
     UNDETERMINED = 256
     """The step has no derivative for fixed active constraints (those of the unperturbed step). The column of the matrix is 0."""
+    WRAP = 512
+    """A tendon touches a geom in its path in the perturbed copy or in the nominal environment, but not in both."""
+    ADHESION = 1024
+    """An adhesion actuator pulls other contacts in the perturbed copy than in the nominal environment."""
 
 
 @dataclass(frozen=True)

@@ -203,7 +203,7 @@ def settle(
     """
     left = whole["causes"] != 0
     if solved is not None:
-        sure = (solved["causes"] & np.uint32(Kink.SLOPE | Kink.UNSOLVED)) == 0
+        sure = (solved["causes"] & np.uint32(Kink.SLOPE | Kink.UNSOLVED | Kink.WRAP | Kink.ADHESION)) == 0
         chosen = left & sure & solved["implicit"][:, None]
         np.moveaxis(whole["slopes"], 2, 1)[chosen] = solved["slopes"][:, 0][chosen][:, None]
         left &= ~chosen

@@ -174,6 +174,8 @@ pub struct ActuatorForces<R: Real> {
     pub arms: Vec<R>,
     /// Lengths of all actuators on sites.
     pub(crate) lengths: Vec<R>,
+    /// Number of contacts that each actuator on contacts pulls.
+    pub(crate) pulled: Vec<R>,
     /// Force of each actuator with actuator dynamics, with the active bound that the step assumes.
     pub(super) bounded_forces: Vec<BoundedForce<R>>,
     /// Force of each actuator with actuator dynamics, with the active bound in the last trial.
@@ -207,11 +209,18 @@ impl<R: Real> ActuatorForces<R> {
             found_sum_saturated: never(compiled.actuator_force_ranges.len()),
             arms: zeros(compiled.variable_arms[0]),
             lengths: zeros(compiled.variable_arms[1]),
+            pulled: zeros(compiled.adhesive_actuators().count()),
             bounded_forces: vec![BoundedForce::default(); compiled.num_actuator_dynamics],
             trial_bounded_forces: vec![BoundedForce::default(); compiled.num_actuator_dynamics],
             active_bounds_unknown: true,
             losses: vec![zero(); if compiled.lossy { compiled.frictions.len() } else { 0 }],
         }
+    }
+
+    /// Moment arms of all actuators, and number of contacts that each actuator on contacts pulls, for `set_adhesive_arms`.
+    #[inline(always)]
+    pub(crate) fn adhesive_arms(&mut self) -> [&mut [R]; 2] {
+        [&mut self.arms, &mut self.pulled]
     }
 
     /// Resets the active bounds of servos. The next call of stage 1 then guesses them.

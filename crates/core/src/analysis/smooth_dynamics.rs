@@ -57,7 +57,7 @@ impl<R: Real> SmoothDynamics<R> {
         smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], applied);
         actuator_forces.transmit(compiled, (kinematics, q), (v, R::zero()));
         if let Some(contacts) = contacts {
-            set_adhesive_arms(compiled, kinematics, contacts, &mut actuator_forces.arms);
+            set_adhesive_arms(compiled, kinematics, contacts, actuator_forces.adhesive_arms());
         }
         actuate(compiled, &ForceState::state([q, v, act], h, &inputs.ctrl, &inputs.actuator_dynamics), None, actuator_forces);
         add_tendon_springs(compiled, &kinematics.paths, q, v, &mut actuator_forces.tau);

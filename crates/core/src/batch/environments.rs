@@ -12,7 +12,7 @@ use crate::batch::state::{ContactOfGeoms, Group, StoredContact};
 use crate::batch::worker::{LaneScalar, WorkerSpec};
 use crate::batch::worker_pool::WorkerPool;
 use crate::batch::worst_row::WorstRow;
-use crate::compile::CompiledModel;
+use crate::compile::{CompiledModel, obstacle_count};
 use crate::error::Error;
 use crate::model::Model;
 use crate::options::{ContactLaw, Integrator, StepSettings};
@@ -228,6 +228,14 @@ impl<S: LaneScalar> Batch<S> {
     pub(super) fn actuator_saturation(&self, env: usize) -> Vec<u32> {
         let (group, lane) = self.lane(env);
         (0..self.compiled.actuators.len()).map(|a| group.saturated.get(a * self.lanes + lane).copied().unwrap_or(0)).collect()
+    }
+
+    /// Obstacles that tendons touch in the last step, 1 or 0, and number of contacts that each actuator on contacts pulls.
+    pub(super) fn switches(&self, env: usize) -> [Vec<u32>; 2] {
+        let (group, lane) = self.lane(env);
+        let mut touches: Vec<u32> = group.switches.iter().skip(lane).step_by(self.lanes).copied().collect();
+        let pulled = touches.split_off(obstacle_count(&self.compiled.paths));
+        [touches, pulled]
     }
 
     /// Controls after the actuator pipelines, and parameters of the actuator dynamics. `None` if no actuator has an actuator model.

@@ -6,7 +6,7 @@ use stepper_real::{Real, Scalar};
 use crate::actuation;
 use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::separation_cache::SeparationCache;
-use crate::compile::ModelStructure;
+use crate::compile::{ModelStructure, obstacle_count};
 use crate::math::lane_arrays::{clear_column, lane_arrays};
 use crate::math::lanes::{DestinationLanes, MAX_LANES, columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::memory::Memory;
@@ -75,13 +75,17 @@ pub struct Group<S> {
     pub error: Vec<S>,
     /// Number of substeps of the last call, per lane; 0 without divided steps.
     pub substeps: Vec<S>,
+    /// Numbers that change where tendons and adhesion have kinks, in the last step, see
+    /// [`Simulation::switches`](crate::Simulation::switches). No step reads them, and they are not saved.
+    #[serde(skip)]
+    pub switches: Vec<u32>,
     /// Memory of the sensors: delays, noise and results of the last step.
     pub sensing: Memory<S>,
     /// Memory of the actuator pipelines: delay lines, lags and servo integrals.
     pub actuation: actuation::memory::Memory<S>,
 }
 
-// All arrays but those of the contacts, whose capacity may differ between groups.
+// All arrays but `switches` and those of the contacts, whose capacity may differ between groups.
 lane_arrays!(Group: q v act scalar_impulse impulse mocap contact_count time status saturated residual sweeps newton_steps worst depth
     overshoot equality_violation error substeps);
 
@@ -116,6 +120,7 @@ impl<S: Scalar> Group<S> {
             equality_violation: zeros(1),
             error: zeros(1),
             substeps: zeros(1),
+            switches: vec![0; lanes * (obstacle_count(&compiled.paths) + compiled.adhesive_actuators().count())],
             sensing: Memory::new(compiled, lanes, first),
             actuation: actuation::memory::Memory::default(),
         }

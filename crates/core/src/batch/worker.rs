@@ -365,6 +365,9 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 if !group.saturated.is_empty() {
                     count_saturated(compiled, s, &mut group.saturated);
                 }
+                for (number, out) in s.free_motion.switches().into_iter().flatten().zip(group.switches.chunks_exact_mut(R::LANES)) {
+                    out.iter_mut().enumerate().for_each(|(l, out)| *out = number.lane(l).to_f64() as u32);
+                }
                 residual = residual.max(record.residual);
                 (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
                 violation = violation.max(record.equality_violation);

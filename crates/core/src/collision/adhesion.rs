@@ -3,24 +3,28 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
-use crate::compile::{ADHESION_REACH, CompiledAdhesion, LaneModel, MomentKind, VariableMoment};
+use crate::compile::{ADHESION_REACH, CompiledAdhesion, LaneModel, VariableMoment};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Computes the moment arms of all actuators on contacts into their parts of `arms`, the list of all variable moment arms.
-pub(crate) fn set_adhesive_arms<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, contacts: &Contacts<R>, arms: &mut [R]) {
+/// Computes the moment arms of all actuators on contacts into their parts of `arms`, the list of all variable moment arms. Computes the
+/// number of contacts that each of these actuators pulls into `pulled`.
+pub(crate) fn set_adhesive_arms<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    contacts: &Contacts<R>,
+    [arms, pulled]: [&mut [R]; 2],
+) {
     let Some(adhesion) = &compiled.adhesion else { return };
     kernel!(R, || {
-        for moment in compiled.actuators.iter().filter_map(|actuator| actuator.variable_moment.as_ref()) {
-            if let MomentKind::Contacts { body, .. } = moment.kind {
-                set_arms(compiled, kinematics, (contacts, adhesion), body, moment, &mut arms[moment.arms..]);
-            }
+        for ((body, moment), pulled) in compiled.adhesive_actuators().zip(pulled) {
+            *pulled = set_arms(compiled, kinematics, (contacts, adhesion), body, moment, &mut arms[moment.arms..]);
         }
     })
 }
 
 /// Computes the moment arms of the actuator on the contacts of body `body` into `arms`: minus the mean of the normal rows of its contacts,
-/// as MuJoCo's `mjTRN_BODY`.
+/// as MuJoCo's `mjTRN_BODY`. Returns the number of these contacts.
 ///
 /// A contact counts within margin + gap. With hard contact, whose gaps close to zero up to rounding, it counts up to [`ADHESION_REACH`]
 /// beyond.
@@ -32,7 +36,7 @@ fn set_arms<R: Real>(
     body: usize,
     moment: &VariableMoment<R::Scalar>,
     arms: &mut [R],
-) {
+) -> R {
     let arms = &mut arms[..moment.dofs.len()];
     arms.fill(R::zero());
     let tolerance = if compiled.softness.is_some() { 0.0 } else { ADHESION_REACH };
@@ -63,4 +67,5 @@ fn set_arms<R: Real>(
     for arm in arms {
         *arm *= share;
     }
+    count
 }

@@ -8,7 +8,9 @@ use std::ops::Deref;
 
 use stepper_real::{Real, Scalar};
 
-use crate::compile::actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo};
+use crate::compile::actuators::{
+    CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo, MomentKind, VariableMoment,
+};
 use crate::compile::adhesion::CompiledAdhesion;
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 use crate::compile::equality::{CompiledTendon, EqualityBlock};
@@ -235,6 +237,12 @@ impl<S: Scalar> ModelStructure<S> {
             Some(pair) => Some(pair.geoms),
             None => self.dynamic_pairs.as_ref()?.geoms(index),
         }
+    }
+
+    /// Actuators that pull on the contacts of a body: index of the body, and moment.
+    pub(crate) fn adhesive_actuators(&self) -> impl Iterator<Item = (usize, &VariableMoment<S>)> {
+        let moments = self.actuators.iter().filter_map(|actuator| actuator.variable_moment.as_ref());
+        moments.filter_map(|moment| if let MomentKind::Contacts { body, .. } = moment.kind { Some((body, moment)) } else { None })
     }
 
     /// Whether any actuator force, or any sum of actuator forces on a degree of freedom, has bounds.

@@ -38,6 +38,7 @@ pub use lane_model::LaneModel;
 pub use mechanisms::MechanismPart;
 pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};
+pub(crate) use paths::obstacle_count;
 pub use paths::{CompiledObstacle, CompiledPath, CompiledSegment, PathLengths, PathTerm, Spot};
 pub use ray_surfaces::RaySurfaces;
 pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};

@@ -62,6 +62,8 @@ pub struct CompiledObstacle<S> {
     pub is_cylinder: bool,
     /// Site near which the tendon passes; `None` selects the shorter way.
     pub side: Option<PathPoint<S>>,
+    /// Index of the obstacle in [`PathLengths::touches`].
+    pub index: usize,
 }
 
 /// Lengths and moment arms of all paths at one configuration.
@@ -71,14 +73,22 @@ pub struct PathLengths<R> {
     pub lengths: Vec<R>,
     /// Moment arms of all paths, one path after the other: derivatives of the length with respect to the degrees of freedom, m or m/rad.
     pub arms: Vec<R>,
+    /// For each obstacle of all paths, 1 if the tendon touches it, otherwise 0.
+    pub touches: Vec<R>,
 }
 
 impl<R: Real> PathLengths<R> {
     /// Workspace for the paths of a compiled model.
     pub(crate) fn new<S>(paths: &[CompiledPath<S>]) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
         let arms = paths.iter().map(|path| path.dofs.len()).sum();
-        Self { lengths: vec![R::zero(); paths.len()], arms: vec![R::zero(); arms] }
+        Self { lengths: zeros(paths.len()), arms: zeros(arms), touches: zeros(obstacle_count(paths)) }
     }
+}
+
+/// Number of obstacles of all paths.
+pub(crate) fn obstacle_count<S>(paths: &[CompiledPath<S>]) -> usize {
+    paths.iter().flat_map(|path| &path.segments).filter(|segment| segment.obstacle.is_some()).count()
 }
 
 /// Length of a path as a term of a linear combination.
@@ -107,7 +117,7 @@ pub(super) fn path_of(model: &Model, t: usize) -> Option<usize> {
 
 /// Compiles the paths of all spatial tendons.
 pub(super) fn paths<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledPath<S>> {
-    let mut arms = 0;
+    let (mut arms, mut obstacles) = (0, 0..);
     let spatial = model.tendons.iter().filter(|tendon| !tendon.path.is_empty());
     spatial
         .map(|tendon| {
@@ -123,7 +133,7 @@ pub(super) fn paths<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledPa
             };
             let compiled = segments.iter().enumerate().map(|(i, segment)| {
                 let ends = segment.sites.map(|site| point(model, merged, site));
-                let obstacle = segment.wrap.and_then(|(geom, side)| obstacle(model, merged, geom, side));
+                let obstacle = segment.wrap.and_then(|(geom, side)| obstacle(model, merged, geom, side, &mut obstacles));
                 let at = |k: usize| frames[i].get(k).map_or_else(Vec::new, |&frame| moved_by(i, frame));
                 CompiledSegment { ends, obstacle, weight: S::from_f64(1.0 / segment.divisor), moved: [at(0), at(1), at(2)] }
             });
@@ -146,11 +156,18 @@ fn point<S: Scalar>(model: &Model, merged: &Merged, site: usize) -> PathPoint<S>
     PathPoint { frame: merged.frame[site.body], pos: scalars(pos.into()) }
 }
 
-fn obstacle<S: Scalar>(model: &Model, merged: &Merged, geom: usize, side: Option<usize>) -> Option<CompiledObstacle<S>> {
+fn obstacle<S: Scalar>(
+    model: &Model,
+    merged: &Merged,
+    geom: usize,
+    side: Option<usize>,
+    indices: &mut impl Iterator<Item = usize>,
+) -> Option<CompiledObstacle<S>> {
     let geom = &model.geoms[geom];
     let (radius, is_cylinder) = round(&geom.shape)?;
     let quat = merged.quat[geom.body];
     let pos = merged.pos[geom.body] + quat * vector(geom.pos);
     let place = Spot { frame: merged.frame[geom.body], pos: scalars(pos.into()), mat: matrix(&(quat * quaternion(geom.quat))) };
-    Some(CompiledObstacle { place, radius: S::from_f64(radius), is_cylinder, side: side.map(|site| point(model, merged, site)) })
+    let side = side.map(|site| point(model, merged, site));
+    Some(CompiledObstacle { place, radius: S::from_f64(radius), is_cylinder, side, index: indices.next()? })
 }

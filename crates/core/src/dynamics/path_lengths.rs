@@ -23,25 +23,27 @@ impl<R: Real> Kinematics<R> {
     pub(super) fn measure_paths(&mut self, compiled: &LaneModel<R>) {
         let mut paths = std::mem::take(&mut self.paths);
         for (path, length) in compiled.paths.iter().zip(&mut paths.lengths) {
-            *length = self.measure_path(compiled, path, &mut paths.arms);
+            *length = self.measure_path(compiled, path, &mut paths.arms, &mut paths.touches);
         }
         self.paths = paths;
     }
 
-    /// Computes the moment arms of one path into its part of `arms`, and returns its length.
+    /// Computes the moment arms of one path into its part of `arms`, and whether it touches its obstacles into its part of `touches`.
+    /// Returns its length.
     #[inline(always)]
-    fn measure_path(&self, compiled: &LaneModel<R>, path: &CompiledPath<R::Scalar>, arms: &mut [R]) -> R {
+    fn measure_path(&self, compiled: &LaneModel<R>, path: &CompiledPath<R::Scalar>, arms: &mut [R], touches: &mut [R]) -> R {
         arms[path.arms..path.arms + path.dofs.len()].fill(R::zero());
         let mut length = R::zero();
         for segment in &path.segments {
-            length += self.measure_segment(compiled, segment, arms);
+            length += self.measure_segment(compiled, segment, arms, touches);
         }
         length
     }
 
-    /// Adds the moment arms of one segment to `arms`, and returns its length, both times the segment's weight.
+    /// Adds the moment arms of one segment to `arms`, and returns its length, both times the segment's weight. Sets the entry of the
+    /// segment's obstacle in `touches`.
     #[inline(always)]
-    fn measure_segment(&self, compiled: &LaneModel<R>, segment: &CompiledSegment<R::Scalar>, arms: &mut [R]) -> R {
+    fn measure_segment(&self, compiled: &LaneModel<R>, segment: &CompiledSegment<R::Scalar>, arms: &mut [R], touches: &mut [R]) -> R {
         let weight = R::splat(segment.weight);
         let ends =
             [self.point(segment.ends[0].frame, splat(segment.ends[0].pos)), self.point(segment.ends[1].frame, splat(segment.ends[1].pos))];
@@ -52,6 +54,7 @@ impl<R: Real> Kinematics<R> {
             return weight * straight;
         };
         let (_, wrap) = self.wrap(obstacle, ends);
+        touches[obstacle.index] = R::select(wrap.touches, R::one(), R::zero());
         let (mut first, mut last, mut length) = (direct, direct, straight);
         if wrap.touches.any() {
             let ((before, to), (after, from)) = (direction([ends[0], wrap.points[0]]), direction([wrap.points[1], ends[1]]));
@@ -69,9 +72,6 @@ impl<R: Real> Kinematics<R> {
         weight * length
     }
 
-    /// Obstacle in the world frame, and the path of a string from `ends[0]` to `ends[1]` around it.
-    #[inline(always)]
-    fn wrap(&self, obstacle: &CompiledObstacle<R::Scalar>, ends: [V3<R>; 2]) -> (Obstacle<R>, Wrap<R>) {
     /// Second time derivative of the length of a straight segment if no joint accelerates, m/s^2.
     ///
     /// For the vector r between its ends, with the length L and the direction n, it is n . r'' + (r' . r' - (n . r')^2) / L.
@@ -87,6 +87,9 @@ impl<R: Real> Kinematics<R> {
         dot(direct, acceleration) + R::select(short, R::zero(), across / R::select(short, R::one(), length))
     }
 
+    /// Obstacle in the world frame, and the path of a string from `ends[0]` to `ends[1]` around it.
+    #[inline(always)]
+    fn wrap(&self, obstacle: &CompiledObstacle<R::Scalar>, ends: [V3<R>; 2]) -> (Obstacle<R>, Wrap<R>) {
         let shape = Obstacle {
             pos: self.point(obstacle.place.frame, splat(obstacle.place.pos)),
             mat: mat_mul(&self.mat[obstacle.place.frame], &splat(obstacle.place.mat)),
@@ -152,9 +155,6 @@ impl<R: Real> Kinematics<R> {
     }
 }
 
-/// Direction from the first point to the second, and their distance. Without a distance the direction is the x axis, as in MuJoCo.
-#[inline(always)]
-fn direction<R: Real>([from, to]: [V3<R>; 2]) -> (V3<R>, R) {
 /// Adds to `bias` the forces that accelerate the inertia of spatial tendons if no joint accelerates. They are J^T m L'', with the moment
 /// arms J and the inertia m. L'' is the second time derivative of the length at the velocity of `motion`.
 ///
@@ -181,6 +181,9 @@ pub(crate) fn add_path_bias<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinem
     }
 }
 
+/// Direction from the first point to the second, and their distance. Without a distance the direction is the x axis, as in MuJoCo.
+#[inline(always)]
+fn direction<R: Real>([from, to]: [V3<R>; 2]) -> (V3<R>, R) {
     let apart = sub(to, from);
     let distance = norm(apart);
     let short = distance.lt(R::of(SMALLEST));

@@ -173,6 +173,13 @@ impl<R: Real> GroupStep<R> {
         (self.functions().change)(self.nominal(), &self.compiled, &self.workspace, out);
     }
 
+    /// Numbers that change where tendons and adhesion have kinks, in the last evaluation. The first list has an entry for each geom in the
+    /// path of a tendon: 1 if the tendon touches it, otherwise 0. The second has the number of contacts that each actuator on the contacts
+    /// of a body pulls.
+    pub fn switches(&self) -> [&[R]; 2] {
+        self.workspace.free_motion.switches()
+    }
+
     /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits).
     ///
     /// With hard contact, only contacts and limits with an impulse in the solved step count, and the result is `lanes`. With MuJoCo's

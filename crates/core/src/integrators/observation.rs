@@ -56,7 +56,7 @@ pub(crate) fn read_actuator_forces<R: Real>(
     if compiled.variable_arms[1] > 0 {
         kinematics.update(compiled, &state.q);
         forces.transmit(compiled, (kinematics, &state.q), (&state.v, R::zero()));
-        set_adhesive_arms(compiled, kinematics, &state.contacts, &mut forces.arms);
+        set_adhesive_arms(compiled, kinematics, &state.contacts, forces.adhesive_arms());
     }
     let dynamics = &inputs.actuator_dynamics;
     let state = [&state.q[..], &state.v, &state.act];

@@ -138,7 +138,7 @@ fn an_environment_that_does_not_exist_is_named() {
     let model = ball(0.002);
     let mut sim = simulation(model.clone(), Options::default(), 3);
     let expected = "env is 3, must be below 3";
-    let reads: [fn(&Simulation); 15] = [
+    let reads: [fn(&Simulation); 16] = [
         |sim| drop(sim.qpos(3)),
         |sim| drop(sim.qvel(3)),
         |sim| _ = sim.time(3),
@@ -150,6 +150,7 @@ fn an_environment_that_does_not_exist_is_named() {
         |sim| _ = sim.substeps(3),
         |sim| drop(sim.sensor_faults(3)),
         |sim| drop(sim.actuator_saturation(3)),
+        |sim| drop(sim.switches(3)),
         |sim| _ = sim.certificate(3),
         |sim| _ = sim.worst_row(3),
         |sim| drop(sim.contacts(3)),

@@ -194,6 +194,18 @@ impl Simulation {
         with_batch!(&self.engine, batch => batch.actuator_saturation(env))
     }
 
+    /// Numbers that change where tendons and adhesion have kinks, in the last step. The first list has an entry for each geom in the path
+    /// of a tendon: 1 if the tendon touches it, otherwise 0. The second has the number of contacts that each actuator on the contacts of a
+    /// body pulls.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn switches(&self, env: usize) -> [Vec<u32>; 2] {
+        self.assert_env(env);
+        with_batch!(&self.engine, batch => batch.switches(env))
+    }
+
     /// Certificate of the last step: residual and number of solver iterations.
     ///
     /// # Panics

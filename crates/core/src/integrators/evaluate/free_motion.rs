@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::actuation::forces::{ActuatorForces, Implicit};
 use crate::collision::adhesion::set_adhesive_arms;
-use crate::compile::LaneModel;
+use crate::compile::{LaneModel, obstacle_count};
 use crate::dynamics::kinematics::{Kinematics, advance, select_into};
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::mechanism_motion::{Jump, MechanismMotion};
@@ -21,6 +21,8 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) smooth: Smooth<R>,
     /// Forces of actuators and joint springs.
     pub(crate) actuator_forces: ActuatorForces<R>,
+    /// For each obstacle in the paths of tendons, 1 if the tendon touches it at the evaluation point, otherwise 0.
+    pub(crate) touches: Vec<R>,
     /// Generalized forces that the user applied, nv. With MuJoCo's contact law they include those of tendon springs and dampers.
     pub(crate) applied: Vec<R>,
     /// Velocity after the step without constraints, nv.
@@ -110,6 +112,7 @@ impl<R: Real> FreeMotion<R> {
         Self {
             smooth: Smooth::new(compiled),
             actuator_forces: ActuatorForces::new(compiled),
+            touches: vec![R::zero(); obstacle_count(&compiled.paths)],
             applied: v(),
             v: v(),
             v_expected: v(),
@@ -125,6 +128,12 @@ impl<R: Real> FreeMotion<R> {
         let Self { applied, v, v_expected, constraint_impulse, scratch, .. } = self;
         [applied, v, v_expected, constraint_impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
         scratch.poison();
+    }
+
+    /// Numbers that change where tendons and adhesion have kinks: obstacles that tendons touch, and numbers of contacts that actuators
+    /// pull.
+    pub(crate) fn switches(&self) -> [&[R]; 2] {
+        [&self.touches, &self.actuator_forces.pulled]
     }
 
     /// Lanes in which the motion of any mechanism is too fast for the time step.
@@ -192,13 +201,15 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);
 }
 
-/// Computes moment arms and lengths of actuators at the evaluation points. `pulls` is whether actuators on contacts pull.
+/// Computes moment arms and lengths of actuators at the evaluation points, and notes the obstacles that tendons touch. `pulls` is whether
+/// actuators on contacts pull.
 #[inline(always)]
 pub(crate) fn transmit<R: Real>(input: StepInput<'_, R>, evaluation: &Evaluation<R>, free: &mut FreeMotion<R>, pulls: bool) {
     let Evaluation { scheme, kinematics, q, contacts, .. } = evaluation;
+    free.touches.copy_from_slice(&kinematics.paths.touches);
     free.actuator_forces.transmit(input.compiled, (kinematics, q), (&input.state.v, scheme.time_ahead));
     if pulls {
-        set_adhesive_arms(input.compiled, kinematics, contacts, &mut free.actuator_forces.arms);
+        set_adhesive_arms(input.compiled, kinematics, contacts, free.actuator_forces.adhesive_arms());
     }
 }
 

@@ -118,9 +118,10 @@ impl<R: Real> Acceleration<'_, R> {
     fn compute_forces(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, options, inputs, .. } = input;
         let (free, Evaluation { kinematics, contacts, .. }) = (&mut *self.free, &*self.evaluation);
+        free.touches.copy_from_slice(&kinematics.paths.touches);
         free.actuator_forces.reset_active_bounds();
         free.actuator_forces.transmit(compiled, (kinematics, &stage.q), (&stage.v, R::zero()));
-        set_adhesive_arms(compiled, kinematics, contacts, &mut free.actuator_forces.arms);
+        set_adhesive_arms(compiled, kinematics, contacts, free.actuator_forces.adhesive_arms());
         actuate(compiled, &stage.forces(inputs, R::of(options.timestep)), None, &mut free.actuator_forces);
         if compiled.lossy {
             free.actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, None);

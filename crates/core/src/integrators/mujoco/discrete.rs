@@ -105,7 +105,7 @@ pub(super) fn integrate_velocity<R: Real>(
                     }
                     work[single.dof + i] = sum;
                 }
-                solve_alone(compiled, [&effective.mass, &system.mass], mat, &state.v, h, single.dof, work);
+                solve_alone(compiled, (kinematics, mat), [&effective.mass, &system.mass], &state.v, h, single.dof, work);
                 for d in dofs {
                     system.acceleration[d] = R::select(touched, system.acceleration[d], work[d]);
                 }

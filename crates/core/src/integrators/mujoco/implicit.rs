@@ -71,7 +71,7 @@ pub(super) fn integrate_velocity<R: Real>(
             alone.copy_from_slice(work);
             for single in compiled.single_bodies.iter().filter(|single| single.kind == JointKind::Free) {
                 let mat = &kinematics.mat[single.link + 1];
-                solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, single.dof, alone);
+                solve_alone(compiled, (kinematics, mat), [&system.mass, &smooth.mass.entries], v, h, single.dof, alone);
             }
             for dof in compiled.dofs.iter().filter(|dof| dof.is_simple) {
                 let others = dof.chain + 1..dof.chain + dof.depth;
@@ -140,7 +140,15 @@ pub(super) fn add_along_tendons<R: Real>(
 /// entries of M, then the entries of M + h D. `x` is the right side at degrees of freedom `first` to `first` + 5, and receives the
 /// solution.
 #[inline(always)]
-pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
+pub(super) fn solve_alone<R: Real>(
+    compiled: &LaneModel<R>,
+    (kinematics, mat): (&Kinematics<R>, &M3<R>),
+    entries: [&[R]; 2],
+    v: &[R],
+    h: R,
+    first: usize,
+    x: &mut [R],
+) {
     let mut a = [[R::zero(); 6]; 6];
     let mut m = [[R::zero(); 6]; 6];
     for i in 0..6 {
@@ -152,6 +160,25 @@ pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], 
             a[j][i] = a[i][j];
         }
         m[i][i] -= compiled.params.dof(first + i).armature;
+    }
+    // The inertia of tendons is no part of the body.
+    for tendon in &compiled.tendons {
+        let CompiledTendon { length, spring: Some((spring, _)), .. } = tendon else { continue };
+        let mut arms = [R::zero(); 6];
+        length.for_each_arm(
+            &kinematics.paths,
+            #[inline(always)]
+            |dof, arm| {
+                if let Some(own) = dof.checked_sub(first).and_then(|i| arms.get_mut(i)) {
+                    *own += arm;
+                }
+            },
+        );
+        for i in 0..6 {
+            for j in 0..6 {
+                m[i][j] -= R::splat(spring.inertia) * arms[i] * arms[j];
+            }
+        }
     }
     let omega = [v[first + 3], v[first + 4], v[first + 5]];
     let world = rotate(mat, omega);

@@ -1,12 +1,13 @@
 """Engines against measurements of real motions (`make reality`). The tables are those of docs/benchmarks/reality.md."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from stepper.shared.files import write_csv
 
-from reality import cube, report
-from reality.engines import engines
+from reality import cube, engines, pendulum, report
 
 
 def main() -> None:
@@ -14,20 +15,37 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m reality", description=__doc__)
     parser.add_argument("--data", type=Path, help="folder with the data sets, a subfolder each")
     parser.add_argument("--engine", nargs="+", default=[], metavar="NAME", help="engines with one of these texts in their name [all]")
+    parser.add_argument("--set", nargs="+", default=[], choices=report.SETS, help="data sets [all]")
     parser.add_argument("--out", type=Path, default=Path("out/reality"), help="folder of the results, a file per engine [out/reality]")
-    parser.add_argument("--update-docs", action="store_true", help="write the results in --out to docs/benchmarks/reality.csv and .png")
+    parser.add_argument(
+        "--update-docs", action="store_true", help="write the results in --out to docs/benchmarks/reality*.csv and reality.png"
+    )
     given = parser.parse_args()
     if given.update_docs:
         report.update_docs(given.out)
         return
     if given.data is None:
         parser.error("no data: give the folder that has cube_toss/cube_toss.npz with --data (make reality DATA=FOLDER)")
-    chosen = [e for e in engines() if not given.engine or any(text in e.name for text in given.engine)]
+    runs: list[tuple[str, Any, Callable[[Any], list[Any]]]] = [
+        ("cube_toss", engines.engines, lambda engine: both(engine)),
+        ("multiarm_pendulum", lambda: pendulum.ENGINES, lambda engine: list(pendulum.measured(engine, given.data))),
+    ]
+
+    def both(engine: Any) -> list[Any]:
+        return [row for fit in (False, True) for row in cube.measured(engine, given.data, nuisances=fit)]
+
+    chosen = [
+        (name, engine, measured)
+        for name, made, measured in runs
+        if not given.set or name in given.set
+        for engine in made()
+        if not given.engine or any(text in engine.name for text in given.engine)
+    ]
     if not chosen:
-        parser.error(f"no engine matches {given.engine}: give parts of " + ", ".join(e.name for e in engines()))
-    for engine in chosen:
-        rows = [row for nuisances in (False, True) for row in cube.measured(engine, given.data, nuisances=nuisances)]
-        print(write_csv(given.out / f"cube_toss {engine.name}.csv", [rows[0], *(row.values() for row in rows)]), flush=True)
+        parser.error(f"no engine matches {given.engine}: give parts of names in the tables of docs/benchmarks/reality.md")
+    for name, engine, measured in chosen:
+        rows = measured(engine)
+        print(write_csv(given.out / f"{name} {engine.name}.csv", [rows[0], *(row.values() for row in rows)]), flush=True)
 
 
 if __name__ == "__main__":

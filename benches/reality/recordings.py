@@ -77,14 +77,14 @@ def cube_tosses(folder: Path, gravity: float = G) -> list[Toss]:
         FileNotFoundError: The folder lacks the data set.
         ValueError: The archive is damaged.
     """
-    arrays = _arrays(folder, "cube_toss")
+    arrays = data_set(folder, "cube_toss")
     start, pose, velocity = arrays["start"], arrays["pose"].astype(float), arrays["vel"].astype(float)
     return [_cut(pose[a:b], velocity[a:b], gravity) for a, b in itertools.pairwise(start)]
 
 
 def free_fall(folder: Path, which: NDArray[np.int64]) -> float:
     """Median acceleration of the flights before the first contact, m/s^2, downward, with the nominal sample period."""
-    arrays = _arrays(folder, "cube_toss")
+    arrays = data_set(folder, "cube_toss")
     found = []
     for k in which:
         pose = arrays["pose"][arrays["start"][k] : arrays["start"][k + 1]].astype(float)
@@ -94,7 +94,7 @@ def free_fall(folder: Path, which: NDArray[np.int64]) -> float:
     return float(np.median(found))
 
 
-def _arrays(folder: Path, name: str) -> dict[str, Any]:
+def data_set(folder: Path, name: str) -> dict[str, Any]:
     """Arrays of the archive NAME/NAME.npz of a data folder."""
     path = existing(folder / name / f"{name}.npz", f"{name} data")
     return dict(read_arrays(path, "data set"))

@@ -1,4 +1,4 @@
-"""Results of `python -m reality`: one file, docs/benchmarks/reality.csv, and the picture of docs/benchmarks/reality.md."""
+"""Results of `python -m reality`: a file per data set in docs/benchmarks, and the picture of docs/benchmarks/reality.md."""
 
 import csv
 from collections.abc import Sequence
@@ -14,26 +14,35 @@ BENCHMARKS = Path(__file__).parents[2] / "docs/benchmarks"
 Row = dict[str, str]
 
 
-def read_rows(folder: Path) -> list[Row]:
-    """Rows of all result files in a folder."""
+SETS = {"cube_toss": "reality.csv", "multiarm_pendulum": "reality_pendulum.csv"}
+"""File of docs/benchmarks with the results of each data set."""
+
+
+def read_rows(folder: Path, data_set: str) -> list[Row]:
+    """Rows of all result files of a data set in a folder."""
     rows = []
-    for path in sorted(folder.glob("cube_toss *.csv")):
+    for path in sorted(folder.glob(f"{data_set} *.csv")):
         with path.open(encoding="utf-8") as stream:
             rows += list(csv.DictReader(stream))
     return rows
 
 
 def update_docs(folder: Path) -> None:
-    """Write the results of a folder to docs/benchmarks/reality.csv, and draw docs/benchmarks/reality.png.
+    """Write the results of a folder to docs/benchmarks/reality*.csv, and draw docs/benchmarks/reality.png.
+
+    Data sets without results keep their files.
 
     Raises:
         ValueError: The folder has no results.
     """
-    if not (rows := read_rows(folder)):
+    results = {name: rows for name in SETS if (rows := read_rows(folder, name))}
+    if not results:
         raise ValueError(f"{folder} has no results: run `python -m reality` without --update-docs first")
-    rounded = [{name: _shortened(value) for name, value in row.items()} for row in rows]
-    write_csv(BENCHMARKS / "reality.csv", [rounded[0], *(row.values() for row in rounded)])
-    _draw(rows, BENCHMARKS / "reality.png")
+    for name, rows in results.items():
+        rounded = [{column: _shortened(value) for column, value in row.items()} for row in rows]
+        write_csv(BENCHMARKS / SETS[name], [rounded[0], *(row.values() for row in rounded)])
+    if "cube_toss" in results:
+        _draw(results["cube_toss"], BENCHMARKS / "reality.png")
 
 
 def _shortened(text: str) -> str:

@@ -56,6 +56,7 @@ def figures() -> dict[str, str]:
     found["readme.table"] = readme_table(found)
     found["reality.cube"] = cube_table(read_csv("reality.csv"))
     found["reality.parameters"] = parameter_table(read_csv("reality.csv"))
+    found["reality.pendulum"] = pendulum_table(read_csv("reality_pendulum.csv"))
     found["readme.cube"] = readme_cube(read_csv("reality.csv"))
     return found
 
@@ -174,6 +175,19 @@ def parameter_table(rows: list[dict[str, str]]) -> str:
     lines = ["| nuisances | engine | parameters |", "|---|---|---|"]
     for nuisances in ("none", "fitted"):
         lines += [f"| {nuisances} | {engine} | {own[0]['parameters']} |" for engine, own in _cube(rows, nuisances).items()]
+    return "\n".join(lines)
+
+
+def pendulum_table(rows: list[dict[str, str]]) -> str:
+    """Median errors of held-out predictions by pendulum and engine, at each horizon."""
+    own = [row for row in rows if row["part"] == "held out"]
+    horizons = list(dict.fromkeys(row["horizon_s"] for row in own))
+    lines = ["| pendulum | engine | predictions | " + " | ".join(f"{horizon} s" for horizon in horizons) + " | joint friction |"]
+    lines.append("|---|---|---:" + "|---:" * len(horizons) + "|---|")
+    for name, engine in dict.fromkeys((row["pendulum"], row["engine"]) for row in own):
+        some = [row for row in own if (row["pendulum"], row["engine"]) == (name, engine)]
+        cells = [name, engine, some[0]["predictions"], *(f"{float(row['median_rad']):.4f}" for row in some), some[0]["parameters"]]
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from stepper.shared.files import write_csv
 
-from reality import cube, engines, pendulum, report
+from reality import cube, elbow, engines, pendulum, report
 
 
 def main() -> None:
@@ -26,13 +26,15 @@ def main() -> None:
         return
     if given.data is None:
         parser.error("no data: give the folder that has cube_toss/cube_toss.npz with --data (make reality DATA=FOLDER)")
+
+    def both(engine: Any, experiment: cube.Experiment) -> list[Any]:
+        return [row for fit in (False, True) for row in cube.measured(engine, given.data, nuisances=fit, experiment=experiment)]
+
     runs: list[tuple[str, Any, Callable[[Any], list[Any]]]] = [
-        ("cube_toss", engines.engines, lambda engine: both(engine)),
+        ("cube_toss", engines.engines, lambda engine: both(engine, cube.CUBE)),
+        ("elbow_toss", elbow.engines, lambda engine: both(engine, elbow.ELBOW)),
         ("multiarm_pendulum", lambda: pendulum.ENGINES, lambda engine: list(pendulum.measured(engine, given.data))),
     ]
-
-    def both(engine: Any) -> list[Any]:
-        return [row for fit in (False, True) for row in cube.measured(engine, given.data, nuisances=fit)]
 
     chosen = [
         (name, engine, measured)

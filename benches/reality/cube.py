@@ -5,7 +5,8 @@ B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world im
 published fits used all tosses; here the half with even numbers is fitted, and the odd half is predicted.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,56 +31,94 @@ HORIZONS = np.arange(0.05, 0.451, 0.05)
 """Times since the first contact at which errors are told, s."""
 
 
-def errors(poses: Array, tosses: Sequence[Toss]) -> tuple[Array, Array, Array]:
-    """Error, distance (m) and angle (rad) of simulated poses at each sample, (tosses, samples) each; NaN after the end of a toss."""
-    far, angle = np.full(poses.shape[:2], np.nan), np.full(poses.shape[:2], np.nan)
-    for k, toss in enumerate(tosses):
-        n = len(toss.pose)
-        far[k, :n] = np.linalg.norm(poses[k, :n, :3] - toss.pose[:, :3], axis=1)
-        angle[k, :n] = turn(poses[k, :n, 3:], toss.pose[:, 3:])
-    return far**2 / HALF + angle**2, far, angle
+@dataclass(frozen=True)
+class Experiment:
+    """Tosses of an object onto a table.
 
-
-def fitted(engine: TossEngine, tosses: Sequence[Toss], gravity: float, *, nuisances: bool) -> tuple[dict[str, float], Table, int]:
-    """Parameters of an engine, and the experiment, that fit tosses best; and the number of evaluations.
-
-    `nuisances` are the height of the table and the radius of the corners.
+    Attributes:
+        name: Name of the data set.
+        size: Length that divides squared distances in the error, half the width of a body, m.
+        table: Class of the model, a `Table`.
+        tosses: Function of the data folder and of gravity, m/s^2, that returns all tosses.
+        gravity: Function of the data folder and of the numbers of some tosses that returns the gravity of their flights, m/s^2.
+        bodies: Function that turns recorded poses, (..., nq), into positions, m, and orientations of all bodies, (..., bodies, 7).
+        bounds: Bounds of fitted parameters of the object by their name in `table`.
+        nuisances: Bounds of fitted nuisances by their name in `table`.
+        samples: Number of samples of a toss in its mean error and in fits; None uses all.
     """
-    bounds = {**engine.bounds, **(OFFSETS if nuisances else {})}
-    count, some = len(engine.bounds), tosses[:: engine.stride]
 
-    def parts(sample: Array) -> tuple[dict[str, float], Table]:
-        return engine.values(sample[:count]), Table(gravity, *sample[count:].tolist())
+    name: str
+    size: float
+    table: type[Table]
+    tosses: Callable[[Path, float], list[Toss]]
+    gravity: Callable[[Path, NDArray[np.int64]], float]
+    bodies: Callable[[Array], Array]
+    nuisances: dict[str, tuple[float, float]]
+    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
+    samples: int | None = None
+
+    def errors(self, poses: Array, tosses: Sequence[Toss]) -> tuple[Array, Array, Array]:
+        """Error, distance (m) and angle (rad) of simulated poses at each sample, (tosses, samples) each; NaN after the end of a toss.
+
+        All three are means over the bodies.
+        """
+        error, far, angle = (np.full(poses.shape[:2], np.nan) for _ in range(3))
+        for k, toss in enumerate(tosses):
+            n, real = len(toss.pose), self.bodies(toss.pose)
+            made = self.bodies(poses[k, :n])
+            distance, turned = np.linalg.norm(made[..., :3] - real[..., :3], axis=-1), turn(made[..., 3:], real[..., 3:])
+            error[k, :n] = (distance**2 / self.size + turned**2).mean(axis=1)
+            far[k, :n], angle[k, :n] = distance.mean(axis=1), turned.mean(axis=1)
+        return error, far, angle
+
+
+CUBE = Experiment("cube_toss", HALF, Table, cube_tosses, free_fall, lambda pose: pose[..., None, :], OFFSETS)
+
+
+def fitted(
+    engine: TossEngine, tosses: Sequence[Toss], gravity: float, *, nuisances: bool, experiment: Experiment = CUBE
+) -> tuple[dict[str, float], Table, dict[str, float], int]:
+    """Parameters of an engine, the model, and its fitted parameters, that fit tosses best; and the number of evaluations."""
+    extra = {**experiment.bounds, **(experiment.nuisances if nuisances else {})}
+    bounds = {**engine.bounds, **extra}
+    count, some = len(engine.bounds), tosses[:: engine.stride]
+    some = [replace(toss, pose=toss.pose[: experiment.samples]) for toss in some]
+
+    def parts(sample: Array) -> tuple[dict[str, float], Table, dict[str, float]]:
+        own = dict(zip(extra, sample[count:].tolist(), strict=True))
+        return engine.values(sample[:count]), experiment.table(gravity, **own), own
 
     def loss(samples: Array) -> Array:
-        return np.array([np.nanmean(errors(engine.poses(*parts(sample), some, FITTED_AT), some)[0], axis=1).mean() for sample in samples])
+        simulated = (engine.poses(*parts(sample)[:2], some, FITTED_AT) for sample in samples)
+        return np.array([np.nanmean(experiment.errors(poses, some)[0], axis=1).mean() for poses in simulated])
 
     low, high = np.array(list(bounds.values())).T
     found = fit(loss, low, high, samples=16, rounds=5)
     return *parts(found.values), found.evaluations
 
 
-def measured(engine: TossEngine, folder: Path, *, nuisances: bool, progress: Any = print) -> Iterator[Row]:
+def measured(engine: TossEngine, folder: Path, *, nuisances: bool, experiment: Experiment = CUBE, progress: Any = print) -> Iterator[Row]:
     """Rows of an engine: fit of the even tosses, errors of both halves at each time step, errors against time since the first contact."""
-    even = np.arange(0, len(cube_tosses(folder)), 2)
-    gravity = free_fall(folder, even) if nuisances else Table().gravity
-    every = cube_tosses(folder, gravity)
-    values, table, evaluations = fitted(engine, every[::2], gravity, nuisances=nuisances)
-    told = values | ({"gravity": gravity, "offset": table.offset, "radius": table.radius} if nuisances else {})
+    even = np.arange(0, len(experiment.tosses(folder, Table().gravity)), 2)
+    gravity = experiment.gravity(folder, even) if nuisances else Table().gravity
+    every = experiment.tosses(folder, gravity)
+    values, table, extra, evaluations = fitted(engine, every[::2], gravity, nuisances=nuisances, experiment=experiment)
+    told = values | ({"gravity": gravity} if nuisances else {}) | extra
     about = {"engine": engine.name, "nuisances": "fitted" if nuisances else "none"}
     text = "; ".join(f"{name} {value:.4g}" for name, value in told.items())
     progress(f"{engine.name}: {text} ({evaluations} evaluations)")
     for half, tosses in (("fitted", every[::2]), ("held out", every[1::2])):
         for substeps in REFINED:
-            error, far, angle = errors(engine.poses(values, table, tosses, substeps), tosses)
-            each = np.nanmean(error, axis=1)
+            error, far, angle = experiment.errors(engine.poses(values, table, tosses, substeps), tosses)
+            whole = [values[:, : experiment.samples] for values in (error, far, angle)]
+            each = np.nanmean(whole[0], axis=1)
             mean, median = bootstrap(each), bootstrap(each, np.median)
             yield about | {
                 "half": half, "tosses": len(tosses), "timestep_s": PERIOD / substeps, "horizon_s": "",
                 "mean": each.mean(), "mean_low": mean[0], "mean_high": mean[1],
                 "median": np.median(each), "median_low": median[0], "median_high": median[1],
-                "distance_percent": 100.0 * np.nanmean(np.nanmean(far, axis=1)) / (2.0 * HALF),
-                "angle_deg": np.degrees(np.nanmean(np.nanmean(angle, axis=1))), "parameters": text,
+                "distance_percent": 100.0 * np.nanmean(np.nanmean(whole[1], axis=1)) / (2.0 * experiment.size),
+                "angle_deg": np.degrees(np.nanmean(np.nanmean(whole[2], axis=1))), "parameters": text,
             }  # fmt: skip
         for horizon in HORIZONS:
             at = np.array([toss.impact + round(horizon / PERIOD) for toss in tosses])
@@ -90,6 +129,6 @@ def measured(engine: TossEngine, folder: Path, *, nuisances: bool, progress: Any
                 "half": half, "tosses": int(inside.sum()), "timestep_s": PERIOD / REFINED[-1], "horizon_s": horizon,
                 "mean": each.mean(), "mean_low": mean[0], "mean_high": mean[1],
                 "median": np.median(each), "median_low": median[0], "median_high": median[1],
-                "distance_percent": 100.0 * far[inside, at[inside]].mean() / (2.0 * HALF),
+                "distance_percent": 100.0 * far[inside, at[inside]].mean() / (2.0 * experiment.size),
                 "angle_deg": np.degrees(angle[inside, at[inside]].mean()), "parameters": text,
             }  # fmt: skip

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import stepper
 from atlas.engines import Mujoco, Rapier, Stepper
 from atlas.mjcf import numbers
+from atlas.world import DivergedError
 from numpy.typing import NDArray
 from stepper.lab.engines import MujocoEngine
 
@@ -91,14 +93,15 @@ class OfAtlas(TossEngine):
             geom += f' solref="{reference}" solimp="{impedance} 0.001 0.5 2"'
             option = '<flag refsafe="disable"/>'
         world = self.engine.start(table.mjcf(geom, option), PERIOD / substeps, len(tosses), restitution=values.get("restitution"))
-        start = np.array([toss.start for toss in tosses])
-        world.set(start[:, :7], start[:, 7:])
-        made = []
-        for number in range(max(len(toss.pose) for toss in tosses)):
-            if number:
-                world.step(substeps)
-            made.append(world.qpos)
-        return np.stack(made, axis=1)
+        world.set(*states(tosses))
+        made = np.full((len(tosses), max(len(toss.pose) for toss in tosses), world.qpos.shape[1]), np.nan)
+        # A run that diverges has NaN from there on.
+        with suppress(DivergedError):
+            for number in range(made.shape[1]):
+                if number:
+                    world.step(substeps)
+                made[:, number] = world.qpos
+        return made
 
 
 @dataclass(frozen=True)
@@ -112,8 +115,7 @@ class Compliant(TossEngine):
         rest = np.ones(model.ngeom - 1)
         model = model.replace(geom_stiffness=np.r_[values["stiffness"], rest * np.inf], geom_damping=np.r_[values["damping"], 0.0 * rest])
         sim = stepper.Stepper(model, len(tosses), options=stepper.Options(timestep=PERIOD / substeps))
-        start = np.array([toss.start for toss in tosses])
-        sim.set_state(start[:, :7], start[:, 7:])
+        sim.set_state(*states(tosses))
         made = [sim.qpos.copy()]
         for _ in range(max(len(toss.pose) for toss in tosses) - 1):
             sim.step(nstep=substeps)
@@ -221,6 +223,13 @@ class Drake(TossEngine):
         return made
 
 
+def states(tosses: Sequence[Toss]) -> tuple[Array, Array]:
+    """Initial qpos, (tosses, nq), and qvel, (tosses, nq - 1), m, rad, m/s and rad/s; the only quaternion is that of a free joint."""
+    start = np.array([toss.start for toss in tosses])
+    nq = (start.shape[1] + 1) // 2
+    return start[:, :nq], start[:, nq:]
+
+
 def stepper_axes(starts: Array) -> Array:
     """Angular velocities in world axes, (n, 3), rad/s, of states (n, 13), whose angular velocities are in body axes."""
     w, v, spin = starts[:, 3:4], starts[:, 4:7], starts[:, 10:]
@@ -228,14 +237,15 @@ def stepper_axes(starts: Array) -> Array:
     return np.asarray(spin + w * twice + np.cross(v, twice))
 
 
-_SOFT = {"log stiffness": (2.5, 5.5), "log damping": (0.7, 2.7)}
+SOFT = {"log stiffness": (2.5, 5.5), "log damping": (0.7, 2.7)}
+"""Bounds of MuJoCo's contact stiffness and damping, by name."""
 _COMPLIANT = {"friction": (0.08, 0.35), "log stiffness": (2.5, 4.5), "log damping": (0.3, 2.5)}
 _RIGID = {"friction": (0.08, 0.35), "restitution": (0.0, 0.4)}
 
 
 def engines() -> list[TossEngine]:
     """All engines of the comparison whose packages are installed."""
-    fitted = {"friction": (0.08, 0.45), **_SOFT, "impedance": (0.5, 0.98)}
+    fitted = {"friction": (0.08, 0.45), **SOFT, "impedance": (0.5, 0.98)}
     made: list[TossEngine] = [
         OfAtlas("stepper", _RIGID, engine=Stepper("stepper")),
         Compliant("stepper, compliant table", _COMPLIANT),

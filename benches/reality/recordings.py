@@ -14,6 +14,12 @@ PERIOD = 1 / 148
 """Time between two samples of the tosses, s."""
 HALF = 0.0524
 """Half width of the tossed cube, m."""
+ELBOW_HALF = np.array([0.05, 0.025, 0.025])
+"""Half widths of each link of the tossed elbow, m."""
+ELBOW_HINGE, ELBOW_CENTRE = (-0.035, 0.06, 0.0), (0.035, 0.0, 0.0)
+"""Position of the elbow's hinge, along y, in axes of the first link, and of the second link's centre in its own axes from the hinge, m."""
+ELBOW_SAMPLES = 70
+"""Number of samples of a toss of the elbow, until 0.45 s after the first contact."""
 G = 9.81
 """Gravity, m/s^2."""
 
@@ -36,14 +42,17 @@ class Toss:
     """Recording of a toss from shortly before the first contact.
 
     Attributes:
-        pose: Measured positions, m, and orientations (w, x, y, z), (samples, 7).
-        start: Initial state, (13,): the first pose, velocity in world axes, m/s, and angular velocity in body axes, rad/s.
+        pose: Measured positions, m, and orientations (w, x, y, z), (samples, 7), or (samples, 8) with the angle of a hinge, rad.
+        start: Initial state, (13,) or (15,): the first pose, velocity in world axes, m/s, and angular velocity in body axes, rad/s, and the
+            rate of the hinge, rad/s.
         impact: Index of the sample before the first contact.
+        fall: Acceleration of the flight before, m/s^2, downward.
     """
 
     pose: Array
     start: Array
     impact: int
+    fall: float = G
 
 
 def _angular_velocity(first: Array, last: Array, seconds: float) -> Array:
@@ -92,6 +101,42 @@ def free_fall(folder: Path, which: NDArray[np.int64]) -> float:
         if flight >= 12:
             found.append(-2.0 * np.polyfit(np.arange(flight) * PERIOD, pose[:flight, 2], 2)[0])
     return float(np.median(found))
+
+
+def elbow_bodies(pose: Array) -> Array:
+    """Positions, m, and orientations (w, x, y, z) of both links, (..., 2, 7), of poses (..., 8), which end with the hinge's angle, rad."""
+    place, q = pose[..., :3], pose[..., 3:7] / np.linalg.norm(pose[..., 3:7], axis=-1, keepdims=True)
+    cos, sin = np.cos(pose[..., 7] / 2.0), np.sin(pose[..., 7] / 2.0)
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    second = np.stack([w * cos - y * sin, x * cos - z * sin, w * sin + y * cos, z * cos + x * sin], axis=-1)
+    flat, other = q.reshape(-1, 4), second.reshape(-1, 4)
+    shift = rotated(flat, np.array([ELBOW_HINGE]))[:, 0] + rotated(other, np.array([ELBOW_CENTRE]))[:, 0]
+    return np.stack([np.concatenate([place, q], -1), np.concatenate([place + shift.reshape(place.shape), second], -1)], axis=-2)
+
+
+def elbow_tosses(folder: Path, _: float = G) -> list[Toss]:
+    """Tosses of the data set `elbow_toss` in a data folder that begin with a free flight, from three samples before the first contact.
+
+    The initial velocity is that of parabolas through ten samples of the flight. A flight is free if the mean of both centres falls with
+    9.6 m/s^2 to within 1 m/s^2; others begin in the hand.
+    """
+    arrays, found = data_set(folder, "elbow_toss"), []
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * ELBOW_HALF
+    for a, b in itertools.pairwise(arrays["start"]):
+        pose = arrays["pose"][a:b].astype(float)
+        pose[:, 7] = np.unwrap(pose[:, 7])
+        bodies = elbow_bodies(pose).reshape(-1, 7)
+        low = (rotated(bodies[:, 3:], corners)[..., 2].min(axis=1) + bodies[:, 2]).reshape(-1, 2).min(axis=1)
+        touch = int(np.argmax(low < 0.008))
+        if touch < 12:
+            continue
+        fall = -2.0 * np.polyfit(np.arange(touch) * PERIOD, bodies[: 2 * touch, 2].reshape(-1, 2).mean(axis=1), 2)[0]
+        if abs(fall - 9.6) < 1.0:
+            first, flight = touch - 3, pose[touch - 10 : touch]
+            turns = np.array([_angular_velocity(pose[first, 3:7], q, 1.0) for q in flight[:, 3:7]])
+            rates = np.polyfit(np.arange(-7, 3) * PERIOD, np.c_[flight[:, :3], turns, flight[:, 7]], 2)[1]
+            found.append(Toss(pose[first : first + ELBOW_SAMPLES], np.r_[pose[first], rates], 2, float(fall)))
+    return found
 
 
 def data_set(folder: Path, name: str) -> dict[str, Any]:

@@ -14,7 +14,7 @@ BENCHMARKS = Path(__file__).parents[2] / "docs/benchmarks"
 Row = dict[str, str]
 
 
-SETS = {"cube_toss": "reality.csv", "multiarm_pendulum": "reality_pendulum.csv"}
+SETS = {"cube_toss": "reality.csv", "elbow_toss": "reality_elbow.csv", "multiarm_pendulum": "reality_pendulum.csv"}
 """File of docs/benchmarks with the results of each data set."""
 
 

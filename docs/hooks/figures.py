@@ -56,6 +56,8 @@ def figures() -> dict[str, str]:
     found["readme.table"] = readme_table(found)
     found["reality.cube"] = cube_table(read_csv("reality.csv"))
     found["reality.parameters"] = parameter_table(read_csv("reality.csv"))
+    found["reality.elbow"] = cube_table(read_csv("reality_elbow.csv"))
+    found["reality.elbow.parameters"] = parameter_table(read_csv("reality_elbow.csv"))
     found["reality.pendulum"] = pendulum_table(read_csv("reality_pendulum.csv"))
     found["readme.cube"] = readme_cube(read_csv("reality.csv"))
     return found
@@ -165,6 +167,7 @@ def cube_table(rows: list[dict[str, str]]) -> str:
             by_step = {row["timestep_s"]: row for row in own}
             coarse, middle, fine = (by_step[step] for step in STEPS)
             cells = [f"{float(coarse['mean']):.3f}", f"{float(middle['mean']):.3f}", interval(fine, "mean"), interval(fine, "median")]
+            cells = ["diverges" if cell == "nan" else cell for cell in cells]
             cells += [f"{float(fine['distance_percent']):.1f} %", f"{float(fine['angle_deg']):.1f} deg"]
             lines.append(f"| {nuisances} | {engine} | " + " | ".join(cells) + " |")
     return "\n".join(lines)

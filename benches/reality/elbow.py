@@ -1,4 +1,4 @@
-"""Real tosses of two links with a hinge: each engine is fitted to one half of the tosses, and predicts the other half, as with the cube."""
+"""Real tosses of two links with a hinge. As with the cube, each engine is fitted to one half of them, and predicts the other half."""
 
 from dataclasses import dataclass
 

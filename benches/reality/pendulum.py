@@ -38,8 +38,8 @@ class Swing:
         q, dq: Angle and rate of each link from the vertical, pi when it hangs, (samples, links), rad and rad/s.
         period: Time between two samples, s.
         identification: Number of samples of the authors' part for identification.
-        mass, centre, length, inertia: Mass, kg, distance of the centre of mass from the link's joint, m, distance of the next joint, m, and
-            inertia about the centre of mass, kg m^2, of each link, (links,).
+        mass, inertia: Mass of each link, kg, and inertia about its centre of mass, kg m^2, (links,).
+        centre, length: Distances of the centre of mass and of the next joint from the joint of each link, m, (links,).
         gravity: Gravity, m/s^2.
     """
 

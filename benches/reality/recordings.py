@@ -17,7 +17,7 @@ HALF = 0.0524
 ELBOW_HALF = np.array([0.05, 0.025, 0.025])
 """Half widths of each link of the tossed elbow, m."""
 ELBOW_HINGE, ELBOW_CENTRE = (-0.035, 0.06, 0.0), (0.035, 0.0, 0.0)
-"""Position of the elbow's hinge, along y, in axes of the first link, and of the second link's centre from the hinge in axes of that link, m."""
+"""Position of the elbow's hinge, along y, in axes of the first link; position of the second link's centre from the hinge in its axes, m."""
 ELBOW_SAMPLES = 70
 """Number of samples of a toss of the elbow, until 0.45 s after the first contact."""
 G = 9.81

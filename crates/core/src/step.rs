@@ -23,8 +23,8 @@ use crate::stages::s10_record::Record;
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
 /// the inputs, and receives the next state.
 ///
-/// Stages 1 to 10 run in order, except for the loops in `locate` and `solve_velocities`, and stage 10, which comes before stage 9. The next
-/// state is accepted after stage 8.
+/// The order is: stages 1 to 8, acceptance of the next state, stage 10, stage 9. Loops in `locate` and `solve_velocities` repeat some of
+/// stages 1 to 6.
 ///
 /// The stages call kernels: functions that are compiled once for every lane type and CPU level. This function is a kernel too, because it
 /// has lane masks, which are vectors. Outside a kernel every operation on a vector is a function call.
@@ -53,7 +53,7 @@ pub fn step<R: Real>(
         s.evaluation.substep = Substep::whole(options);
         s.evaluation.divided = R::Mask::splat(false);
         if let Some(buffers) = &mut s.substep_buffers {
-            buffers.is_current = false;
+            buffers.was_used = false;
         }
         let solved = match options.contact {
             ContactLaw::Hard => options.error.is_none().then(|| solve_step(compiled, options, s, probe)),

@@ -123,7 +123,7 @@ impl<R: Real> Workspace<R> {
     #[inline(always)]
     pub(crate) fn saturated(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         match &self.substep_buffers {
-            Some(buffers) if buffers.is_current => buffers.saturated[actuator],
+            Some(buffers) if buffers.was_used => buffers.saturated[actuator],
             _ => self.free_motion.actuator_forces.is_saturated(compiled, actuator),
         }
     }

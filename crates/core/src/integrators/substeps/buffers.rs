@@ -1,4 +1,7 @@
 //! Buffers of steps that are divided into parts: states of all lanes at several times in a step ([`crate::integrators::substeps`]).
+//!
+//! A step has intervals: one, or several with an error estimate. An interval has one phase, or three with an error estimate: the whole
+//! interval, its first half and its second half. A phase has parts: flights and impacts.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -14,7 +17,7 @@ use crate::math::lanes::each_of;
 pub(crate) struct Buffers<R: Real> {
     /// State before the impact of each lane.
     pub(crate) before_impact: Snapshot<R>,
-    /// Sums of the impulses of the parts of a phase, with the contacts that bore one.
+    /// Sums of the impulses of the parts of a phase, with every contact that had one.
     pub(crate) parts: Snapshot<R>,
     /// State at the beginning of the interval of each lane.
     pub(crate) start: Snapshot<R>,
@@ -32,7 +35,7 @@ pub(crate) struct Buffers<R: Real> {
     pub(crate) middle: Snapshot<R>,
     /// Velocity, configuration and activations at the end of the step.
     pub(crate) end: [Vec<R>; 3],
-    /// Sums of the impulses of all accepted phases, with the contacts that bore one.
+    /// Sums of the impulses of all accepted phases, with every contact that had one.
     pub(crate) total: Snapshot<R>,
     /// Contacts whose impulses are being summed.
     pub(crate) summed: Contacts<R>,
@@ -42,8 +45,8 @@ pub(crate) struct Buffers<R: Real> {
     pub(crate) saturated: Vec<R::Mask>,
     /// Cause of the largest residual of a part, in the lanes with one, and that residual, m/s. A rejected part has an infinite residual.
     pub(crate) worst: (WorstRows<R>, R),
-    /// Whether the last step of the workspace was divided into parts.
-    pub(crate) is_current: bool,
+    /// Whether the last step of the workspace was divided into parts, so that `saturated` is that of the step.
+    pub(crate) was_used: bool,
     /// Lanes in which impacts touch each mechanism.
     pub(crate) touched: Vec<R::Mask>,
     /// Evaluated configuration and predicted velocity of the first pass.
@@ -59,26 +62,26 @@ pub(crate) struct Snapshot<R: Real> {
     /// Impulses of scalar rows.
     pub(crate) scalar_impulse: Vec<R>,
     /// Length of the substep to which the impulses belong, s.
-    pub(crate) span: R,
+    pub(crate) impulse_time: R,
 }
 
 impl<R: Real> Snapshot<R> {
     fn new(state: &State<R>, scalar_impulse: &[R]) -> Self {
-        Self { state: state.clone(), scalar_impulse: scalar_impulse.to_vec(), span: R::one() }
+        Self { state: state.clone(), scalar_impulse: scalar_impulse.to_vec(), impulse_time: R::one() }
     }
 
-    /// Stores a state, and impulses of scalar rows, in the lanes `lanes`. The impulses belong to a substep of `span` seconds.
-    pub(crate) fn store(&mut self, (state, scalar_impulse): (&State<R>, &[R]), span: R, lanes: R::Mask) {
+    /// Stores a state, and impulses of scalar rows, in the lanes `lanes`. The impulses belong to a substep of `impulse_time` seconds.
+    pub(crate) fn store(&mut self, (state, scalar_impulse): (&State<R>, &[R]), impulse_time: R, lanes: R::Mask) {
         copy(&mut self.state, state, lanes);
         select_into(&mut self.scalar_impulse, scalar_impulse, lanes);
-        kernel!(R, || self.span = R::select(lanes, span, self.span));
+        kernel!(R, || self.impulse_time = R::select(lanes, impulse_time, self.impulse_time));
     }
 
-    /// Restores the lanes `lanes` of a state and of impulses of scalar rows, which belong to a substep of `span` seconds afterwards.
-    pub(crate) fn restore(&self, (state, scalar_impulse): (&mut State<R>, &mut [R]), span: &mut R, lanes: R::Mask) {
+    /// Restores the lanes `lanes` of a state and of impulses of scalar rows, which then belong to a substep of `impulse_time` seconds.
+    pub(crate) fn restore(&self, (state, scalar_impulse): (&mut State<R>, &mut [R]), impulse_time: &mut R, lanes: R::Mask) {
         copy(state, &self.state, lanes);
         select_into(scalar_impulse, &self.scalar_impulse, lanes);
-        kernel!(R, || *span = R::select(lanes, self.span, *span));
+        kernel!(R, || *impulse_time = R::select(lanes, self.impulse_time, *impulse_time));
     }
 
     /// Removes all impulses and contacts of the lanes `lanes`.
@@ -160,7 +163,7 @@ impl<R: Real> Buffers<R> {
             before: motion(),
             saturated: lanes(counts[1]),
             worst: (WorstRows::new(), R::zero()),
-            is_current: false,
+            was_used: false,
             touched: lanes(counts[0]),
             evaluated: [state.q.clone(), state.v.clone()],
             planes: planes.clone(),

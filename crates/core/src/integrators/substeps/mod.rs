@@ -100,8 +100,9 @@ pub(crate) fn step_in_parts<R: Real>(
 ) -> Record<R> {
     let mut buffers = s.substep_buffers.take().unwrap_or_else(|| s.new_buffers(compiled));
     let (all, h) = (s.alive, options.timestep);
-    let mut span = R::of(h);
-    buffers.begin(s, span);
+    // Time during which the impulses of the state acted, s.
+    let mut impulse_time = R::of(h);
+    buffers.begin(s, impulse_time);
     if options.error.is_some() {
         find_stiff_trees(compiled, options, &mut buffers.stiff);
         buffers.rough.copy_from_slice(&buffers.stiff);
@@ -115,7 +116,7 @@ pub(crate) fn step_in_parts<R: Real>(
     let mut is_first_pass = true;
     while active != 0 {
         if solved.is_none() {
-            begin_pass(s, &mut buffers, options, (&intervals, &progress), active, &mut span);
+            begin_pass(s, &mut buffers, options, (&intervals, &progress), active, &mut impulse_time);
         }
         let (made, keeping) = make(s, solved.take());
         parts.add(&made, R::Mask::from_bits(active));
@@ -125,7 +126,7 @@ pub(crate) fn step_in_parts<R: Real>(
             buffers.note_rough(compiled, s, R::Mask::from_bits(active));
         }
         let lanes = [active, keeping];
-        let completed = end_parts(compiled, s, &mut buffers, options, (&intervals, &mut progress), lanes, &mut span);
+        let completed = end_parts(compiled, s, &mut buffers, options, (&intervals, &mut progress), lanes, &mut impulse_time);
         if std::mem::take(&mut is_first_pass) {
             buffers.keep_first_pass(s, completed);
         }
@@ -134,7 +135,7 @@ pub(crate) fn step_in_parts<R: Real>(
         let [wholes, firsts, seconds] = [Phase::Whole, Phase::First, Phase::Second].map(in_phase);
         let broken = parts.lanes(Status::NON_FINITE);
         let Buffers { start, whole, separation, rough, stiff, middle, end, total: sums, summed, configuration, .. } = &mut *buffers;
-        // The result of a phase.
+        // Lanes whose interval is accepted, and lanes whose step is complete.
         let (mut accepted, mut done) = (0, 0);
         let distance = match options.error {
             None => {
@@ -146,24 +147,31 @@ pub(crate) fn step_in_parts<R: Real>(
                 for (whole, now) in whole.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
                     select_into(whole, now, wholes);
                 }
-                start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, wholes);
-                middle.store((&s.state, &s.velocity.scalar_impulse), span, firsts);
+                start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut impulse_time, wholes);
+                middle.store((&s.state, &s.velocity.scalar_impulse), impulse_time, firsts);
                 first.replace(&parts, firsts);
                 let distance = kernel!(R, || separate(compiled, [&whole[1], &s.state.q], separation));
-                let mut smooth = kernel!(R, || distance.le(R::of(error))).bits();
+                let mut extrapolated = kernel!(R, || distance.le(R::of(error))).bits();
                 for lane in each_of(completed) {
                     let interval = &mut intervals[lane];
                     interval.broken |= broken >> lane & 1 == 1;
-                    smooth &= !(u32::from(interval.broken) << lane);
+                    extrapolated &= !(u32::from(interval.broken) << lane);
                     if interval.advance(distance.lane(lane).to_f64(), error) {
                         accepted |= 1 << lane;
                         done |= u32::from(interval.phase == Phase::Done) << lane;
                     }
                 }
-                let smooth = R::Mask::from_bits(smooth & accepted);
-                if smooth.any() {
+                let extrapolated = R::Mask::from_bits(extrapolated & accepted);
+                if extrapolated.any() {
                     let state = [&mut s.state.v, &mut s.state.q, &mut s.state.act].map(|list| &mut list[..]);
-                    extrapolate(compiled, s.evaluation.scheme.extrapolation(), (smooth, rough), (whole, separation), state, configuration);
+                    extrapolate(
+                        compiled,
+                        s.evaluation.scheme.extrapolation(),
+                        (extrapolated, rough),
+                        (whole, separation),
+                        state,
+                        configuration,
+                    );
                 }
                 let taken = R::Mask::from_bits(accepted);
                 rough.iter_mut().zip(&*stiff).for_each(|(rough, &stiff)| *rough = rough.and_not(taken).or(stiff.and(taken)));
@@ -177,11 +185,11 @@ pub(crate) fn step_in_parts<R: Real>(
                 sums.add(summed, &middle.state, &middle.scalar_impulse, taken);
                 total.add(&first, taken);
                 total.add_error(distance, taken);
-                start.store((&s.state, &s.velocity.scalar_impulse), span, taken);
+                start.store((&s.state, &s.velocity.scalar_impulse), impulse_time, taken);
                 sums.add(summed, &s.state, &s.velocity.scalar_impulse, taken);
             } else {
-                // The only phase: even the signs of zeros stay.
-                sums.store((&s.state, &s.velocity.scalar_impulse), span, taken);
+                // The only phase: it is copied, and not added to 0, which would change -0.
+                sums.store((&s.state, &s.velocity.scalar_impulse), impulse_time, taken);
             }
             total.add(&parts, taken);
             for (end, now) in end.iter_mut().zip([&s.state.v, &s.state.q, &s.state.act]) {
@@ -193,7 +201,7 @@ pub(crate) fn step_in_parts<R: Real>(
             for (whole, middle) in whole.iter_mut().zip([&middle.state.v, &middle.state.q, &middle.state.act]) {
                 select_into(whole, middle, rejected);
             }
-            start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut span, rejected);
+            start.restore((&mut s.state, &mut s.velocity.scalar_impulse), &mut impulse_time, rejected);
         }
         parts.replace(&Record::none(), R::Mask::from_bits(completed));
         // A lane without any finite motion keeps the state before the step.
@@ -259,7 +267,7 @@ impl<R: Real> Buffers<R> {
         self.touched.fill(R::Mask::splat(false));
         self.saturated.fill(R::Mask::splat(false));
         (self.worst.0.lanes, self.worst.1) = (R::Mask::splat(false), R::zero());
-        self.is_current = true;
+        self.was_used = true;
         self.parts.clear(all);
     }
 
@@ -345,14 +353,14 @@ impl Interval {
 }
 
 /// Prepares a pass of the lanes `active` (bits): their parts, and impulses from which the solver starts. The impulses of the state belong
-/// to a time of `span` s, which becomes that of the new parts.
+/// to a time of `impulse_time` s, which becomes that of the new parts.
 fn begin_pass<R: Real>(
     s: &mut Workspace<R>,
     buffers: &mut Buffers<R>,
     options: &StepSettings,
     (intervals, progress): (&[Interval; MAX_LANES], &[Progress; MAX_LANES]),
     active: u32,
-    span: &mut R,
+    impulse_time: &mut R,
 ) {
     let h = options.timestep;
     let mut substep = Substep::<R>::whole(options);
@@ -375,22 +383,22 @@ fn begin_pass<R: Real>(
     s.evaluation.substep = substep;
     s.evaluation.collision.forget_planes();
     if impacts != 0 {
-        buffers.before_impact.store((&s.state, &s.velocity.scalar_impulse), *span, substep.is_impact);
+        buffers.before_impact.store((&s.state, &s.velocity.scalar_impulse), *impulse_time, substep.is_impact);
     }
     kernel!(R, || {
         let duration = R::select(substep.is_impact, substep.longest * R::of(IMPACT_DURATION), substep.longest);
         // Impulses of a very short flight are no start for a long one.
-        let factor = (duration / *span).min(R::of(MAX_IMPULSE_RATIO));
+        let factor = (duration / *impulse_time).min(R::of(MAX_IMPULSE_RATIO));
         s.state.contacts.scale_impulses(factor);
         for impulse in s.state.impulse.iter_mut().chain(&mut s.velocity.scalar_impulse) {
             *impulse *= factor;
         }
-        *span = duration;
+        *impulse_time = duration;
     });
 }
 
 /// Processes the parts of a pass of the lanes `active` (bits). Returns the lanes that have completed their phase. The state then has the
-/// sums of its impulses, which belong to `span` s. The lanes `keeping` (bits) have kept their state, and end their phase at once.
+/// sums of its impulses, which belong to `impulse_time` s. The lanes `keeping` (bits) have kept their state, and end their phase at once.
 fn end_parts<R: Real>(
     compiled: &LaneModel<R>,
     s: &mut Workspace<R>,
@@ -398,13 +406,13 @@ fn end_parts<R: Real>(
     options: &StepSettings,
     (intervals, progress): (&[Interval; MAX_LANES], &mut [Progress; MAX_LANES]),
     [active, keeping]: [u32; 2],
-    span: &mut R,
+    impulse_time: &mut R,
 ) -> u32 {
     let Buffers { before_impact, parts, summed, touched, .. } = buffers;
     let (substep, length) = (s.evaluation.substep, s.evaluation.scheme.h);
     let (impacts, mut completed) = (substep.is_impact.bits() & active, keeping & active);
     let mut divided = 0;
-    kernel!(R, || *span = length);
+    kernel!(R, || *impulse_time = length);
     for lane in each_of(active & !keeping) {
         let own = &mut progress[lane];
         divided |= u32::from(own.flown > 0.0 || own.is_impact) << lane;
@@ -432,12 +440,12 @@ fn end_parts<R: Real>(
     if impacts.any() {
         // The velocity jumps, and the rest of the state stays.
         before_impact.state.v.copy_from_slice(&s.state.v);
-        before_impact.restore((&mut s.state, &mut s.velocity.scalar_impulse), span, impacts);
+        before_impact.restore((&mut s.state, &mut s.velocity.scalar_impulse), impulse_time, impacts);
     }
     if divided.any() {
         parts.restore_impulses((&mut s.state, &mut s.velocity.scalar_impulse), divided);
         for lane in each_of(divided.bits()) {
-            span.set_lane(lane, R::Scalar::from_f64(intervals[lane].times(options.timestep)[1]));
+            impulse_time.set_lane(lane, R::Scalar::from_f64(intervals[lane].times(options.timestep)[1]));
         }
         s.evaluation.divided = s.evaluation.divided.or(divided);
     }

@@ -16,8 +16,8 @@ use crate::math::lanes::each_of;
 use crate::options::StepSettings;
 use crate::stages::s10_record::{Record, Status};
 
-/// Adds mechanisms with a bouncing contact to `touched`, which has the lanes of each mechanism, in the lanes `lanes`. So does it with
-/// contacts that collide in a flight that ignores impacts. `contacts` are those of the last part.
+/// Adds mechanisms with a bouncing contact to `touched`, which has the lanes of each mechanism, in the lanes `lanes`. Contacts that would
+/// collide in a flight that ignores impacts count too. `contacts` are those of the last part.
 pub(super) fn note_impacts<R: Real>(
     compiled: &LaneModel<R>,
     problem: &ConstraintProblem<R>,

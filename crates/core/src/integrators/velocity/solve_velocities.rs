@@ -105,7 +105,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         if collide.any() {
             return collide;
         }
-        let mut lanes = collide;
+        let mut lanes = R::Mask::splat(false);
         let Evaluation { scheme, substep, .. } = self.context.evaluation;
         if scheme.in_the_middle {
             let unchecked = std::mem::replace(&mut checks.unchecked, R::Mask::splat(false)).and_not(substep.is_impact);

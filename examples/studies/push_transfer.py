@@ -3,8 +3,10 @@
 The arm, robosuite's (`pip install --no-deps robosuite`), pushes a box with a ball at its flange, and stops when a camera sees the box at
 a line. The box then slides on. The line is chosen for the nominal friction and delay.
 
-    stepper calibrate examples/studies/push_transfer.py --margin 0.15
-    stepper calibrate examples/studies/push_transfer.py --margin 0.15 --setting "MuJoCo's law"
+    stepper calibrate examples/studies/push_transfer.py --margin 0.25 --parameter friction --parameter 'camera bias' --parameter 'box mass'
+    stepper calibrate examples/studies/push_transfer.py --margin 0.25 --setting "MuJoCo's law"
+
+docs/benchmarks/reality.md has results. The delay of the camera is rounded to control periods, so that the outcome jumps with it.
 """
 
 from __future__ import annotations

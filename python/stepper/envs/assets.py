@@ -21,14 +21,14 @@ _CACHE_SIZE = 64
 """Largest number of results that `cache_per_model` and `cache_model` keep per function."""
 
 
-def load_quietly(source: str | ElementTree.Element) -> Model:
+def load_quietly(source: Any) -> Model:
     """Loads a model without warnings about its solver settings, which the `contact` of the environment overrides.
 
-    `source` is a path, MJCF text, or the root of an MJCF tree.
+    `source` is the root of an MJCF tree, or a source as for `stepper.load`.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return load(source if isinstance(source, str) else ElementTree.tostring(source, encoding="unicode"))
+        return load(ElementTree.tostring(source, encoding="unicode") if isinstance(source, ElementTree.Element) else source)
 
 
 def remove_elements(tree: ElementTree.Element, is_unwanted: Callable[[ElementTree.Element], bool]) -> ElementTree.Element:

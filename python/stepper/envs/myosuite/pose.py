@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -12,7 +11,6 @@ from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.observations import Observation
 from stepper.envs.task import Array, Camera, Reset, Task, TaskView, Terms, square_sum
-from stepper.loading import load
 from stepper.shared.machine import package_file, require
 
 _PURPOSE = "for MyoSuite's tasks, whose models it has"
@@ -152,6 +150,4 @@ def _limb(limb: str) -> Model:
     root = hand.body("myoarm_r_root")
     # The frame in which MyoSuite 3 puts the hand.
     root.pos, root.quat = [-0.02525155, 0.07146933, 1.39249298], [0.52167746, 0.46981366, -0.47875126, -0.52718591]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        return load(hand)
+    return load_quietly(hand)

@@ -32,7 +32,7 @@ use crate::compile::{CompiledModel, LaneModel, RaySurfaces};
 use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::Model;
-use crate::options::{Integrator, Options};
+use crate::options::{ModelScales, Options};
 
 /// Simulation of many environments of one model.
 ///
@@ -128,9 +128,7 @@ impl Simulation {
         level: Level,
     ) -> Result<Self, Error> {
         let n = num_envs.unwrap_or(1);
-        let gravity = model.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-        let asked = model.requested.as_ref().and_then(|asked| Integrator::of_source(&asked.integrator));
-        let settings = options.resolve(model.timestep, gravity, asked, precision)?;
+        let settings = options.resolve(&ModelScales::of(&model), precision)?;
         let engine = match precision {
             Precision::F64 => Engine::F64(Batch::new(&model, settings, n, threads, level)?),
             Precision::F32 => Engine::F32(Batch::new(&model, settings, n, threads, level)?),

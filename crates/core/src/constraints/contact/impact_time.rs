@@ -89,10 +89,15 @@ impl<R: Real> Flight<R> {
 mod tests {
     use super::*;
     use crate::math::precision::Precision;
-    use crate::options::Options;
+    use crate::options::{ModelScales, Options, StepSettings};
+
+    fn settings(timestep: f64) -> StepSettings {
+        let scales = ModelScales { timestep, gravity: 9.81, smallest_body: f64::INFINITY, integrator: None };
+        Options::default().resolve(&scales, Precision::F64).unwrap()
+    }
 
     fn predict(gap: f64, before: f64, free: f64, e: f64) -> ImpactPrediction<f64> {
-        let options = Options::default().resolve(0.01, 9.81, None, Precision::F64).unwrap();
+        let options = settings(0.01);
         Flight { gap, before, free, time_before: 0.005, h: 0.01, longest: 0.01, in_the_middle: true }.predict(
             &options,
             9.81,
@@ -129,7 +134,7 @@ mod tests {
 
     #[test]
     fn a_collision_at_the_end_of_a_step_is_placed_there() {
-        let options = Options::default().resolve(0.02, 9.81, None, Precision::F64).unwrap();
+        let options = settings(0.02);
         for gap in [-1e-17, 0.0, 1e-17, 1e-12] {
             let flight = Flight { gap, before: -0.5, free: -0.5, time_before: 0.02, h: 0.02, longest: 0.02, in_the_middle: true };
             let found: ImpactPrediction<f64> = flight.predict(&options, 0.0, 1.0, <f64 as Real>::Mask::splat(true));

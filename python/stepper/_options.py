@@ -64,7 +64,7 @@ class Options(Hints):
 
             * "pgs": projected Gauss-Seidel with Anderson acceleration. Each iteration (sweep) visits all constraints, and solves the
               Coulomb problem of each contact exactly.
-            * "newton": augmented-Lagrangian Newton for every environment that the first two sweeps do not solve.
+            * "newton": proximal Newton steps for every environment that the first two sweeps do not solve.
             * "auto": sweeps, then Newton for environments whose residual is still above the tolerance.
         iterations: Largest number of sweeps ("auto" makes no more than 50). The number also bounds the Newton steps of each island of
             bodies in contact (docs/development/decisions/bounds.md). A step that reaches the bound sets NOT_CONVERGED in `status`, and

@@ -10,8 +10,6 @@ import pytest
 import stepper
 from stepper import Status
 
-TOLERANCES = {"f64": 1e-6, "f32": 1e-4}
-"""Default tolerance of the solver, m/s."""
 LARGEST = 30.0
 """Coefficient above which larger ones act as this one. Its cone has a half-angle of 88.1 degrees."""
 
@@ -26,17 +24,23 @@ def stack(friction: str, step: float, condim: int = 3) -> stepper.Model:
     )
 
 
-@pytest.mark.parametrize("precision", TOLERANCES)
+@pytest.mark.parametrize("precision", ["f64", "f32"])
 @pytest.mark.parametrize("step", [1e-3, 2e-3, 5e-3, 1e-2, 2e-2])
-@pytest.mark.parametrize("friction", ["30", "1e9 1e9 1e9"])
-def test_stacked_cubes_settle_at_large_friction(friction, step, precision):
+@pytest.mark.parametrize("friction", ["1", "3", "10", "30", "1e9 1e9 1e9"])
+def test_stacked_cubes_settle_at_every_friction(friction, step, precision):
+    """Cubes that land on edges lie flat after a second, and move by less than 0.1 mm and 0.1 mrad in the next one.
+
+    A residual of the default tolerance, 1e-4 m/s, at a corner 5 cm from the middle of a face is 2e-3 rad/s.
+    """
     sim = stepper.Stepper(stack(friction, step), precision=precision)
     sim.step(nstep=round(1.0 / step))
-    # Position correction leaves up to 0.01 mm per contact, thus 0.02 mm of the upper cube. Measured: up to 0.019 mm.
+    # Position correction leaves up to 0.01 mm per contact, thus 0.02 mm of the upper cube. Measured: up to 0.009 mm.
     np.testing.assert_allclose(sim.qpos[[2, 9]], [0.05, 0.15], atol=2.5e-5)
-    # Measured: up to 1e-12 in f64, and 1.4e-5 in f32.
-    assert np.abs(sim.qvel).max() < TOLERANCES[precision]
-    sim.step()
+    # Measured: up to 9e-5 in f64, and 3.5e-4 in f32.
+    assert np.abs(sim.qvel).max() < 1e-3
+    before = sim.qpos.copy()
+    sim.step(nstep=round(1.0 / step))
+    np.testing.assert_allclose(sim.qpos, before, atol=1e-4)
     assert not sim.status & ~Status.OK, sim.status
 
 
@@ -49,7 +53,7 @@ def sheared(friction: float, condim: int, precision: str) -> np.ndarray:
     return np.concatenate([sim.qpos, sim.qvel])
 
 
-@pytest.mark.parametrize("precision", TOLERANCES)
+@pytest.mark.parametrize("precision", ["f64", "f32"])
 @pytest.mark.parametrize("friction", [31.0, 100.0, 1e3, 1e6, 1e9])
 @pytest.mark.parametrize("condim", [3, 4, 6])
 def test_larger_friction_acts_as_friction_30(condim, friction, precision):

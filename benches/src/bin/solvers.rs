@@ -5,7 +5,7 @@ use stepper_benches::boxes::{FRICTION, Heap, STEP};
 use stepper_benches::clock::{pin, thread_time};
 use stepper_benches::report::{cpu, rustc};
 use stepper_solve::gauss_seidel::{self, SweepSettings};
-use stepper_solve::newton::{Newton, Search, Terms};
+use stepper_solve::newton::{Newton, Search};
 use stepper_solve::{Iterate, Problem, residual};
 
 /// Residual at which the solver stops, m/s.
@@ -21,7 +21,7 @@ fn main() {
     pin();
     println!("# Solvers\n\n{}\n", setting());
     println!("{}, one core; {}.\n", cpu(), rustc());
-    println!("| problem | contacts | PGS | PGS+AA | AL-Newton |");
+    println!("| problem | contacts | PGS | PGS+AA | Newton |");
     println!("|---|---|---|---|---|");
     for heap in Heap::all() {
         let cells = [plain, accelerated, newton].map(|method| cell(&heap, method));
@@ -43,7 +43,7 @@ marks a residual that did not reach the tolerance, with its last value in m/s.
 
 * **PGS**: sweeps with the exact solution of every contact, at most {SWEEPS}; the residual is taken after every sweep.
 * **PGS+AA**: the same with Anderson's acceleration (1965; Walker and Ni 2011), at most {SWEEPS}. `solver=\"pgs\"` is this.
-* **AL-Newton**: augmented-Lagrangian Newton island by island, at most {STEPS} steps. `solver=\"newton\"` is this
+* **Newton**: proximal Newton steps island by island, at most {STEPS} steps. `solver=\"newton\"` is this
   after two sweeps.",
     )
 }
@@ -103,7 +103,7 @@ fn accelerated(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64)
 
 fn newton(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64) {
     let (mut left, mut taken) = (residual(problem, iterate), 0.0);
-    let search = Search { steps: STEPS, tolerance: TOLERANCE, terms: Terms::ConstantThenExact };
+    let search = Search { steps: STEPS, tolerance: TOLERANCE, least_norm: false };
     Newton::default().solve(problem, iterate, search, true, [&mut left, &mut taken]);
     (left, taken)
 }

@@ -89,7 +89,7 @@ pub enum Solver {
     Auto,
     /// Projected Gauss-Seidel iterations only, with Anderson's acceleration.
     Pgs,
-    /// Augmented-Lagrangian Newton method for all environments that the first Gauss-Seidel iterations do not solve.
+    /// Proximal Newton method for all environments that the first Gauss-Seidel iterations do not solve.
     Newton,
 }
 

@@ -1,7 +1,7 @@
 //! Sets of admissible impulses for Newton's method, lane by lane in scalar f64, for any number of rows.
 //!
-//! A set has its projection, the derivative of the projection, De Saxce's term (of a contact: mu |v_t|, which the solver adds to the normal
-//! velocity), and the residual of the natural map. A new type of set needs a variant in this file only.
+//! A set has the residual of its natural map, and Alart and Curnier's map (1991) with its derivative. The impulses lambda are a solution if
+//! the map of `lambda - rho v` is lambda, where v are the velocities of the rows. A new type of set needs a variant in this file only.
 
 use crate::vectors::{TILE, add_scaled, norm, tile};
 
@@ -23,24 +23,17 @@ pub enum AdmissibleSet {
 }
 
 impl AdmissibleSet {
-    /// De Saxce's term mu |v_t| of a contact with the velocities `v`, m/s; 0 for an interval. The solver adds it to the normal velocity.
+    /// Impulses by Alart and Curnier's map for the argument `x`, N s or N m s; written to `z`.
+    ///
+    /// For a cone, the normal impulse is `max(0, x_n)`. The tangential one is `x_t`, shortened to mu times the normal impulse if it is longer.
     #[inline(always)]
-    pub(crate) fn slip(&self, v: &[f64]) -> f64 {
-        match *self {
-            Self::Interval { .. } => 0.0,
-            Self::Cone { mu } => mu * norm(&v[1..]),
-        }
-    }
-
-    /// Projects the impulse `x` on the set, and writes the projection to `z`, N s or N m s.
-    #[inline(always)]
-    pub(crate) fn project(&self, x: &[f64], z: &mut [f64]) {
+    pub(crate) fn map(&self, x: &[f64], z: &mut [f64]) {
         match *self {
             Self::Interval { lo, hi } => z[0] = x[0].max(lo).min(hi),
             Self::Cone { mu } => {
-                let tangent = norm(&x[1..]);
-                let (height, scale) = ConeRegion::of(x[0], tangent, mu).image(x[0], tangent, mu);
-                z[0] = height;
+                let (normal, tangent) = (x[0].max(0.0), norm(&x[1..]));
+                let scale = if tangent > mu * normal { mu * normal / tangent } else { 1.0 };
+                z[0] = normal;
                 for (z, x) in z[1..].iter_mut().zip(&x[1..]) {
                     *z = x * scale;
                 }
@@ -65,90 +58,60 @@ impl AdmissibleSet {
                 let n = lambda[0] - rho * (v[0] + mu * norm(&v[1..]));
                 let moved = || lambda[1..].iter().zip(&v[1..]).map(|(l, v)| l - rho * v);
                 let tangent = moved().fold(0.0, |sum, x| sum + x * x).sqrt();
-                let (height, scale) = ConeRegion::of(n, tangent, mu).image(n, tangent, mu);
+                let (height, scale) = project_cone(n, tangent, mu);
                 let apart = lambda[1..].iter().zip(moved()).fold(0.0, |sum, (l, x)| sum + (l - x * scale).powi(2));
                 (((lambda[0] - height) * rigid_fraction).powi(2) + apart).sqrt() / rho
             }
         }
     }
 
-    /// Computes rho DP_K(x) Y into `out`, row by row. DP_K is the derivative of the projection on this set at the argument `x`, and Y a
-    /// matrix such as the constraint's scaled Jacobian. If the product is zero, returns false and leaves `out` unchanged.
+    /// Computes rho DP Y into `out`. DP is the derivative of [`AdmissibleSet::map`] at the argument `x`, and Y a matrix such as the
+    /// constraint's scaled Jacobian. `mode` is the mode of the constraint at `x`; it must be [`Mode::Held`] or [`Mode::Slipping`].
     ///
-    /// `y` are the rows of Y with `n` entries each, in whole tiles (four numbers). If velocities `v` are given, the product includes De
-    /// Saxce's term mu |v_t|. The function then multiplies DP_K by `I + e_n (0, mu v_t / |v_t|)`, the derivative of the velocity with this
-    /// term.
+    /// `y` are the rows of Y with `n` entries each, in whole tiles (four numbers).
     #[inline(always)]
-    pub(crate) fn differentiate(&self, rho: f64, x: &[f64], v: Option<&[f64]>, y: &[f64], n: usize, out: &mut Product) -> bool {
-        let mu = match *self {
-            Self::Interval { lo, hi } => {
-                let free = x[0] > lo && x[0] < hi;
-                if free {
-                    out.rows.clear();
-                    out.rows.extend(y.iter().map(|y| rho * y));
+    pub(crate) fn differentiate(&self, mode: Mode, rho: f64, x: &[f64], y: &[f64], n: usize, out: &mut Product) {
+        out.rows.clear();
+        out.friction.clear();
+        out.coupling.clear();
+        match *self {
+            Self::Cone { mu } if mode == Mode::Slipping => {
+                out.rows.resize(y.len(), 0.0);
+                out.friction.resize(n, 0.0);
+                // With a constant number of rows the compiler unrolls the loops over them.
+                match x.len() {
+                    3 => differentiate_slip([rho, mu], x, y, [3, n], out),
+                    4 => differentiate_slip([rho, mu], x, y, [4, n], out),
+                    6 => differentiate_slip([rho, mu], x, y, [6, n], out),
+                    rows => differentiate_slip([rho, mu], x, y, [rows, n], out),
                 }
-                return free;
             }
-            Self::Cone { mu } => mu,
-        };
-        let tangent = norm(&x[1..]);
-        let case = ConeRegion::of(x[0], tangent, mu);
-        if let ConeRegion::Zero = case {
-            return false;
+            _ => out.rows.extend(y.iter().map(|y| rho * y)),
         }
-        let speed = v.map_or(0.0, |v| norm(&v[1..]));
-        let slip = if speed > 0.0 { mu / speed } else { 0.0 };
-        out.slip.clear();
-        out.slip.extend(v.iter().flat_map(|v| &v[1..]).map(|v| v * slip));
-        out.slip.resize(x.len() - 1, 0.0);
-        out.rows.resize(y.len(), 0.0);
-        // With a constant number of rows the compiler unrolls the loops over them.
-        match x.len() {
-            3 => differentiate_cone([rho, mu], x, tangent, case, y, [3, n], out),
-            4 => differentiate_cone([rho, mu], x, tangent, case, y, [4, n], out),
-            6 => differentiate_cone([rho, mu], x, tangent, case, y, [6, n], out),
-            rows => differentiate_cone([rho, mu], x, tangent, case, y, [rows, n], out),
-        }
-        true
     }
 }
 
-/// Computes rho DP (I + e_n s'^T) Y of a friction cone into `out`, tile by tile. The argument `x` of the projection has the tangential
-/// length `tangent` and is in the region `case`. `out.slip` has the derivative s' of De Saxce's term mu |v_t|.
+/// Computes rho DP Y of a slipping contact into `out`, tile by tile.
 ///
-/// The derivative of the projection is `DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T)`, with t = x_t / |x_t| and b = (1, mu t).
-/// In the interior of the cone it is the identity.
+/// With the direction `t = x_t / |x_t|`, DP is 1 for the normal row, and `(mu x_n / |x_t|) (I - t t^T)` for the tangential rows. The bound
+/// mu x_n of friction adds mu t times the normal row to the tangential rows: this part is not symmetric.
 #[inline(always)]
-fn differentiate_cone([rho, mu]: [f64; 2], x: &[f64], tangent: f64, case: ConeRegion, y: &[f64], [rows, n]: [usize; 2], out: &mut Product) {
-    let Product { rows: out, slip } = out;
+fn differentiate_slip([rho, mu]: [f64; 2], x: &[f64], y: &[f64], [rows, n]: [usize; 2], out: &mut Product) {
+    let tangent = norm(&x[1..]);
     let inverse = if tangent > 0.0 { 1.0 / tangent } else { 0.0 };
-    let part = 1.0 / (1.0 + mu * mu);
+    let shrink = mu * x[0] * inverse;
+    out.coupling.extend(x[1..].iter().map(|x| rho * mu * (x * inverse)));
     for at in (0..n).step_by(TILE) {
-        let mut normal = tile(y, at);
-        for k in 1..rows {
-            add_scaled(&mut normal, slip[k - 1], &tile(y, k * n + at));
-        }
-        let ConeRegion::Surface { height } = case else {
-            put_tile(out, at, scaled(rho, normal));
-            for k in 1..rows {
-                put_tile(out, k * n + at, scaled(rho, tile(y, k * n + at)));
-            }
-            continue;
-        };
         let mut radial = [0.0; TILE];
         for k in 1..rows {
             add_scaled(&mut radial, x[k] * inverse, &tile(y, k * n + at));
         }
-        let shrink = mu * height * inverse;
-        for (normal, radial) in normal.iter_mut().zip(&mut radial) {
-            *normal = rho * ((*normal + mu * *radial) * part);
-            *radial = mu * *normal - rho * (shrink * *radial);
-        }
-        put_tile(out, at, normal);
+        put_tile(&mut out.rows, at, scaled(rho, tile(y, at)));
+        put_tile(&mut out.friction, at, scaled(rho * mu, radial));
         for k in 1..rows {
             let mut row = scaled(rho * shrink, tile(y, k * n + at));
-            add_scaled(&mut row, x[k] * inverse, &radial);
-            put_tile(out, k * n + at, row);
+            add_scaled(&mut row, -rho * shrink * (x[k] * inverse), &radial);
+            put_tile(&mut out.rows, k * n + at, row);
         }
     }
 }
@@ -168,105 +131,103 @@ fn put_tile(x: &mut [f64], at: usize, numbers: [f64; TILE]) {
     x[at..at + TILE].copy_from_slice(&numbers);
 }
 
-/// Region of a projection's argument in which the projection is differentiable.
+/// Mode of a constraint: a region of the map's argument in which the map is differentiable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Piece {
-    /// Polar cone of a friction cone: the projected impulse is zero, and the contact is open.
+pub(crate) enum Mode {
+    /// The contact is open and has no impulse.
     Open,
-    /// Interior of the set of admissible impulses: the row meets its target velocity, or the contact sticks.
+    /// The row meets its target velocity, or the contact sticks.
     Held,
-    /// Outside a friction cone and its polar cone: the impulse is on the cone's surface, and the contact slips.
-    Sliding,
-    /// Below the interval of a row's impulse: the projection is at the lower bound.
+    /// The contact slips: its impulse is on the surface of the friction cone.
+    Slipping,
+    /// The row's impulse is at its lower bound.
     Lower,
-    /// Above the interval of a row's impulse: the projection is at the upper bound.
+    /// The row's impulse is at its upper bound.
     Upper,
 }
 
+impl Mode {
+    /// Whether the impulse changes with the loads: it is neither at a bound nor zero.
+    #[inline(always)]
+    pub(crate) fn is_active(self) -> bool {
+        matches!(self, Self::Held | Self::Slipping)
+    }
+}
+
 impl AdmissibleSet {
-    /// Region of the projection that contains the argument `x`.
-    pub(crate) fn piece(&self, x: &[f64]) -> Piece {
+    /// Mode of a constraint whose map has the argument `x`.
+    #[inline(always)]
+    pub(crate) fn mode(&self, x: &[f64]) -> Mode {
         match *self {
             Self::Interval { lo, hi } => match x[0] {
-                x if x <= lo => Piece::Lower,
-                x if x >= hi => Piece::Upper,
-                _ => Piece::Held,
+                x if x <= lo => Mode::Lower,
+                x if x >= hi => Mode::Upper,
+                _ => Mode::Held,
             },
-            Self::Cone { mu } => match ConeRegion::of(x[0], norm(&x[1..]), mu) {
-                ConeRegion::Zero => Piece::Open,
-                ConeRegion::Inside => Piece::Held,
-                ConeRegion::Surface { .. } => Piece::Sliding,
-            },
+            Self::Cone { .. } if x[0] <= 0.0 => Mode::Open,
+            Self::Cone { mu } if norm(&x[1..]) > mu * x[0] => Mode::Slipping,
+            Self::Cone { .. } => Mode::Held,
         }
     }
 
-    /// Distance of the argument `x` of the projection from the boundary of the region `piece`, N s; negative outside the region.
+    /// Distance of the map's argument `x` from the boundary of the region of `mode`, N s; negative outside the region.
     ///
     /// The second result is true if the nearest boundary is that between sticking and slipping.
-    pub(crate) fn margin(&self, piece: Piece, x: &[f64]) -> (f64, bool) {
+    pub(crate) fn margin(&self, mode: Mode, x: &[f64]) -> (f64, bool) {
         match *self {
-            Self::Interval { lo, hi } => match piece {
-                Piece::Lower => (lo - x[0], false),
-                Piece::Upper => (x[0] - hi, false),
+            Self::Interval { lo, hi } => match mode {
+                Mode::Lower => (lo - x[0], false),
+                Mode::Upper => (x[0] - hi, false),
                 _ => ((x[0] - lo).min(hi - x[0]), false),
             },
-            // Without friction the tangential components have no effect.
-            Self::Cone { mu: 0.0 } => (if piece == Piece::Open { -x[0] } else { x[0] }, false),
             Self::Cone { mu } => {
-                let tangent = norm(&x[1..]);
-                match piece {
-                    Piece::Open => (-x[0] - mu * tangent, false),
-                    Piece::Sliding if tangent - mu * x[0] < x[0] + mu * tangent => (tangent - mu * x[0], true),
-                    Piece::Sliding => (x[0] + mu * tangent, false),
-                    _ => (mu * x[0] - tangent, true),
+                let excess = norm(&x[1..]) - mu * x[0];
+                match mode {
+                    Mode::Open => (-x[0], false),
+                    // Without friction the tangential components have no effect.
+                    _ if mu == 0.0 => (x[0], false),
+                    Mode::Slipping if excess < x[0] => (excess, true),
+                    Mode::Slipping => (x[0], false),
+                    _ => (-excess, true),
                 }
             }
         }
     }
 }
 
-/// Product rho DP Y of one constraint, with a workspace: step rho times the derivative DP of the constraint's projection times a matrix Y.
+/// Product rho DP Y of one constraint: step rho times the derivative DP of the constraint's map times a matrix Y.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Product {
-    /// Entries of the product, row by row.
+    /// Product with the symmetric part of DP, row by row.
     pub(crate) rows: Vec<f64>,
-    /// Derivative of De Saxce's term mu |v_t| with respect to the tangential velocities v_t.
-    slip: Vec<f64>,
+    /// Coefficients rho mu t of the rest of the product: the tangential rows are these multiples of the normal row of Y. The list is empty
+    /// if the contact does not slip.
+    coupling: Vec<f64>,
+    /// Sum of the tangential rows of Y with the coefficients `coupling`; empty if the contact does not slip. The rest of `Y^T rho DP Y` is
+    /// the outer product of this row and the normal row of Y.
+    pub(crate) friction: Vec<f64>,
 }
 
-/// Region of a point (n, |t|) relative to a friction cone, for its projection.
-#[derive(Clone, Copy, Debug)]
-enum ConeRegion {
-    /// Polar cone of the friction cone: the projection of the point is 0.
-    Zero,
-    /// Interior of the friction cone: the projection of the point is the point itself.
-    Inside,
-    /// Region between the friction cone and its polar cone. The projection has the normal component `height`, and mu times it along the
-    /// tangent.
-    Surface { height: f64 },
-}
-
-impl ConeRegion {
-    /// Region of the point with the normal component `n` and the tangential length `tangent`.
+impl Product {
+    /// Adds the unsymmetric part to `rows`. `normal` is the normal row of Y.
     #[inline(always)]
-    fn of(n: f64, tangent: f64, mu: f64) -> Self {
-        if n >= 0.0 && tangent <= mu * n {
-            Self::Inside
-        } else if mu * tangent <= -n {
-            Self::Zero
-        } else {
-            Self::Surface { height: (mu * tangent + n) / (1.0 + mu * mu) }
+    pub(crate) fn complete(&mut self, normal: &[f64]) {
+        for (row, c) in self.rows.chunks_exact_mut(normal.len()).skip(1).zip(&self.coupling) {
+            add_scaled(row, *c, normal);
         }
     }
+}
 
-    /// Projection of a point with the normal component `n` and tangential length `tangent`, which is in this region of a friction cone.
-    /// Returns the normal component of the projection, and the factor of the tangential components: projected divided by original.
-    #[inline(always)]
-    fn image(self, n: f64, tangent: f64, mu: f64) -> (f64, f64) {
-        match self {
-            ConeRegion::Zero => (0.0, 0.0),
-            ConeRegion::Inside => (n, 1.0),
-            ConeRegion::Surface { height } => (height, if tangent > 0.0 { mu * height / tangent } else { 0.0 }),
-        }
+/// Projection of a point on a friction cone. The point has the normal component `n` and the tangential length `tangent`. Returns the normal
+/// component of the projection, and the factor of the tangential components.
+#[inline(always)]
+fn project_cone(n: f64, tangent: f64, mu: f64) -> (f64, f64) {
+    if n >= 0.0 && tangent <= mu * n {
+        (n, 1.0)
+    } else if mu * tangent <= -n {
+        (0.0, 0.0)
+    } else {
+        let height = (mu * tangent + n) / (1.0 + mu * mu);
+        (height, if tangent > 0.0 { mu * height / tangent } else { 0.0 })
     }
 }

@@ -1,34 +1,26 @@
-//! Augmented-Lagrangian Newton: the robust solver, for the lanes that sweeps do not bring to the tolerance.
+//! Proximal Newton method on the exact friction law: the robust solver, for the lanes that sweeps do not bring to the tolerance.
 //!
 //! The solver treats each island (set of coupled constraints) of each lane in scalar f64. The unknown is w, whose metric is the identity.
-//! The problem is convex if De Saxce's terms `s_i = mu_i |v_t,i|` are constant. The proximal method solves it by a few minimisations over
-//! w of
+//! A proximal step solves
 //!
 //! ```text
-//! 1/2 |w|^2 + sum_i |P_K(lambda_i - rho_i (Y_i w + g_i + s_i))|^2 / (2 rho_i),      then lambda <- P_K(...)
+//! lambda' = P(lambda - rho (Y w + g)),   w = Y^T lambda'
 //! ```
 //!
-//! by Newton's method with an exact line search (Rockafellar 1976). For contacts this is also the outer fixed point on s of Cadoux 2009 and
-//! Acary & Cadoux 2013. The steps are rho_i = kappa dim / trace(G_ii), where dim is the number of rows. The factor kappa is so large that
-//! one or two proximal steps are enough. Redundant supports do no harm, because the matrix is the identity plus a positive semidefinite
-//! one. If many impulses are possible, the solver finds those near the start, or those of least norm if the first step starts from zero.
+//! by Newton's method, where P is the map of Alart and Curnier (Computer Methods in Applied Mechanics and Engineering 92, 1991): for a
+//! contact, the normal impulse is max(0, x_n), and the tangential one x_t, shortened to mu times the normal impulse. Fixed points
+//! `lambda' = lambda` solve the exact Coulomb problem. The steps are rho = kappa dim / trace(G_ii), where dim is the number of rows.
+//! Redundant supports do no harm, because the matrix is the identity plus a part that is positive semidefinite without slip. If many
+//! impulses are possible, the solver finds those near the start, or those of least norm if the first step starts from zero.
 //!
-//! Between the minimisations s is recomputed, with Anderson's acceleration. After the first minimisation the solver also tries steps of the
-//! exact friction law, including s, whose matrix is not symmetric. Close to the solution such steps converge at once; otherwise the solver
-//! rejects them.
-//!
-//! With many contacts the outer loop on s does not converge. For such islands, and after a failure of the loop, all proximal steps are of
-//! the exact friction law, and short at first (`ProximalPoint::solve_exact`).
-//!
-//! Convergence of s is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
+//! Convergence is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
 
-mod anderson;
-mod augmented_lagrangian;
 mod dense;
 mod island;
 mod lane;
 mod ordering;
 mod proximal;
+mod proximal_step;
 mod response;
 mod skyline;
 
@@ -37,17 +29,10 @@ use crate::problem::System;
 use island::Island;
 use lane::Lane;
 use ordering::{Islands, Ordering};
-pub use proximal::{EXACT_RATIO, Search, Terms};
-use proximal::{ProximalPoint, SMALL};
+use proximal::ProximalPoint;
+pub use proximal::{STEPS_RATIO, Search};
 pub use response::{Response, Switch, SwitchDistance};
 use stepper_real::{Mask, Real, Scalar};
-
-/// Smallest limit of Newton steps per pass at which steps of the exact friction law are made, in small islands and in a last pass.
-///
-/// Half of the problems that need such steps take up to 75 of them, which is within [`EXACT_RATIO`] times this limit. Under a smaller limit
-/// such steps reduce the residual but do not converge, and contacts that should stick then move. With five steps per pass, a pinched cube
-/// slips (scene 31 of docs/benchmarks/atlas.md).
-pub(crate) const MIN_STEPS_FOR_EXACT: u32 = 13;
 
 /// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
 #[derive(Clone, Debug, Default)]
@@ -72,8 +57,7 @@ pub struct Newton {
 
 /// Effort of the last call of Newton's method, in all its lanes and islands together.
 ///
-/// With a limit of n steps, there are at most n Newton steps and n rounds per island. With the exact friction law, there are at most
-/// [`EXACT_RATIO`] n of each. These limits bound the time for which other lanes wait.
+/// With a limit of n steps, there are at most [`STEPS_RATIO`] n Newton steps and as many rounds per island. These limits bound the time for which other lanes wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Number of islands (sets of coupled constraints) on which Newton's method worked.
@@ -97,11 +81,11 @@ struct LaneOutcome {
 
 impl Newton {
     /// Improves the impulses of the lanes `lanes`, one lane after the other. Lanes whose residual meets the tolerance are skipped, except
-    /// with [`Terms::LeastNorm`]. Lanes whose residual is not finite are always skipped.
+    /// in a search for least norm. Lanes whose residual is not finite are always skipped.
     ///
     /// `residual` has the residual of each lane, m/s, and gets the new one. `step_counts` has numbers of Newton steps, which increase by
     /// the steps of this call. A residual may increase, but then remains within the tolerance. If many impulses are possible, the solver
-    /// finds those near the start, or those of least norm for [`Terms::LeastNorm`].
+    /// finds those near the start, or those of least norm if the search is for these.
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -111,15 +95,15 @@ impl Newton {
         [residual, step_counts]: [&mut R; 2],
     ) {
         let system = system.into();
-        let lanes = if search.terms == Terms::LeastNorm { lanes } else { lanes.and(residual.gt(search.tolerance)) };
+        let lanes = if search.least_norm { lanes } else { lanes.and(residual.gt(search.tolerance)) };
         self.work = Work::default();
         let mut rest = lanes.and(residual.is_finite()).bits();
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             self.lane.gather(system, iterate, lane);
-            let Search { steps, tolerance, terms } = search;
-            let result = self.solve_lane::<R>(Search { steps, tolerance: tolerance.lane(lane).to_f64(), terms });
+            let Search { steps, tolerance, least_norm } = search;
+            let result = self.solve_lane::<R>(Search { steps, tolerance: tolerance.lane(lane).to_f64(), least_norm });
             if result.better {
                 self.lane.scatter(lane, iterate);
                 residual.set_lane(lane, Scalar::from_f64(result.residual));
@@ -142,19 +126,22 @@ impl Newton {
         for name in 0..self.islands.count {
             self.gather_island(name);
             let before = self.island.residual(&mut self.v);
+            let energy_before = before * self.island.total_impulse();
             let mut after = before;
-            if search.terms == Terms::LeastNorm || before > search.tolerance {
-                let [steps, rounds] = self.solve_island::<R>(search);
+            if search.least_norm || before > search.tolerance {
+                let steps = self.proximal.solve::<R>(&mut self.island, search);
                 result.steps += steps;
                 let work = &mut self.work;
-                *work = Work { islands: work.islands + 1, steps: work.steps + steps, rounds: work.rounds + rounds };
+                *work = Work { islands: work.islands + 1, steps: work.steps + steps, rounds: work.rounds + self.proximal.rounds };
                 for x in self.island.lambda.iter_mut().chain(&mut self.island.w) {
                     *x = R::Scalar::from_f64(*x).to_f64();
                 }
                 after = self.island.residual(&mut self.v);
             }
-            // Both comparisons are false for a NaN, which is no solution.
-            let better = after < before || after <= search.tolerance;
+            // All comparisons are false for a NaN, which is no solution.
+            let mut better = after < before || after <= search.tolerance;
+            // Of contradictory targets, smaller impulses may have a larger residual. The bound of the energy error decreases all the same.
+            better |= search.least_norm && after * self.island.total_impulse() < energy_before;
             if better {
                 self.island.scatter(&mut self.lane, &self.members, &self.ordering.coordinates);
                 result.better = true;
@@ -162,24 +149,6 @@ impl Newton {
             result.residual = result.residual.max(if better { after } else { before });
         }
         result
-    }
-
-    /// Improves the impulses of the island that has been gathered. Returns the number of Newton steps and the number of rounds of the outer
-    /// loop.
-    fn solve_island<R: Real>(&mut self, search: Search<f64>) -> [u32; 2] {
-        let Self { proximal, island, v, .. } = self;
-        let [mut steps, mut rounds] = [0; 2];
-        let (small, constant) = (island.w.len() <= SMALL, matches!(search.terms, Terms::Constant | Terms::LeastNorm));
-        if constant || small && search.terms == Terms::ConstantThenExact {
-            steps += proximal.solve::<R>(island, search);
-            rounds += proximal.rounds;
-        }
-        let enough = !small || search.terms == Terms::Exact || search.steps >= MIN_STEPS_FOR_EXACT;
-        if !constant && enough && (steps == 0 || island.residual(v) > search.tolerance) {
-            steps += proximal.solve_exact::<R>(island, search);
-            rounds += proximal.rounds;
-        }
-        [steps, rounds]
     }
 
     /// Gathers the rows of the island with the index `name` from the lane.

@@ -8,7 +8,7 @@
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
 use crate::iterate::Iterate;
-use crate::newton::{MIN_STEPS_FOR_EXACT, Newton, Search, Terms};
+use crate::newton::{Newton, Search};
 use crate::problem::System;
 use crate::residual::residual;
 use stepper_real::{Mask, Real, Scalar, kernel};
@@ -19,8 +19,8 @@ pub struct Settings<R> {
     /// Largest number of sweeps (Gauss-Seidel iterations) in each pass. A pass is a number of sweeps followed by Newton steps. A lane that
     /// sweeps makes at least one sweep.
     pub sweeps: u32,
-    /// Largest number of Newton steps in each pass, per island; [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many for the exact
-    /// friction law. A pass is a number of sweeps followed by Newton steps. With 0, Newton's method is not used.
+    /// Limit of Newton steps in each pass, per island: they are at most [`STEPS_RATIO`](crate::newton::STEPS_RATIO) times this number. A pass
+    /// is a number of sweeps followed by Newton steps. With 0, Newton's method is not used.
     pub newton_steps: u32,
     /// Residual at which a lane is solved, m/s.
     pub tolerance: R,
@@ -81,22 +81,16 @@ const MAX_SLIP_RATIO: f64 = 10.0;
 /// Largest number of passes of a solve. Each pass makes sweeps and then Newton steps.
 ///
 /// The two methods give each other a better start: sweeps find which contacts slip, and Newton's method solves problems with very different
-/// masses. De Saxce's term is the addition to the normal velocity that makes Coulomb's law a cone condition. Newton steps first keep it
-/// constant. In the first pass, steps with the exact friction law follow. In the last pass, all steps have the exact law. Solves with few
-/// Newton steps per pass leave out the last pass.
+/// masses.
 ///
 /// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps. With one, two and three passes between the
 /// first and the last, 0.17, 0.16 and 0.11 % of the racecar's steps are unsolved, and 0.27, 0.06 and 0.06 % of the doggo's.
 pub const PASSES: usize = 4;
 
-/// Largest number of sweeps of the first pass in 64 bits, if Newton's method may follow. The other lanes of a group wait for lanes that
-/// need more.
+/// Largest number of sweeps of the first pass, if Newton's method may follow. The other lanes of a group wait for lanes that need more.
 ///
-/// In 32 bits sweeps continue, because the result of Newton's method is rounded. With this rounded result, a cube that two fingers could
-/// hold (scene 31 of the atlas) sometimes slips.
-///
-/// Measured on 280 problems of robots, grasps and heaps that sweeps did not solve. With 50 sweeps a solve takes 1.1 to 1.5 times as long.
-/// With 15 sweeps the time differs by at most 5 %, but Newton's method makes more steps, and only one lane at a time.
+/// Measured with the scenes of many contacts: with 12 sweeps a heap of thirty boxes takes 0.88 of the time, a standing wall 1.4 times as
+/// long. In 32 bits, 25 instead of 50 sweeps change the time by 0.97 (0.92 to 1.05).
 const FIRST_SWEEPS: u32 = 25;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the limits in `settings` are reached.
@@ -134,29 +128,22 @@ fn solve_system<R: Real>(
         });
         outcome.residual = masked(newly_loaded, before);
         let redistributed = newly_loaded.and(before.gt(goal).or(slip.gt(R::of(SLIPS))));
-        let search = Search { steps: newton_steps, tolerance: goal, terms: Terms::LeastNorm };
+        let search = Search { steps: newton_steps, tolerance: goal, least_norm: true };
         newton.solve(system, iterate, search, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
         // A newly loaded lane that meets its tolerance needs no sweeps, with one exception: a lane that hardly moves, whose tolerance is
         // the goal or less. There, sweeps bring the motion to rest, and hardly change the distribution of the load.
         rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
-    // In 32 bits, sweeps continue to their limit (see `FIRST_SWEEPS`).
-    let is_double = !<R::Scalar as Scalar>::IS_SINGLE;
-    let first_sweeps = if newton_steps > 0 && is_double { sweeps.min(FIRST_SWEEPS) } else { sweeps };
+    let first_sweeps = if newton_steps > 0 { sweeps.min(FIRST_SWEEPS) } else { sweeps };
     sweep_lanes(system, iterate, SweepSettings { sweeps: first_sweeps, tolerance }, rest, &mut outcome);
     let mut left = lanes.and(outcome.residual.gt(newton_threshold));
     if newton_steps == 0 || left.none() {
         return outcome;
     }
-    let search = |terms| Search { steps: newton_steps, tolerance, terms };
+    let search = Search { steps: newton_steps, tolerance, least_norm: false };
     let sweeps = SweepSettings { sweeps, tolerance };
-    let passes = match newton_steps {
-        // This number of Newton steps also allows a last pass with the exact friction law.
-        MIN_STEPS_FOR_EXACT.. => PASSES,
-        // A position correction whose residual need not be exact makes one pass. The next step corrects the remaining errors.
-        _ if !system.needs_residual => 1,
-        _ => PASSES - 1,
-    };
+    // A position correction whose residual need not be exact makes one pass. The next step corrects the remaining errors.
+    let passes = if system.needs_residual { PASSES } else { 1 };
     for pass in 0..passes {
         left = left.and(outcome.residual.gt(newton_threshold));
         if left.none() {
@@ -167,16 +154,12 @@ fn solve_system<R: Real>(
         // Coulomb's law may have several solutions. Contacts that stick within the accepted residual are in one of them.
         let accepted = left.and(before.le(accepted_residual)).and_not(newly_loaded);
         let slip_before = if accepted.any() { fastest_slip(system, iterate) } else { R::zero() };
-        let (terms, mut worse) = match pass {
-            0 => (Terms::ConstantThenExact, R::Mask::splat(false)),
-            _ if pass + 1 < PASSES => (Terms::Constant, left),
-            _ => (Terms::Exact, left),
-        };
+        let mut worse = if pass == 0 { R::Mask::splat(false) } else { left };
         if pass > 0 {
             sweep_lanes(system, iterate, sweeps, left, &mut outcome);
         }
         let unsolved = left.and(outcome.residual.gt(newton_threshold));
-        newton.solve(system, iterate, search(terms), unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
+        newton.solve(system, iterate, search, unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
         // A pass after the first that increases the residual is undone. So is a pass that makes sticking contacts slip.
         worse = worse.and_not(outcome.residual.le(before));
         if accepted.any() {

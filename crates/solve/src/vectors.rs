@@ -37,32 +37,6 @@ pub(crate) fn inner_of_tiles(a: &[f64], b: &[f64]) -> f64 {
     (sum[0] + sum[1]) + (sum[2] + sum[3])
 }
 
-/// Dot product of `y` and the numbers of `x` in the tiles `tiles` (four consecutive numbers each). Four partial sums are added at the end.
-///
-/// The order is fixed, so that additional tiles of zeros would change nothing.
-#[inline(always)]
-pub(crate) fn dot(y: &[f64], tiles: &[usize], x: &[f64]) -> f64 {
-    let mut sum = [0.0; TILE];
-    for (y, &tile) in y.chunks_exact(TILE).zip(tiles) {
-        let x = &x[TILE * tile..TILE * (tile + 1)];
-        for k in 0..TILE {
-            sum[k] += y[k] * x[k];
-        }
-    }
-    (sum[0] + sum[1]) + (sum[2] + sum[3])
-}
-
-/// Adds s y to the numbers of `x` in the tiles `tiles` (four consecutive numbers each).
-#[inline(always)]
-pub(crate) fn add_to_tiles(x: &mut [f64], tiles: &[usize], s: f64, y: &[f64]) {
-    for (y, &tile) in y.chunks_exact(TILE).zip(tiles) {
-        let x = &mut x[TILE * tile..TILE * (tile + 1)];
-        for k in 0..TILE {
-            x[k] += s * y[k];
-        }
-    }
-}
-
 /// Adds s y to `x`. The length of both is a multiple of four.
 #[inline(always)]
 pub(crate) fn add_scaled(x: &mut [f64], s: f64, y: &[f64]) {

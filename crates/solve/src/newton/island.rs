@@ -10,7 +10,7 @@ use std::ops::Range;
 use crate::admissible_set::AdmissibleSet;
 use crate::constraints::constraint_set::LaneConstraint;
 use crate::newton::lane::Lane;
-use crate::vectors::{TILE, add_to_tiles, dot, inner};
+use crate::vectors::{TILE, inner, tile};
 
 /// Rows of one constraint of an island, whose impulses are projected together.
 #[derive(Clone, Debug)]
@@ -141,20 +141,19 @@ impl Island {
         TILE * block.tiles.len()
     }
 
-    /// Rows of a constraint. Each has the entries of its tiles (four consecutive coordinates), one tile after the other.
-    #[inline(always)]
-    fn entries(&self, block: &Block) -> std::slice::ChunksExact<'_, f64> {
-        self.y[block.y.clone()].chunks_exact(self.width(block))
-    }
-
     /// Multiplies the island's scaled Jacobian Y by the vector `x`, and writes Y x to `out`.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[f64], out: &mut Vec<f64>) {
-        out.clear();
+        out.resize(self.g.len(), 0.0);
         for block in &self.blocks {
-            let tiles = self.tiles(block);
-            for y in self.entries(block) {
-                out.push(dot(y, tiles, x));
+            let (tiles, n) = (self.tiles(block), self.width(block));
+            let (y, out) = (&self.y[block.y.clone()], &mut out[block.rows.clone()]);
+            let (threes, others) = out.as_chunks_mut::<3>();
+            for (out, y) in threes.iter_mut().zip(y.chunks_exact(3 * n)) {
+                *out = multiply_rows(y, tiles, x);
+            }
+            for (out, y) in others.iter_mut().zip(y[3 * threes.len() * n..].chunks_exact(n)) {
+                [*out] = multiply_rows(y, tiles, x);
             }
         }
     }
@@ -163,11 +162,24 @@ impl Island {
     #[inline(always)]
     pub(super) fn add_transposed(&self, x: &[f64], sign: f64, out: &mut [f64]) {
         for block in &self.blocks {
-            let tiles = self.tiles(block);
-            for (y, x) in self.entries(block).zip(&x[block.rows.clone()]) {
-                add_to_tiles(out, tiles, sign * x, y);
+            let (tiles, n) = (self.tiles(block), self.width(block));
+            let (y, x) = (&self.y[block.y.clone()], &x[block.rows.clone()]);
+            if x.iter().all(|x| *x == 0.0) {
+                continue;
+            }
+            let (threes, others) = x.as_chunks::<3>();
+            for (x, y) in threes.iter().zip(y.chunks_exact(3 * n)) {
+                add_rows(out, tiles, x.map(|x| sign * x), y);
+            }
+            for (x, y) in others.iter().zip(y[3 * threes.len() * n..].chunks_exact(n)) {
+                add_rows(out, tiles, [sign * x], y);
             }
         }
+    }
+
+    /// Sum of the sizes of all impulses, N s.
+    pub(super) fn total_impulse(&self) -> f64 {
+        self.lambda.iter().map(|x| x.abs()).sum()
     }
 
     /// Computes the scaled velocity change w from the impulses.
@@ -196,6 +208,38 @@ impl Island {
             worst = Real::max_or_nan(worst, own);
         }
         worst
+    }
+}
+
+/// Dot products of `N` rows with the numbers of `x` in the tiles `tiles` (four consecutive numbers each). The rows are in `y`, one after the
+/// other. Of each product, four partial sums are added at the end, so that additional tiles of zeros would change nothing.
+#[inline(always)]
+fn multiply_rows<const N: usize>(y: &[f64], tiles: &[usize], x: &[f64]) -> [f64; N] {
+    let mut sums = [[0.0; TILE]; N];
+    for (k, &t) in tiles.iter().enumerate() {
+        let x = tile(x, TILE * t);
+        for (r, sum) in sums.iter_mut().enumerate() {
+            let y = tile(y, TILE * (r * tiles.len() + k));
+            for c in 0..TILE {
+                sum[c] += y[c] * x[c];
+            }
+        }
+    }
+    sums.map(|sum| (sum[0] + sum[1]) + (sum[2] + sum[3]))
+}
+
+/// Adds the rows of `y`, each times its number of `x`, to the numbers of `out` in the tiles `tiles` (four consecutive numbers each).
+#[inline(always)]
+fn add_rows<const N: usize>(out: &mut [f64], tiles: &[usize], x: [f64; N], y: &[f64]) {
+    for (k, &t) in tiles.iter().enumerate() {
+        let mut sum = tile(out, TILE * t);
+        for (r, x) in x.iter().enumerate() {
+            let y = tile(y, TILE * (r * tiles.len() + k));
+            for c in 0..TILE {
+                sum[c] += x * y[c];
+            }
+        }
+        out[TILE * t..TILE * (t + 1)].copy_from_slice(&sum);
     }
 }
 

@@ -1,11 +1,11 @@
 //! Derivative of the impulses of a solved problem with respect to its rows, while no constraint switches its mode (open, sticking,
 //! slipping, at a bound). It follows from the implicit function theorem, lane by lane in scalar f64.
 //!
-//! The impulses are a zero of the natural map, with v = G lambda + g and De Saxce's terms s:
+//! The impulses are a fixed point of Alart and Curnier's map P, with v = G lambda + g:
 //!
 //! ```text
-//! lambda - P_K(lambda - rho (v + s)) = 0
-//! (I - DP + rho DP (I + S) G) dlambda = -rho DP (I + S) dv
+//! lambda - P(lambda - rho v) = 0
+//! (I - DP + rho DP G) dlambda = -rho DP dv
 //! ```
 //!
 //! Here dv is the change of the rows' velocities at constant impulses, due to changes of the free velocity, the targets or the Jacobians.
@@ -13,7 +13,7 @@
 
 use std::ops::Range;
 
-use crate::admissible_set::{AdmissibleSet, Piece, Product};
+use crate::admissible_set::{AdmissibleSet, Mode, Product};
 use crate::constraints::constraint_set::{Impulse, number_of};
 use crate::constraints::each_kind;
 use crate::iterate::{Iterate, rows_of};
@@ -119,10 +119,9 @@ struct LaneResponse {
 struct Block {
     /// Set of the constraint's admissible impulses.
     set: AdmissibleSet,
-    /// Mode of the constraint (open, sticking, slipping, at a bound): the region of the projection on the admissible impulses that contains
-    /// its argument.
-    piece: Piece,
-    /// Distance of the projection's argument from the next region, N s, see [`AdmissibleSet::margin`].
+    /// Mode of the constraint (open, sticking, slipping, at a bound).
+    mode: Mode,
+    /// Distance of the map's argument from the region of the next mode, N s, see [`AdmissibleSet::margin`].
     margin: f64,
     /// Index of the constraint's kind: 0 for scalar rows, 1 for contacts with three rows, 2 for contacts with six rows.
     kind: usize,
@@ -142,11 +141,6 @@ struct Block {
 }
 
 impl Block {
-    /// Whether the impulse changes with the loads: it is neither at a bound nor at the tip of the cone.
-    fn is_active(&self) -> bool {
-        matches!(self.piece, Piece::Held | Piece::Sliding)
-    }
-
     /// Range of the rows in the lists of the lane.
     fn rows(&self) -> Range<usize> {
         self.first..self.first + self.dim
@@ -165,7 +159,7 @@ struct Linear {
     dense: Vec<f64>,
     /// Delassus matrix of the rows in `dense`, 1/kg.
     delassus: Vec<f64>,
-    /// Derivative of the projection of one constraint, times a matrix.
+    /// Derivative of the map of one constraint, times a matrix.
     product: Product,
     /// Matrix on the left side of the linear equations, which multiplies the change of the impulses.
     left: Vec<f64>,
@@ -222,7 +216,7 @@ impl<R: Real> Response<R> {
                 let [start, dim] = kinds[block.kind];
                 own.velocity.extend(velocities[start + dim * block.source..][..dim].iter().map(|&v| number_of(v, l)));
             }
-            own.find_pieces();
+            own.find_modes();
             let determined = system.solve(lane, own, iterate.w.len());
             if !determined || before.is_some_and(|before| system.moves_with_loads(own, &before.lanes[l])) {
                 sound &= !(1 << l);
@@ -307,7 +301,7 @@ impl<R: Real> Response<R> {
                     v[i] = number_of(self.velocities[first + i], lane);
                 }
                 let (lambda, v) = (&lambda[..block.dim], &v[..block.dim]);
-                let (margin, slips) = block.set.margin(block.piece, &moved(block, lambda, v)[..block.dim]);
+                let (margin, slips) = block.set.margin(block.mode, &moved(block, lambda, v)[..block.dim]);
                 if margin >= block.margin || margin.is_nan() {
                     continue;
                 }
@@ -375,13 +369,12 @@ fn set_lanes<R: Real>(to: &mut [R], lane: usize, from: impl Iterator<Item = f64>
     }
 }
 
-/// Argument lambda - rho (v + s) of the projection of a constraint, where s is De Saxce's term (mu |v_t|).
+/// Argument lambda - rho v of the map of a constraint.
 fn moved(block: &Block, lambda: &[f64], v: &[f64]) -> Rows {
     let mut z = [0.0; MAX_ROWS];
     for (z, (l, v)) in z.iter_mut().zip(lambda.iter().zip(v)) {
         *z = l - block.rho * v;
     }
-    z[0] -= block.rho * block.set.slip(v);
     z
 }
 
@@ -395,7 +388,7 @@ impl LaneResponse {
         for block in &lane.blocks {
             self.blocks.push(Block {
                 set: block.constraint.set,
-                piece: Piece::Open,
+                mode: Mode::Open,
                 margin: 0.0,
                 kind: block.kind,
                 source: block.source,
@@ -408,15 +401,15 @@ impl LaneResponse {
         }
     }
 
-    /// Finds the region of the projection that contains each constraint's argument: open, at a bound, sticking or slipping.
-    fn find_pieces(&mut self) {
+    /// Finds the mode of each constraint: open, at a bound, sticking or slipping.
+    fn find_modes(&mut self) {
         self.active.clear();
         for block in &mut self.blocks {
             let rows = block.rows();
             let z = moved(block, &self.lambda[rows.clone()], &self.velocity[rows.clone()]);
-            block.piece = block.set.piece(&z[..block.dim]);
-            block.margin = block.set.margin(block.piece, &z[..block.dim]).0;
-            if block.is_active() {
+            block.mode = block.set.mode(&z[..block.dim]);
+            block.margin = block.set.margin(block.mode, &z[..block.dim]).0;
+            if block.mode.is_active() {
                 self.active.extend(rows);
             }
         }
@@ -445,14 +438,14 @@ impl LaneResponse {
     fn update_impulses<R: Real>(&mut self, velocities: &[R], impulses: &mut [R], l: usize) {
         let Self { blocks, lambda, velocity, matrix, found, change, .. } = self;
         change.clear();
-        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.is_active()) {
+        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.mode.is_active()) {
             // A constraint that no longer exists has been reported already.
             change
                 .extend((0..block.dim).map(|i| first.map_or(0.0, |first| number_of(velocities[first + i], l) - velocity[block.first + i])));
         }
         change.resize(change.len().next_multiple_of(TILE), 0.0);
         let mut rows = matrix.chunks_exact(change.len().max(1));
-        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.is_active()) {
+        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.mode.is_active()) {
             for (i, row) in (0..block.dim).zip(&mut rows) {
                 if let Some(first) = first {
                     let answer = lambda[block.first + i] + inner_of_tiles(row, change);
@@ -478,7 +471,7 @@ impl Linear {
     fn solve(&mut self, lane: &Lane, own: &mut LaneResponse, dimension: usize) -> bool {
         let n = own.active.len();
         let (mut blocks, mut next) = (vec![], 0);
-        for (block, from) in own.blocks.iter().zip(&lane.blocks).filter(|(block, _)| block.is_active()) {
+        for (block, from) in own.blocks.iter().zip(&lane.blocks).filter(|(block, _)| block.mode.is_active()) {
             blocks.push((next, block, from));
             next += block.dim;
         }
@@ -514,23 +507,23 @@ impl Linear {
             let (dim, rows) = (block.dim, block.rows());
             let (lambda, v) = (&own.lambda[rows.clone()], &own.velocity[rows]);
             let z = &moved(block, lambda, v)[..dim];
-            // The velocity of a constraint that does not slip is rounding error, and has no direction.
-            let v = Some(v).filter(|v| block.piece == Piece::Sliding && norm(&v[1..]) > 0.0);
             let own_width = dim.next_multiple_of(TILE);
             let mut unit = [0.0; MAX_ROWS * (MAX_ROWS + TILE)];
             let unit = &mut unit[..dim * own_width];
             (0..dim).for_each(|i| unit[i * own_width + i] = 1.0);
-            block.set.differentiate(1.0, z, None, unit, own_width, &mut self.product);
+            self.differentiate(block, 1.0, z, unit, own_width);
             for (i, derivative) in self.product.rows.chunks_exact(own_width).enumerate() {
                 for j in 0..dim {
                     self.left[(row + i) * stride + row + j] = unit[i * own_width + j] - derivative[j];
                 }
             }
-            block.set.differentiate(block.rho, z, v, &self.delassus[row * stride..][..dim * stride], stride, &mut self.product);
+            let delassus = std::mem::take(&mut self.delassus);
+            self.differentiate(block, block.rho, z, &delassus[row * stride..][..dim * stride], stride);
+            self.delassus = delassus;
             for (left, x) in self.left[row * stride..][..dim * stride].iter_mut().zip(&self.product.rows) {
                 *left += x;
             }
-            block.set.differentiate(block.rho, z, v, unit, own_width, &mut self.product);
+            self.differentiate(block, block.rho, z, unit, own_width);
             for (i, derivative) in self.product.rows.chunks_exact(own_width).enumerate() {
                 for j in 0..dim {
                     self.right[(row + i) * stride + row + j] = -derivative[j];
@@ -546,6 +539,13 @@ impl Linear {
             own.undetermined.extend(impulses);
             no_motion
         })
+    }
+
+    /// Computes rho DP Y of an active constraint into `product`: step times the derivative of its map at `z` times a matrix whose rows have
+    /// `n` entries.
+    fn differentiate(&mut self, block: &Block, rho: f64, z: &[f64], y: &[f64], n: usize) {
+        block.set.differentiate(block.mode, rho, z, y, n, &mut self.product);
+        self.product.complete(&y[..n]);
     }
 
     /// Impulses of the active rows that the equations do not determine. The unknown in place `k` of the elimination order is 1, where k is

@@ -3,7 +3,7 @@
 //! The first entries of the rows are the skyline. Elimination fills no entry outside it, so that its area is the required memory. An order
 //! of the coordinates with a low skyline ([`crate::newton::ordering`]) uses the sparsity of the matrix. `A = L U` with a unit diagonal in
 //! U. L is stored by rows, U by columns, both below the same skyline, in tiles of four rows or columns. There is no pivoting, because the
-//! matrices are the identity plus a positive semidefinite part, or close to that. For other matrices the caller checks the pivots.
+//! matrices are the identity plus a positive semidefinite part, or close to that. `factor` fails if a pivot is too small.
 
 use crate::vectors::{TILE, tile};
 
@@ -69,13 +69,12 @@ impl Skyline {
         self.start[j] + c - self.first[j]
     }
 
-    /// Adds `sum_r a_r^T b_r` to the entries between the coordinates of the tiles `tiles`, ascending. A tile is four consecutive
-    /// coordinates.
+    /// Adds the symmetric sum `sum_r a_r^T b_r` to the entries between the coordinates of the tiles `tiles`, ascending. A tile is four
+    /// consecutive coordinates. Until [`Skyline::complete`], the sum is in the lower triangle alone.
     ///
-    /// `a` and `b` are lists of rows a_r and b_r. Each row has the numbers of its tiles, one tile after the other. If the sum is
-    /// `symmetric`, only its lower triangle is added.
+    /// `a` and `b` are lists of rows a_r and b_r. Each row has the numbers of its tiles, one tile after the other.
     #[inline(always)]
-    pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
+    pub(super) fn add_symmetric(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
         let n = TILE * tiles.len();
         // Three rows at a time, the rows of a contact.
         let (mut at, rows) = (0, a.len() / n);
@@ -83,41 +82,65 @@ impl Skyline {
             let some = if rows - at >= 3 { 3 } else { 1 };
             let (a, b) = (&a[at * n..(at + some) * n], &b[at * n..(at + some) * n]);
             if some == 3 {
-                self.add_rows::<3>(tiles, a, b, symmetric);
+                self.add_rows::<3>(tiles, a, b);
             } else {
-                self.add_rows::<1>(tiles, a, b, symmetric);
+                self.add_rows::<1>(tiles, a, b);
             }
             at += some;
         }
     }
 
-    /// Adds `sum_r a_r^T b_r` as [`Skyline::add_product`] does, for `N` rows at a time.
+    /// Adds `sum_r a_r^T b_r` as [`Skyline::add_symmetric`] does, for `N` rows at a time.
     #[inline(always)]
-    fn add_rows<const N: usize>(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
+    fn add_rows<const N: usize>(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
         let n = TILE * tiles.len();
         for (i, &j) in tiles.iter().enumerate() {
-            let own: [[Tile; N]; 2] = [a, b].map(|x| std::array::from_fn(|r| tile(x, r * n + TILE * i)));
+            let own: [Tile; N] = std::array::from_fn(|r| tile(a, r * n + TILE * i));
             for (k, &column) in tiles[..=i].iter().enumerate() {
                 let place = self.place(j, TILE * column);
-                add_tile(&mut self.lower[place..place + TILE], &own[0], b, n, TILE * k);
-                if !symmetric && k < i {
-                    add_tile(&mut self.upper[place..place + TILE], &own[1], a, n, TILE * k);
+                add_tile(&mut self.lower[place..place + TILE], &own, b, n, TILE * k);
+            }
+        }
+    }
+
+    /// Adds the outer product `a^T b` of two rows, with the arguments of [`Skyline::add_symmetric`].
+    #[inline(always)]
+    pub(super) fn add_outer(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
+        for (i, &j) in tiles.iter().enumerate() {
+            let (own_a, own_b) = (tile(a, TILE * i), tile(b, TILE * i));
+            for (k, &column) in tiles[..=i].iter().enumerate() {
+                let place = self.place(j, TILE * column);
+                let (a, b) = (tile(a, TILE * k), tile(b, TILE * k));
+                let (lower, upper) = (&mut self.lower[place..place + TILE], &mut self.upper[place..place + TILE]);
+                for c in 0..TILE {
+                    for r in 0..TILE {
+                        let below = own_a[r] * b[c];
+                        lower[c][r] += below;
+                        upper[c][r] += own_b[r] * a[c] - below;
+                    }
                 }
             }
         }
     }
 
-    /// Replaces the matrix by its factors L U. Returns false if a pivot is not above `least`; the factors are then invalid.
-    ///
-    /// If `indefinite`, pivots may be negative, and their absolute values are compared with `least`. If `symmetric`, only the lower
-    /// triangle of the matrix is read.
+    /// Completes the upper triangle after the last sum. So far it has the difference between the two triangles.
     #[inline(always)]
-    pub(super) fn factor(&mut self, least: f64, symmetric: bool, indefinite: bool) -> bool {
+    pub(super) fn complete(&mut self) {
+        for (upper, lower) in self.upper.iter_mut().zip(&self.lower) {
+            for r in 0..TILE {
+                upper[r] += lower[r];
+            }
+        }
+    }
+
+    /// Replaces the matrix by its factors L U. Returns false if the size of a pivot is not above `least`; the factors are then invalid.
+    #[inline(always)]
+    pub(super) fn factor(&mut self, least: f64) -> bool {
         for j in 0..self.first.len() {
             for k in self.first[j] / TILE..j {
-                self.eliminate(j, k, symmetric);
+                self.eliminate(j, k);
             }
-            if !self.factor_diagonal(j, least, indefinite) {
+            if !self.factor_diagonal(j, least) {
                 return false;
             }
         }
@@ -126,7 +149,7 @@ impl Skyline {
 
     /// Eliminates the entries of the four rows of tile `j` in the four columns of tile `k`, where k < j.
     #[inline(always)]
-    fn eliminate(&mut self, j: usize, k: usize, symmetric: bool) {
+    fn eliminate(&mut self, j: usize, k: usize) {
         let from = self.first[j].max(self.first[k]);
         let (own, other) = (self.place(j, from), self.place(k, from));
         let count = (TILE * k).saturating_sub(from);
@@ -143,21 +166,16 @@ impl Skyline {
                 }
             }
         }
-        let mut u = l;
-        if !symmetric {
-            u = std::array::from_fn(|c| self.upper[here + c]);
-            for (u_mj, l_km) in self.upper[own..own + count].iter().zip(&self.lower[other..other + count]) {
-                subtract_outer(&mut u, u_mj, l_km);
-            }
+        let mut u: [Tile; TILE] = std::array::from_fn(|c| self.upper[here + c]);
+        for (u_mj, l_km) in self.upper[own..own + count].iter().zip(&self.lower[other..other + count]) {
+            subtract_outer(&mut u, u_mj, l_km);
         }
         for c in 0..TILE {
             let pivot = self.lower[corner + c][c];
-            if !symmetric {
-                for m in 0..c {
-                    let l = self.lower[corner + m][c];
-                    for r in 0..TILE {
-                        u[c][r] -= u[m][r] * l;
-                    }
+            for m in 0..c {
+                let l = self.lower[corner + m][c];
+                for r in 0..TILE {
+                    u[c][r] -= u[m][r] * l;
                 }
             }
             for r in 0..TILE {
@@ -168,10 +186,9 @@ impl Skyline {
         }
     }
 
-    /// Factorises the diagonal block of four by four entries of tile `j`. Returns false if a pivot is not above `least`, see
-    /// [`Skyline::factor`].
+    /// Factorises the diagonal block of four by four entries of tile `j`. Returns false if the size of a pivot is not above `least`.
     #[inline(always)]
-    fn factor_diagonal(&mut self, j: usize, least: f64, indefinite: bool) -> bool {
+    fn factor_diagonal(&mut self, j: usize, least: f64) -> bool {
         let (first, here) = (self.start[j], self.place(j, TILE * j));
         let mut d: [Tile; TILE] = std::array::from_fn(|c| self.lower[here + c]);
         for (l, u) in self.lower[first..here].iter().zip(&self.upper[first..here]) {
@@ -181,8 +198,7 @@ impl Skyline {
         for c in 0..TILE {
             let pivot = d[c][c];
             // The comparison rejects a NaN too.
-            let size = if indefinite { pivot.abs() } else { pivot };
-            if size.partial_cmp(&least) != Some(std::cmp::Ordering::Greater) {
+            if pivot.abs().partial_cmp(&least) != Some(std::cmp::Ordering::Greater) {
                 return false;
             }
             for k in c + 1..TILE {

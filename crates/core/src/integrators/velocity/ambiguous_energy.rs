@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::Outcome;
-use stepper_solve::newton::{Search, Terms};
+use stepper_solve::newton::Search;
 
 use crate::constraints::VelocitySolution;
 use crate::integrators::step_input::{StepContext, StepInput};
@@ -51,7 +51,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         let goal = self.residual_for_energy();
         let ([_, steps], Outcome { residual, newton_steps, .. }) = (options.iteration_limits(), &mut *outcome);
         let VelocitySolution { impulses, newton, .. } = &mut *self.velocity;
-        let search = Search { steps, tolerance: goal, terms: Terms::LeastNorm };
+        let search = Search { steps, tolerance: goal, least_norm: true };
         newton.solve(&self.problem.rows, impulses, search, lanes, [residual, newton_steps]);
         let left = lanes.and(self.ambiguous(outcome.residual));
         if left.any() {

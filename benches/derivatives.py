@@ -2,15 +2,14 @@
 
 Usage:
 
-    python benches/derivatives.py                 # all tables
-    python benches/derivatives.py agreement time  # some of: agreement, implicit, smoothness, horizon, time, effort
+    python benches/derivatives.py                # all tables
+    python benches/derivatives.py implicit time  # some of: implicit, smoothness, time
 """
 
 import sys
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, Literal
 
 import mujoco
@@ -18,10 +17,7 @@ import numpy as np
 import stepper
 from numpy.typing import NDArray
 from stepper import Options
-from stepper.derivatives import Linearization, rollout
-from stepper.derivatives.copies import nominal_of, parts_of
-from stepper.derivatives.linearize import TOLERANCE
-from stepper.derivatives.perturbations import blocks_of, stencil_of
+from stepper.derivatives import Linearization
 from stepper.doctor import cpu_levels
 from stepper.shared.machine import cpu_name, one_core, package_file
 
@@ -61,46 +57,6 @@ def touching(robot: str, options: Options, num_envs: int, amplitude: float = 0.3
 def matrix(lin: Linearization) -> Array:
     """Derivative matrices A (by the state) and B (by the controls) of each environment, side by side: (num_envs, n, n + nu)."""
     return np.concatenate([lin.A, lin.B], axis=2)
-
-
-def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
-    """Noise of an entry of the finite-difference matrices A and B of `linearize`, (num_envs,).
-
-    The noise is four times the sum of solver residual and rounding of the velocities, divided by the difference step.
-    """
-    floor: Array = 4.0 * (lin.residual + 2.0**-52 * np.maximum(np.abs(sim.qvel).max(axis=1), 1.0)) / lin.step
-    return floor
-
-
-def agreement() -> None:
-    """Print the fraction of entries of A and B of `linearize` that do not change if the difference step is halved.
-
-    An entry agrees if its values with the whole and with half the difference step are equal within a tolerance. The tolerance is twice the
-    noise plus 1e-6 of the largest entry of the same column and kind of rows: positions, velocities or activations. The table also has the
-    fraction of columns near a kink (a change, such as of contacts or limits, at which a step has no derivative).
-    """
-    print("| robot | options | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
-    print("|---|---|---|---|---|---|---|")
-    for robot in ROBOTS:
-        for law, options in SETTINGS.items():
-            sim, ctrl = touching(robot, options, 24)
-            one = sim.linearize(ctrl=ctrl)
-            two = sim.linearize(ctrl=ctrl, step=0.5 * one.step)
-            a, b = matrix(one), matrix(two)
-            nv = sim.model.nv
-            scale = np.concatenate(
-                [
-                    np.broadcast_to(np.abs(part).max(axis=1, keepdims=True, initial=0.0), part.shape)
-                    for part in np.split(a, [nv, 2 * nv], axis=1)
-                ],
-                axis=1,
-            )
-            same = np.abs(a - b) <= 1e-6 * scale + 2.0 * noise(sim, one)[:, None, None]
-            kinked = np.concatenate([one.kinks[name] for name in WRT], axis=1) != 0
-            away = np.broadcast_to(~kinked[:, None], same.shape)
-            shares = [one.near_kink.mean(), kinked.mean(), same.mean(), same[away].mean()]
-            touch = len(sim.contacts()) / 24
-            print(f"| {robot} | {law} | {touch:.1f} | {shares[0]:.0%} | {shares[1]:.1%} | {shares[2]:.2%} | {shares[3]:.2%} |", flush=True)
 
 
 SMOOTH: dict[str, dict[str, Any]] = {
@@ -185,67 +141,6 @@ def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> Non
                 )
 
 
-def horizon(steps: int = 32) -> None:
-    """Print how well two gradients agree for a hopper: backpropagation through `steps` steps, and finite differences of whole rollouts."""
-    print("| options | gradient by | cosine: median | worst of 8 | norm error, median | below 0.999999 | of these near a kink |")
-    print("|---|---|---|---|---|---|---|")
-    for law, options in SETTINGS.items():
-        sim, _ = touching("gymnasium/hopper", options, 8)
-        rng = np.random.default_rng(1)
-        ctrl = rng.uniform(-0.3, 0.3, (steps, 8, sim.model.nu))
-        made = rollout(sim, ctrl)
-        weights = np.zeros_like(made.qpos)
-        weights[-1] = rng.normal(size=sim.model.nq)
-        speeds = np.zeros_like(made.qvel)
-        speeds[-1] = rng.normal(size=sim.model.nv)
-        found = made.vjp(qpos=weights, qvel=speeds)
-        whole = by_whole_rollouts(sim, ctrl, weights[-1], speeds[-1])
-        pairs = {
-            "controls": (found.ctrl.transpose(1, 0, 2).reshape(8, -1), whole[0]),
-            "first state": (np.hstack([found.qpos, found.qvel]), whole[1]),
-        }
-        for what, (ours, theirs) in pairs.items():
-            lengths = np.linalg.norm(ours, axis=1), np.linalg.norm(theirs, axis=1)
-            cosine = (ours * theirs).sum(axis=1) / (lengths[0] * lengths[1])
-            length = np.median(np.abs(lengths[0] / lengths[1] - 1))
-            parts = cosine < 0.999999
-            kinked = int((parts & found.near_kink.any(axis=0)).sum())
-            print(
-                f"| {law} | {what} | {np.median(cosine):.9f} | {cosine.min():.6f} | {length:.1e} | {parts.sum()} | {kinked} |", flush=True
-            )
-
-
-def by_whole_rollouts(sim: stepper.Stepper, ctrl: Array, weights: Array, speeds: Array, h: float = 1e-6) -> tuple[Array, Array]:
-    """Derivatives of a weighted sum of final positions and velocities, by central differences of whole rollouts.
-
-    Args:
-        sim: Stepper with the initial states.
-        ctrl: Controls, (T, num_envs, nu).
-        weights: Weights of the final positions in the sum, (num_envs, nq).
-        speeds: Weights of the final velocities, (num_envs, nv).
-        h: Half width of the differences.
-
-    Returns:
-        Derivatives by the controls, (num_envs, T nu), and by the initial state, (num_envs, 2 nv).
-    """
-    model, n = sim.model, len(sim.qpos)
-    options = Options(**{**vars(sim.options), "tolerance": 1e-13})
-    size = ctrl.shape[0] * model.nu
-    moves = h * np.concatenate([np.eye(size + 2 * model.nv), -np.eye(size + 2 * model.nv)])
-    out = np.empty((n, len(moves)))
-    for env in range(n):
-        copies = stepper.Stepper(model, len(moves), options=options)
-        copies.set_state(sim.get_state(env=env))
-        state = moves[:, size:]
-        qpos = model.integrate_pos(np.tile(sim.qpos[env], (len(moves), 1)), state[:, : model.nv])
-        copies.set_state(qpos, sim.qvel[env] + state[:, model.nv :], keep_warmstart=True)
-        controls = ctrl[:, env, None] + moves[:, :size].reshape(len(moves), len(ctrl), -1).transpose(1, 0, 2)
-        end = copies.rollout(controls, fields=["qpos", "qvel"])
-        out[env] = end["qpos"][-1] @ weights[env] + end["qvel"][-1] @ speeds[env]
-    slopes = (out[:, : size + 2 * model.nv] - out[:, size + 2 * model.nv :]) / (2 * h)
-    return slopes[:, :size], slopes[:, size:]
-
-
 def median_time(call: Callable[[], Any], count: int, before: Callable[[], Any] = lambda: None) -> float:
     """Processor time of a call, s: median of `count` calls, after a warm-up call. `before` runs before each call, untimed."""
     before()
@@ -301,60 +196,6 @@ def linearization_time(sim: stepper.Stepper, ctrl: Array, method: Literal["fd", 
     return median_time(lambda: sim.linearize(ctrl=ctrl, method=method, centered=centered), 9)
 
 
-def effort(num_envs: int = 32) -> None:
-    """Print the time of a step in finite differences, and the fraction of this time that the contact solver takes.
-
-    The fraction follows from the time of steps whose solver stops after one iteration. The column "warm-started" has the number of solver
-    iterations if the solver starts from the solution of the unperturbed step.
-    """
-    print("| robot | options | step, us | sweeps, Newton steps | warm-started | step with one iteration, us | share of the solver |")
-    print("|---|---|---|---|---|---|---|")
-    for robot in ("gymnasium/ant", "dm_control/quadruped", "gymnasium/hopper"):
-        for law, options in SETTINGS.items():
-            times, counts = [], []
-            for hurried in (False, True):
-                sim, ctrl = touching(robot, options, num_envs)
-                source = stepper.Stepper(sim.model, num_envs, options=replace(options, iterations=1, solver="pgs") if hurried else options)
-                source.set_state(sim.get_state())
-                blocks = blocks_of(sim.model, WRT)
-                nominal = nominal_of(source, ctrl, blocks)
-                stencil = stencil_of(sim.model, blocks, nominal.fields, step=1e-6, levels=1, centered=True)
-                part = next(iter(parts_of(source, nominal, blocks, stencil, 1.0 if hurried else TOLERANCE)))
-                copies, state = part.sim, part.sim.get_state()
-
-                def again(copies: stepper.Stepper = copies, state: stepper.State = state, ctrl: Array = part.ctrl) -> float:
-                    copies.set_state(state)
-                    begin = time.thread_time()
-                    copies.step(ctrl)
-                    return time.thread_time() - begin
-
-                again()
-                times.append(float(np.median([again() for _ in range(15)])) / len(part.ctrl) * 1e6)
-                counts.append(mean_effort(copies))
-                # Repeat the step from the same perturbed states, but with the impulses of the unperturbed step as warm start.
-                solved, where = copies.get_state(), np.arange(len(part.ctrl)) // part.count
-                copies.set_state(state)
-                before = [np.array(getattr(copies, name)) for name in ("qpos", "qvel", "act")]
-                copies.set_state(solved)
-                for env in range(where[-1] + 1):
-                    copies.set_state(copies.get_state(env=env * part.count), envs=where == env)
-                copies.set_state(before[0], before[1], act=before[2], keep_warmstart=True)
-                copies.step(part.ctrl)
-                counts.append(mean_effort(copies))
-            whole, hurried_time = times
-            print(
-                f"| {robot} | {law} | {whole:.1f} | {counts[0][0]:.1f}, {counts[0][1]:.1f} | {counts[1][0]:.1f}, {counts[1][1]:.1f} "
-                f"| {hurried_time:.1f} | {1 - hurried_time / whole:.0%} |",
-                flush=True,
-            )
-
-
-def mean_effort(copies: stepper.Stepper) -> tuple[float, float]:
-    """Mean numbers of the solver's Gauss-Seidel iterations and of its Newton steps in the last step, over all environments."""
-    newton_steps = float(np.asarray(copies.newton_steps).mean())
-    return float(np.asarray(copies.iterations).mean()) - newton_steps, newton_steps
-
-
 def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array, centered: bool) -> float:
     """Processor time of mjd_transitionFD for one environment, s: median over environments, with the integrator implicitfast."""
     with warnings.catch_warnings():
@@ -376,14 +217,7 @@ def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array, centered: boo
 if __name__ == "__main__":
     warnings.filterwarnings("ignore")
     mujoco.set_mju_user_warning(lambda message: None)
-    parts: dict[str, Callable[[], None]] = {
-        "agreement": agreement,
-        "implicit": implicit,
-        "smoothness": smoothness,
-        "horizon": horizon,
-        "time": cost,
-        "effort": effort,
-    }
+    parts: dict[str, Callable[[], None]] = {"implicit": implicit, "smoothness": smoothness, "time": cost}
     with one_core():
         print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}, MuJoCo {mujoco.__version__}\n")
         for part in sys.argv[1:] or parts:

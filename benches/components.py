@@ -184,7 +184,7 @@ def quantities(quick: bool) -> None:
             sim.step(nstep=5)
             zeros, state = np.zeros(sim.model.nv), sim.get_state()
             reads = (partial(getattr, sim, name) for name in ("qfrc_bias", "qacc_smooth"))
-            calls = [sim.mass_matrix, *reads, partial(sim.inverse_dynamics, zeros)]
+            calls: list[Callable[[], Any]] = [sim.mass_matrix, *reads, partial(sim.inverse_dynamics, zeros)]
             cells = [f"{1e6 * median_time(call, count, partial(sim.set_state, state)) / ENVS:.2f}" for call in calls]
             rays = median_time(partial(sim.rays, points, down), count) / ENVS, median_time(partial(mujoco.mj_multiRay, m, *settings), count)
             table.add(f"{robot}, {precision}", *cells, *(f"{1e9 * seconds / RAYS:.0f}" for seconds in rays))

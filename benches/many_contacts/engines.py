@@ -1,11 +1,12 @@
 """Batches of environments in stepper and in MuJoCo that run the episode of a `Script`. `stepper.lab.engines` has their base classes."""
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from stepper import Model, Options
+from stepper import Model, Options, Status
 from stepper._options import Precision
 from stepper.lab.engines import EngineBatch, MujocoBatch, SolverStatistics, StepperBatch
 
@@ -20,11 +21,13 @@ class Effort:
         certificate: Numbers of steps by status flag, and residuals.
         sweeps: Number of Gauss-Seidel iterations (sweeps) of the solver, summed over environment steps.
         newton_steps: Number of the solver's Newton steps, summed over environment steps.
+        flags: Number of environment steps with each status flag.
     """
 
     certificate: SolverStatistics = field(default_factory=SolverStatistics)
     sweeps: int = 0
     newton_steps: int = 0
+    flags: Counter[str] = field(default_factory=Counter)
 
 
 class Batch(EngineBatch, Protocol):
@@ -74,6 +77,8 @@ class Ours(StepperBatch):
         newton_steps = int(np.sum(self.sim.newton_steps))
         effort.sweeps += int(np.sum(self.sim.iterations)) - newton_steps
         effort.newton_steps += newton_steps
+        status = np.asarray(self.sim.status)
+        effort.flags.update({str(flag.name): int(np.count_nonzero(status & flag)) for flag in Status})
 
     @property
     def failed(self) -> int:

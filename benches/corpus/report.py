@@ -1,6 +1,5 @@
 """Writer of the page docs/benchmarks/corpus.md from rows, each with the measurements of one model file."""
 
-import json
 import re
 import statistics
 from collections import Counter
@@ -8,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rows import provenance_section
 from stepper.lab.study.document import markdown_table
 
 from corpus import judge
@@ -273,7 +273,5 @@ def _reasons() -> str:
 
 def _provenance(notes: Mapping[str, object], rows: Sequence[Row]) -> str:
     """Section of the report with the notes (machine and versions) and the number of measured files per build of stepper."""
-    text = "## Provenance\n\n"
-    text += "".join(f"* {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in notes.items())
-    builds = Counter(row.stepper for row in rows)
-    return text + "* files by build of stepper: " + ", ".join(f"{build} {n}" for build, n in builds.most_common()) + "\n"
+    builds = ", ".join(f"{build} {n}" for build, n in Counter(row.stepper for row in rows).most_common())
+    return f"{provenance_section(notes)}* files by build of stepper: {builds}\n"

@@ -24,26 +24,17 @@ from atlas.scenes import (
     walls,
 )
 
-TOPICS = (
-    contradictions,
-    facets,
-    flight,
-    friction,
-    grooves,
-    impact_times,
-    impacts,
-    jamming,
-    mechanisms,
-    passing,
-    rolling,
-    simbenchmark,
-    stacks,
-    structures,
-    tipping,
-    top,
-    turning,
-    walls,
-)
+GROUPS: dict[str, tuple[str, tuple[ModuleType, ...]]] = {
+    "friction": ("Friction and rolling", (friction, jamming, rolling, tipping, turning)),
+    "impacts": ("Impacts and fast bodies", (impact_times, impacts, passing, walls)),
+    "stacks": ("Stacks and structures", (contradictions, stacks, structures)),
+    "mechanisms": ("Mechanisms and flight", (flight, mechanisms, top)),
+    "surfaces": ("Surfaces of triangles and grooves", (facets, grooves)),
+    "simbenchmark": ("SimBenchmark", (simbenchmark,)),
+}
+"""Groups of topics, each with a page of the report: title and modules by the name of the page's file."""
+
+TOPICS = tuple(topic for _, topics in GROUPS.values() for topic in topics)
 
 
 def _place(scene: Scene) -> tuple[bool, int]:
@@ -57,14 +48,3 @@ ALL: tuple[Scene, ...] = tuple(sorted((scene for topic in TOPICS for scene in to
 def of(number: str) -> tuple[Scene, ...]:
     """Scenes of the atlas with a number, such as "36"; several scenes may share it."""
     return tuple(scene for scene in ALL if scene.number == number)
-
-
-GROUPS: dict[str, tuple[str, tuple[ModuleType, ...]]] = {
-    "friction": ("Friction and rolling", (friction, jamming, rolling, tipping, turning)),
-    "impacts": ("Impacts and fast bodies", (impact_times, impacts, passing, walls)),
-    "stacks": ("Stacks and structures", (contradictions, stacks, structures)),
-    "mechanisms": ("Mechanisms and flight", (flight, mechanisms, top)),
-    "surfaces": ("Surfaces of triangles and grooves", (facets, grooves)),
-    "simbenchmark": ("SimBenchmark", (simbenchmark,)),
-}
-"""Groups of topics, each with a page of the report: title and modules by the name of the page's file."""

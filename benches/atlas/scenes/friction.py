@@ -1,6 +1,7 @@
 """Scenes 3 to 6 and 32: Coulomb friction of one body on a plane or a tray."""
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -155,30 +156,22 @@ def _tray(mu: float, factor: float, engine: Engine, dt: float) -> World:
     return world
 
 
-def tray_holds(mu: float):
-    """Create the function that measures scene 32, a body on a tray: creep speed at 0.99 of the force at which it slides, m/s."""
-
-    def measure(engine: Engine, dt: float) -> float:
-        return creep(_tray(mu, 0.99, engine, dt), 2000)
-
-    return measure
+def tray_holds(engine: Engine, dt: float, mu: float) -> float:
+    """Error of scene 32, a body on a tray: creep speed at 0.99 of the force at which it slides, m/s."""
+    return creep(_tray(mu, 0.99, engine, dt), 2000)
 
 
-def tray_slips(mu: float):
-    """Create the function that measures scene 32, a body on a tray pushed with 1.01 of the force at which it slides.
+def tray_slips(engine: Engine, dt: float, mu: float) -> float:
+    """Error of scene 32, a body on a tray pushed with 1.01 of the force at which it slides.
 
-    The created function returns the relative error of the acceleration (F - mu m g) / m.
+    The error is the relative error of the acceleration (F - mu m g) / m.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = _tray(mu, 1.01, engine, dt)
-        world.step(20)
-        before, steps = world.qvel[0, :3], 400
-        world.step(steps)
-        gained = float(np.linalg.norm(world.qvel[0, :3] - before)) / (steps * dt)
-        return abs(gained / (0.01 * mu * G) - 1.0)
-
-    return measure
+    world = _tray(mu, 1.01, engine, dt)
+    world.step(20)
+    before, steps = world.qvel[0, :3], 400
+    world.step(steps)
+    gained = float(np.linalg.norm(world.qvel[0, :3] - before)) / (steps * dt)
+    return abs(gained / (0.01 * mu * G) - 1.0)
 
 
 COULOMB = "statics with Coulomb's law"
@@ -225,8 +218,17 @@ SCENES = (
         scene
         for mu in (1.0, 0.55)
         for scene in (
-            Scene("32", f"tray, 2 N at 0.99 mu N, mu {mu}", "v = 0", COULOMB, "m/s", flat(CREEP), NO_CREEP, tray_holds(mu)),
-            Scene("32", f"tray, 2 N at 1.01 mu N, mu {mu}", "a = F/m - mu g", COULOMB, "1", flat(1e-4), ACCELERATION, tray_slips(mu)),
+            Scene("32", f"tray, 2 N at 0.99 mu N, mu {mu}", "v = 0", COULOMB, "m/s", flat(CREEP), NO_CREEP, partial(tray_holds, mu=mu)),
+            Scene(
+                "32",
+                f"tray, 2 N at 1.01 mu N, mu {mu}",
+                "a = F/m - mu g",
+                COULOMB,
+                "1",
+                flat(1e-4),
+                ACCELERATION,
+                partial(tray_slips, mu=mu),
+            ),
         )
     ),
 )

@@ -3,19 +3,21 @@
 Usage:
 
     python benches/derivatives.py                # all tables
-    python benches/derivatives.py implicit time  # some of: implicit, smoothness, time
+    python benches/derivatives.py implicit   # one of: implicit, time
 """
 
 import sys
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Literal
 
 import mujoco
 import numpy as np
 import stepper
 from numpy.typing import NDArray
+from sections import Table
 from stepper import Options
 from stepper.derivatives import Linearization
 from stepper.doctor import cpu_levels
@@ -59,20 +61,9 @@ def matrix(lin: Linearization) -> Array:
     return np.concatenate([lin.A, lin.B], axis=2)
 
 
-SMOOTH: dict[str, dict[str, Any]] = {
-    "hard": {},
-    "hard, stabilization none": {"stabilization": "none"},
-    "hard, smooth at rest, midpoint": {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0},
-    "hard, smooth at rest, euler": {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0, "integrator": "euler"},
-    "mujoco": {"contact": "mujoco"},
-}
-"""Settings that the table of `smoothness` compares, by name: arguments of `Options`."""
-
-
 def implicit(num_envs: int = 24) -> None:
     """Print the relative error of implicit derivatives, compared with extrapolated central differences of whole steps."""
-    print("| robot | options | environments | columns away from kinks | error below max(1e-6, that of fd) | median | 99 % |")
-    print("|---|---|---|---|---|---|---|")
+    table = Table("robot", "options", "environments", "columns away from kinks", "error below max(1e-6, that of fd)", "median", "99 %")
     laws = {
         "split, Euler": Options(integrator="euler"),
         "split, implicit rule": Options(integrator="implicit"),
@@ -97,48 +88,8 @@ def implicit(num_envs: int = 24) -> None:
             kinks = np.concatenate([differences.kinks[name] | own.kinks[name] for name in WRT], axis=-1)
             smooth = (kinks == 0) & own.implicit[:, None]
             good = ((off < 1e-6) | (off < error))[smooth].mean()
-            print(
-                f"| {robot} | {law} | {own.implicit.mean():.0%} | {smooth.mean():.1%} | {good:.2%} "
-                f"| {np.median(off[smooth]):.0e} | {np.quantile(off[smooth], 0.99):.0e} |",
-                flush=True,
-            )
-
-
-def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> None:
-    """Print the roughness of a step: how far the next state deviates from a smooth function of the state.
-
-    Along a random direction, q+ and v+ (positions and velocities after a step) are computed at points on both sides of a state. The
-    roughness is their largest deviation from a parabola that is fitted to each side.
-    """
-    print("| robot | options | tolerance, m/s | q+: median | 90 % | v+: median | 90 % |")
-    print("|---|---|---|---|---|---|---|")
-    places = np.linspace(-width, width, points)
-    sides = [slice(0, points // 2), slice(points // 2 + 1, points)]
-    for robot in ("dm_control/walker", "dm_control/quadruped", "gymnasium/ant"):
-        for name, fields in SMOOTH.items():
-            for tolerance in (1e-6, 1e-13):
-                sim, ctrl = touching(robot, Options(**fields), num_envs)
-                model, rng, found = sim.model, np.random.default_rng(1), []
-                for env in range(num_envs):
-                    line = places[:, None] * rng.normal(size=2 * model.nv)
-                    copies = stepper.Stepper(model, points, options=Options(**fields, tolerance=tolerance))
-                    copies.set_state(sim.get_state(env=env))
-                    qpos = model.integrate_pos(np.tile(sim.qpos[env], (points, 1)), line[:, : model.nv])
-                    copies.set_state(qpos, sim.qvel[env] + line[:, model.nv :], keep_warmstart=True)
-                    copies.step(ctrl[env])
-                    middle = np.tile(copies.qpos[points // 2], (points, 1))
-                    ends = np.hstack([model.differentiate_pos(middle, copies.qpos), copies.qvel - copies.qvel[points // 2]])
-                    off = np.zeros((2,))
-                    for side in sides:
-                        basis = np.vander(places[side] / width, 3)
-                        rest = np.abs(ends[side] - basis @ np.linalg.lstsq(basis, ends[side], rcond=None)[0])
-                        off = np.maximum(off, [rest[:, : model.nv].max(), rest[:, model.nv :].max()])
-                    found.append(off)
-                median, high = np.quantile(found, [0.5, 0.9], axis=0)
-                print(
-                    f"| {robot} | {name} | {tolerance:.0e} | {median[0]:.0e} | {high[0]:.0e} | {median[1]:.0e} | {high[1]:.0e} |",
-                    flush=True,
-                )
+            quantiles = (f"{off_quantile:.0e}" for off_quantile in np.quantile(off[smooth], (0.5, 0.99)))
+            table.add(robot, law, f"{own.implicit.mean():.0%}", f"{smooth.mean():.1%}", f"{good:.2%}", *quantiles)
 
 
 def median_time(call: Callable[[], Any], count: int, before: Callable[[], Any] = lambda: None) -> float:
@@ -156,10 +107,9 @@ def median_time(call: Callable[[], Any], count: int, before: Callable[[], Any] =
 
 def cost(num_envs: int = 32) -> None:
     """Print the time of `linearize` for robots in contact, by finite differences (fd) and implicitly, compared with mjd_transitionFD."""
-    fd = " in steps | mjd_transitionFD, us | speedup |"
-    print(f"| robot | options | contacts | columns | step, us | central fd, us |{fd} one-sided fd, us |{fd}", end="")
-    print(" implicit central, us | in steps | implicit one-sided, us | in steps |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")
+    fd = ("in steps", "mjd_transitionFD, us", "speedup")
+    implicitly = ("implicit central, us", "in steps", "implicit one-sided, us", "in steps")
+    table = Table("robot", "options", "contacts", "columns", "step, us", "central fd, us", *fd, "one-sided fd, us", *fd, *implicitly)
     per = 1e6 / num_envs
     for robot in ("gymnasium/ant", "dm_control/quadruped", "gymnasium/hopper"):
         more = {"hard, Euler": Options(integrator="euler"), "mujoco, implicitfast": Options(contact="mujoco", integrator="implicitfast")}
@@ -167,28 +117,22 @@ def cost(num_envs: int = 32) -> None:
             sim, ctrl = touching(robot, options, num_envs)
             state = sim.get_state()
 
-            def back(sim: stepper.Stepper = sim, state: stepper.State = state) -> None:
-                sim.set_state(state)
-
-            def step(sim: stepper.Stepper = sim, ctrl: Array = ctrl) -> None:
-                sim.step(ctrl)
-
-            stepped = median_time(step, 51, back)
+            stepped = median_time(partial(sim.step, ctrl), 51, partial(sim.set_state, state))
             sim.set_state(state)
             columns = 2 * sim.model.nv + sim.model.na + sim.model.nu
-            line = f"| {robot} | {law} | {len(sim.contacts()) / num_envs:.1f} | {columns} | {stepped * per:.1f} |"
+            cells = [f"{len(sim.contacts()) / num_envs:.1f}", f"{columns}", f"{stepped * per:.1f}"]
             for centered in (True, False):
                 ours = linearization_time(sim, ctrl, "fd", centered)
                 theirs = transition_time(robot, sim, ctrl, centered)
-                line += f" {ours * per:.0f} | {ours / stepped:.0f} | {theirs * 1e6:.0f} | {theirs * num_envs / ours:.1f} |"
+                cells += [f"{ours * per:.0f}", f"{ours / stepped:.0f}", f"{theirs * 1e6:.0f}", f"{theirs * num_envs / ours:.1f}"]
             for centered in (True, False):
                 # Implicit derivatives do not exist for the integrator rk4.
                 if sim.options.contact == "mujoco" and sim.options.integrator != "implicitfast":
-                    line += " | |"
+                    cells += ["", ""]
                     continue
                 ours = linearization_time(sim, ctrl, "implicit", centered)
-                line += f" {ours * per:.0f} | {ours / stepped:.0f} |"
-            print(line, flush=True)
+                cells += [f"{ours * per:.0f}", f"{ours / stepped:.0f}"]
+            table.add(robot, law, *cells)
 
 
 def linearization_time(sim: stepper.Stepper, ctrl: Array, method: Literal["fd", "implicit"], centered: bool) -> float:
@@ -217,7 +161,7 @@ def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array, centered: boo
 if __name__ == "__main__":
     warnings.filterwarnings("ignore")
     mujoco.set_mju_user_warning(lambda message: None)
-    parts: dict[str, Callable[[], None]] = {"implicit": implicit, "smoothness": smoothness, "time": cost}
+    parts: dict[str, Callable[[], None]] = {"implicit": implicit, "time": cost}
     with one_core():
         print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}, MuJoCo {mujoco.__version__}\n")
         for part in sys.argv[1:] or parts:

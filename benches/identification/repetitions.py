@@ -50,16 +50,14 @@ class Tally:
         """Half width of the interval of each parameter relative to its true value, as median over the repetitions."""
         return np.median([(high - low) / 2 / self.truth for _, low, high in self.answers], axis=0)
 
-    def row(self) -> str:
-        """Cells of the row of a Markdown table, in the order of `HEAD`."""
-        mass, friction = (
-            f"{100 * e:.2g} % | {100 * w:.2g} % | {100 * c:.0f} %"
-            for e, w, c in zip(self.error(), self.width(), self.coverage(), strict=True)
-        )
-        return f"{mass} | {friction} | {np.median(self.seconds):.2g} s"
+    def cells(self) -> list[str]:
+        """Cells of the row of a table, in the order of `HEAD`."""
+        columns = zip(self.error(), self.width(), self.coverage(), strict=True)
+        cells = [text for e, w, c in columns for text in (f"{100 * e:.2g} %", f"{100 * w:.2g} %", f"{100 * c:.0f} %")]
+        return [*cells, f"{np.median(self.seconds):.2g} s"]
 
 
-HEAD = "mass error | interval | coverage | friction error | interval | coverage | CPU time"
+HEAD = ("mass error", "interval", "coverage", "friction error", "interval", "coverage", "CPU time")
 """Headings of the columns with the results, without the first column."""
 
 

@@ -154,17 +154,16 @@ def measure(scene: Scene, path: Path, plan: Plan, model: Model | None = None) ->
         best = min((found["microseconds"] for found in row["theirs"].values()), default=float("nan"))
         for (precision, setting), batch in ours.items():
             effort = batch.efforts[phase.name]
-            certificate = effort.certificate
             figures = _figures(tracks[batch.name, phase.name])
             row["ours"][f"{precision} {setting}"] = figures | {
                 "ratio": best / figures["microseconds"],
-                "unsolved": certificate.not_converged / certificate.env_steps,
-                "sweeps": effort.sweeps / certificate.env_steps,
-                "newton_steps": effort.newton_steps / certificate.env_steps,
-                "worst_residual": certificate.worst_residual,
-                "contacts_full": certificate.contacts_full,
-                "non_finite": certificate.non_finite,
-                "flags": {name: count / certificate.env_steps for name, count in effort.flags.items() if count},
+                "unsolved": effort.not_converged / effort.env_steps,
+                "sweeps": (effort.sweeps - effort.newton_steps) / effort.env_steps,
+                "newton_steps": effort.newton_steps / effort.env_steps,
+                "worst_residual": effort.worst_residual,
+                "contacts_full": effort.contacts_full,
+                "non_finite": effort.non_finite,
+                "flags": {name: count / effort.env_steps for name, count in effort.flags.items() if count},
             }
         rows.append(row)
     return rows

@@ -89,7 +89,7 @@ def test_a_fall_does_not_tell_a_shift_from_another_initial_state():
     """Without controls, readings one sample early are those of the state one sample later."""
     scene = strikes.thrown()
     made = strikes.readings(scene, scene.truth, np.random.default_rng(0))
-    model = scene.model(scene.start)
+    model = scene.model(*scene.starts[0])
     readings = {name: rows[1:] for name, rows in made.items()}
     episode = stepper.sysid.Episode(scene.ctrl[1:], readings, 0.02, qvel=scene.velocities(model))
     found = stepper.sysid.identify(model, [episode], scene.parameters, noise=scene.noise, options=HARD, starts=2, threads=1)

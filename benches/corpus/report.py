@@ -108,24 +108,14 @@ def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
     return markdown_table(head, lines) + "\n"
 
 
-def _steps_well(row: Row) -> bool:
-    """Whether a model steps well in stepper, which means that it violates none of the criteria in the module `judge`."""
-    return not judge.faults(row)
-
-
-def _steps_well_in_mujoco(row: Row) -> bool:
-    """Whether a model steps well in MuJoCo, which means that MuJoCo gave no warnings."""
-    return row.outcome == MEASURED and not judge.their_faults(row)
-
-
 def _packages(corpus: Corpus) -> str:
     """Table of the packages: number of files, of models, and of models that satisfy each criterion."""
     counts: dict[str, Callable[[Row], bool]] = {
         "models": lambda _: True,
         "strict": lambda row: row.strict,
         "agree": lambda row: row.outcome == MEASURED and judge.agrees(row),
-        "stepper: all criteria": _steps_well,
-        "MuJoCo: no warning": _steps_well_in_mujoco,
+        "stepper: all criteria": lambda row: not judge.faults(row),
+        "MuJoCo: no warning": lambda row: row.outcome == MEASURED and not judge.their_faults(row),
         "INFEASIBLE": lambda row: judge.infeasible(row) > 0,
         "TUNNELLED": lambda row: judge.tunnelled(row) > 0,
     }
@@ -192,7 +182,7 @@ def _worse(corpus: Corpus) -> str:
 
     Models that only have less kinetic energy than in MuJoCo are left out.
     """
-    rows = [row for row in corpus.models if not _steps_well(row) and not judge.their_faults(row) and not _only_less(row)]
+    rows = [row for row in corpus.models if judge.faults(row) and not judge.their_faults(row) and not _only_less(row)]
     criteria = Counter(criterion for row in rows for criterion in {fault.criterion for fault in judge.faults(row)})
     text = f"## Models that step well in MuJoCo and not in stepper\n\n{len(rows)} models: "
     return text + ", ".join(f"{criterion} {n}" for criterion, n in criteria.most_common()) + ".\n\n" + _faulty(rows)

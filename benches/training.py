@@ -26,7 +26,7 @@ import gymnasium
 import mujoco_vector
 import numpy as np
 import stepper.envs
-from sections import section_of, write_section
+from sections import Table, section_of, write_section
 from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.policies import Comparison, Policy, compare, evaluate, load
 from stepper.shared.machine import one_core, require
@@ -289,8 +289,8 @@ def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> s
     """Train a robot to follow velocities in each engine, with the same task, learner, hyperparameters and seed, on one thread."""
     train: Any = importlib.import_module("train")
     mujoco_vector.register(task)
-    columns = " | ".join(f"error in {name}, m/s | falls" for name in ENGINES)
-    rows = [f"| trained in | million steps | processor min | {columns} |", "|" + "---|" * (3 + 2 * len(ENGINES))]
+    columns = (text for name in ENGINES for text in (f"error in {name}, m/s", "falls"))
+    table = Table("trained in", "million steps", "processor min", *columns)
     with one_core():
         for name, (env, own) in ENGINES.items():
             folder = runs / re.sub(r"\W+", "_", f"{task} {name}")
@@ -303,9 +303,8 @@ def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> s
                 found = evaluate(run.policy(), other.format(task), episodes=episodes, seed=2**32, infos=("tracking_error",), **arguments)
                 fell = int(np.sum(found.lengths < found.lengths.max()))
                 cells += [f"{found.infos['tracking_error'].mean():.3f}", f"{fell} of {episodes}"]
-            rows.append("| " + " | ".join(cells) + " |")
-            print(rows[-1], flush=True)
-    return "\n".join(rows)
+            table.add(*cells)
+    return str(table)
 
 
 _LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}

@@ -7,7 +7,7 @@ from pathlib import Path
 from rows import provenance_section
 from stepper.lab.study.document import markdown_table
 
-from atlas.known import reason
+from atlas.known import failure
 from atlas.run import CANNOT, HELD, Row
 from atlas.scene import Scene
 
@@ -106,7 +106,8 @@ def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], R
     for scene in scenes:
         for row in (r for (number, name, _, _), r in by.items() if (number, name) == (scene.number, scene.name)):
             if row.engine.startswith("stepper") and row.outcome != HELD:
-                why = reason(scene.title, row.engine, row.dt) or next(iter(row.note.splitlines()), "not explained yet")
+                known = failure(scene.title, row.engine, row.dt)
+                why = known.reason if known else next(iter(row.note.splitlines()), "not explained yet")
                 setting = row.engine.removeprefix("stepper").strip() or "default"
                 found.setdefault(why, {}).setdefault(scene.title, []).append(f"{setting}, {row.dt * 1e3:g} ms")
     text = "\n## Failures of stepper and their reasons\n\n" + ("" if found else "None.\n")

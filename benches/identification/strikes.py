@@ -153,18 +153,13 @@ def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, n
     model = scene.model(*truth)
     sim = stepper.Stepper(model, options=HARD)
     shift = START_STD[0] * rng.standard_normal(model.nv)
-    # Bodies in contact at the start are perturbed away from the contact only.
-    shift = np.where(np.isin(np.arange(model.nv), resting(model)), np.abs(shift), shift)
+    if "z" in model.joint_names:  # A box that may rest on the floor at the start is perturbed away from it only.
+        shift[model.joint("z").dofadr] = np.abs(shift[model.joint("z").dofadr])
     qvel = scene.velocities(model) + START_STD[1] * rng.standard_normal(model.nv)
     sim.set_state(model.integrate_pos(model.qpos0, shift), qvel)
     made = sim.rollout(scene.ctrl, round(PERIOD / sim.timestep), fields=("sensordata",))["sensordata"]
     clean = by_sensor(model, made, scene.noise)
     return {name: rows + scene.noise[name] * rng.standard_normal(rows.shape) for name, rows in clean.items()}
-
-
-def resting(model: stepper.Model) -> list[int]:
-    """List with the index of the degree of freedom "z", along which a box may rest on the floor at the start; empty if there is none."""
-    return [model.joint("z").dofadr] if "z" in model.joint_names else []
 
 
 def follow(scene: Strike, seed: int, **settings: Any) -> Followed:

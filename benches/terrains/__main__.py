@@ -9,7 +9,7 @@ from stepper.shared.machine import provenance, require
 
 from terrains.grounds import GROUNDS
 from terrains.measure import measured
-from terrains.report import table, times, update_page
+from terrains.report import steps, times, update_page
 
 
 def main() -> None:
@@ -39,7 +39,7 @@ def main() -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     came_from = provenance()
     (args.out / "terrains.json").write_text(json.dumps({"rows": rows, "provenance": came_from}, indent=1) + "\n", encoding="utf-8")
-    print(table(rows))
+    print(f"{times(rows)}\n\n{steps(rows)}")
     if args.update_docs:
         update_page(rows, came_from)
 

@@ -27,11 +27,6 @@ def update_page(rows: Sequence[dict[str, Any]], came_from: Mapping[str, Any]) ->
     write_section(PAGE, "steps", steps(rows))
 
 
-def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Two markdown tables: step times with their ratios, and contacts, penetration and flags."""
-    return f"{times(rows)}\n\n{steps(rows)}"
-
-
 def times(rows: Sequence[dict[str, Any]]) -> str:
     """Markdown table of times per step, us, with the speedup over MuJoCo's faster setting in parentheses."""
     ours, theirs = rows[0]["ours"], rows[0]["theirs"]

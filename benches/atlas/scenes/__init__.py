@@ -43,8 +43,3 @@ def _place(scene: Scene) -> tuple[bool, int]:
 
 
 ALL: tuple[Scene, ...] = tuple(sorted((scene for topic in TOPICS for scene in topic.SCENES), key=_place))
-
-
-def of(number: str) -> tuple[Scene, ...]:
-    """Scenes of the atlas with a number, such as "36"; several scenes may share it."""
-    return tuple(scene for scene in ALL if scene.number == number)

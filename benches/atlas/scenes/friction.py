@@ -11,7 +11,6 @@ from atlas.world import Array, World
 
 BLOCK = box((0.2, 0.15, 0.05), 1.3)
 HEIGHT = 0.05
-STEPS = 100_000
 CREEP = 1e-9
 """Speed below which a body counts as sticking, m/s: 3 cm a year. The rounding of g dt is 1e-15 m/s or less."""
 NO_CREEP = "1e-9 m/s, 3 cm a year; rounding is 1e-15 m/s"
@@ -35,14 +34,9 @@ NEAR = math.radians(0.1)
 CRITICAL = math.atan(MU_INCLINE)
 
 
-def sticking(engine: Engine, dt: float) -> float:
-    """Error of scene 3, a box on an incline: creep speed a tenth of a degree below the friction angle, over 1e5 steps, m/s."""
-    return creep(engine.start(incline(BLOCK, HEIGHT, CRITICAL - NEAR, MU_INCLINE), dt), STEPS)
-
-
-def sticking_at_ten_degrees(engine: Engine, dt: float) -> float:
-    """Error of scene 3: creep speed of a box on an incline of 10 degrees with friction 1, m/s."""
-    return creep(engine.start(incline(BLOCK, HEIGHT, math.radians(10), 1.0), dt), 10_000)
+def sticking(engine: Engine, dt: float, slope: float, mu: float, steps: int) -> float:
+    """Error of scene 3, a box on an incline below the friction angle: creep speed over some steps, m/s."""
+    return creep(engine.start(incline(BLOCK, HEIGHT, slope, mu), dt), steps)
 
 
 def penetration_at_rest(engine: Engine, dt: float) -> float:
@@ -174,6 +168,7 @@ def tray_slips(engine: Engine, dt: float, mu: float) -> float:
     return abs(gained / (0.01 * mu * G) - 1.0)
 
 
+TEN_DEGREES = partial(sticking, slope=math.radians(10), mu=1.0, steps=10_000)
 COULOMB = "statics with Coulomb's law"
 TOLERANCE = "a solver residual of 1e-6 m/s, over a second of motion"
 ACCELERATION = "1e-4 of the net force, which is at most 1 % of the friction force"
@@ -187,10 +182,10 @@ SCENES = (
         "m/s",
         flat(CREEP),
         NO_CREEP,
-        sticking,
+        partial(sticking, slope=CRITICAL - NEAR, mu=MU_INCLINE, steps=100_000),
         test_dts=(2e-3, 2e-2),
     ),
-    Scene("3", "incline of 10 degrees, mu 1", "v = 0", COULOMB, "m/s", flat(CREEP), NO_CREEP, sticking_at_ten_degrees),
+    Scene("3", "incline of 10 degrees, mu 1", "v = 0", COULOMB, "m/s", flat(CREEP), NO_CREEP, TEN_DEGREES),
     Scene("3", "penetration at rest on it", "none", "rigid bodies", "m", flat(1e-5), "0.01 mm", penetration_at_rest),
     Scene("3", "incline above the friction angle", "a = g (sin - mu cos)", COULOMB, "1", flat(1e-4), ACCELERATION, sliding),
     Scene("4", "stopping distance", "v0^2 / (2 mu g)", "work of Coulomb's friction", "m", flat(1e-6), TOLERANCE, stopping),

@@ -61,6 +61,15 @@ def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None =
     return stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision)
 
 
+def flags_of(sim: stepper.Stepper, steps: int) -> stepper.Status:
+    """Flags of `steps` steps together."""
+    found = stepper.Status.OK
+    for _ in range(steps):
+        sim.step()
+        found |= stepper.Status(int(sim.status))
+    return found
+
+
 def afloat(name: str, *, gravity: bool = True) -> mujoco.MjModel:
     """A robot that nothing can touch: its contacts, its joint limits and, if asked, gravity are switched off."""
     model = mujoco.MjModel.from_xml_path(str(SOURCES[name]))

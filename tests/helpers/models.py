@@ -123,6 +123,12 @@ def full_mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return out
 
 
+def force_of_world(contacts: np.ndarray) -> np.ndarray:
+    """Sum of the contact forces of the world's geoms on others, in world axes. A normal points from the first body to the second."""
+    sign = np.where(contacts["body"][:, 0] == 0, 1.0, -1.0) * (contacts["body"] == 0).any(axis=1)
+    return np.einsum("k,ki,kij->j", sign, contacts["force"], contacts["frame"])
+
+
 def contact_bits(contacts: np.ndarray) -> bytes:
     """Bits of contacts, whichever environment has them."""
     return b"".join(contacts[name].tobytes() for name in contacts.dtype.names if name != "env")

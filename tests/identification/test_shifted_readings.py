@@ -124,7 +124,7 @@ def test_the_tracker_does_not_say_what_shifted_readings_make_it_think(shift):
     scene = strikes.struck()
     readings = {name: moved(rows, shift) for name, rows in strikes.readings(scene, scene.truth, np.random.default_rng(0)).items()}
     tracker = stepper.sysid.Tracker(
-        scene.model(scene.start), list(scene.parameters), noise=scene.noise, period=0.02, options=HARD, start_std=strikes.START_STD
+        scene.model(*scene.starts[0]), list(scene.parameters), noise=scene.noise, period=0.02, options=HARD, start_std=strikes.START_STD
     )
     for k, ctrl in enumerate(scene.ctrl[:50]):
         now = tracker.update(ctrl, {name: rows[k] for name, rows in readings.items()})

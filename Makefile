@@ -45,13 +45,11 @@ bench: build
 	$(BIN)/stepper demo
 	$(BIN)/stepper chart benches/studies/slide.py --quick
 	$(BIN)/stepper chart benches/studies/chain.py --quick
-	$(BIN)/python benches/sensing.py
-	$(BIN)/python benches/drives.py
+	$(BIN)/python benches/components.py
 	$(BIN)/python -m pip install --quiet 'envpool>=1.2'
 	$(BIN)/python benches/environments.py
 	$(BIN)/python benches/derivatives.py
 	$(BIN)/python benches/rollout_gradients.py
-	$(BIN)/python benches/states.py
 
 # Functions outside kernels that compute with lanes, in the machine code of the AVX2 build. KERNELS='--level avx512' and more, see --help.
 kernels: $(VENV)/setup.stamp

@@ -26,6 +26,7 @@ import gymnasium
 import mujoco_vector
 import numpy as np
 from gymnasium.vector import SyncVectorEnv
+from sections import Table
 from stepper.envs import TASKS, StepperVectorEnv, Task, TaskView
 from stepper.shared.machine import cpu_name, one_core
 
@@ -130,8 +131,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5.0, help="processor time of each row, s [5]")
     given = parser.parse_args()
     print(f"{given.num_envs} environments, one core of {cpu_name()}\n")
-    print("| task | contact | precision | steps/s | x EnvPool | x mujoco.batch | x Gymnasium | overhead / physics | overhead, us/step |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    speedups = ("x EnvPool", "x mujoco.batch", "x Gymnasium")
+    table = Table("task", "contact", "precision", "steps/s", *speedups, "overhead / physics", "overhead, us/step")
     peers: dict[str, tuple[str, Callable[[str], Contender]]] = {
         "Gymnasium's own": ("imageio", gymnasiums),
         "EnvPool": ("envpool", envpools),
@@ -152,8 +153,8 @@ def main() -> None:
             for key, contender in rows.items():
                 beside = [f"{contender.rate / rows[peer, 'f64'].rate:.1f}" if (peer, "f64") in rows else "" for peer in BESIDE]
                 share, spent = contender.layer if key in ours_too else (float("nan"), float("nan"))
-                layer = f"{share:.0%} | {spent:.2f}" if key in ours_too else " | "
-                print(f"| {name} | {' | '.join(key)} | {contender.rate:,.0f} | {' | '.join(beside)} | {layer} |", flush=True)
+                layer = (f"{share:.0%}", f"{spent:.2f}") if key in ours_too else ("", "")
+                table.add(name, *key, f"{contender.rate:,.0f}", *beside, *layer)
 
 
 if __name__ == "__main__":

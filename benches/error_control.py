@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import stepper
+from sections import Table
 from stepper import Options
 
 SECONDS, ENVS, REPEATS = 0.4, 16, 3
@@ -89,7 +90,7 @@ def main() -> None:
         h = model.timestep
         reference = run(model, state, ctrl, timestep=h / 64)[0]
         print(f"\n{name}, {1e3 * h:g} ms\n")
-        print("| settings | substeps | error of a step | error at the end | cost, 16 environments | cost, one |\n|---|---|---|---|---|---|")
+        table = Table("settings", "substeps", "error of a step", "error at the end", "cost, 16 environments", "cost, one")
         rows = [(f"`timestep={h / k:g}`", {"timestep": h / k}) for k in (1, 2, 4, 8)]
         rows += [(f"`error={e:g}`", {"error": e}) for e in (1e-2, 1e-3, 1e-4)]
         base = None
@@ -98,7 +99,7 @@ def main() -> None:
             alone = run(model, state, ctrl, num_envs=1, **options)[1]
             base = base or (spent, alone)
             local, final = error_of_a_step(model, state, ctrl, **options), np.median(np.abs(end - reference).max(axis=1))
-            print(f"| {label} | {parts:.1f} | {local:.1e} | {final:.1e} | {spent / base[0]:.1f} | {alone / base[1]:.1f} |")
+            table.add(label, f"{parts:.1f}", f"{local:.1e}", f"{final:.1e}", f"{spent / base[0]:.1f}", f"{alone / base[1]:.1f}")
 
 
 if __name__ == "__main__":

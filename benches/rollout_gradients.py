@@ -18,6 +18,7 @@ import numpy as np
 import stepper
 import stepper.envs
 from numpy.typing import NDArray
+from sections import Table
 from stepper import Options
 from stepper.derivatives import UndeterminedDerivative, rollout
 from stepper.derivatives.tangent import from_tangent, to_tangent
@@ -271,8 +272,8 @@ def main() -> None:
     given = parser.parse_args()
     warnings.filterwarnings("ignore")
     models = task_models() if "tasks" in given.parts else {}
-    print("| rollouts | law | kinks | derivatives | judged by differences | agree | wrong sign | corner | unreliable differences |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    counts = ("derivatives", "judged by differences", "agree", "wrong sign", "corner", "unreliable differences")
+    table = Table("rollouts", "law", "kinks", *counts)
     disagreements = []
     for part in given.parts:
         for law, options in LAWS.items():
@@ -286,8 +287,8 @@ def main() -> None:
                 total, known, good, wrong = judged.row(kind)
                 rest = [judged.counts[kind, verdict] for verdict in ("corner", "unreliable differences")]
                 share = f"{good / known:.2%}" if known else ""
-                print(f"| {part} | {law} | {kind} | {total} | {known} | {share} | {wrong} | {rest[0]} | {rest[1]} |", flush=True)
-            print(f"| {part} | {law} | refused | {judged.counts['refused', 'refused']} | | | | | |", flush=True)
+                table.add(part, law, kind, total, known, share, wrong, *rest)
+            table.add(part, law, "refused", judged.counts["refused", "refused"], "", "", "", "", "")
             disagreements += [f"{law}, {line}" for line in judged.worst]
     print("", *disagreements, sep="\n")
 

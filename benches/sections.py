@@ -1,7 +1,28 @@
-"""Generated sections of Markdown pages: the text between `<!-- NAME ... -->` and `<!-- end of NAME -->`."""
+"""Tables of benchmarks, and generated sections of Markdown pages: the text between `<!-- NAME ... -->` and `<!-- end of NAME -->`."""
 
 import re
 from pathlib import Path
+
+
+class Table:
+    """Markdown table that is printed row by row.
+
+    Args:
+        head: Headings of the columns.
+    """
+
+    def __init__(self, *head: str) -> None:
+        self._lines: list[str] = []
+        self.add(*head)
+        self.add(*["---"] * len(head))
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines)
+
+    def add(self, *cells: object) -> None:
+        """Add a row, and print it."""
+        self._lines.append("| " + " | ".join(map(str, cells)) + " |")
+        print(self._lines[-1], flush=True)
 
 
 def section_of(page: Path, name: str) -> str:

@@ -4,12 +4,10 @@
     python benches/training.py evaluate                     # returns of the policies of these runs in fresh episodes
     python benches/training.py follow                       # velocity errors of Go1 and G1, which follow commanded velocities
     python benches/training.py transfer                     # policies of examples/policies in other engines and contact laws
-    python benches/training.py race                         # training time of HalfCheetah in stepper, EnvPool and Gymnasium
     python benches/training.py engines                      # training of the Go1 in stepper and mujoco.batch, with the same task
 
 The script writes tables into a copy of docs/benchmarks/training.md in out/training, or with --update-docs into the page itself. `curves`
-adds rows to learning_curves.csv, so that runs can be added one by one. `race` and `engines` train by themselves, and resume interrupted
-runs. `race` skips EnvPool if it is not installed.
+adds rows to learning_curves.csv, so that runs can be added one by one. `engines` trains by itself, and resumes interrupted runs.
 """
 
 from __future__ import annotations
@@ -21,16 +19,14 @@ import re
 import shutil
 import sys
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import envpool_vector
 import gymnasium
 import mujoco_vector
 import numpy as np
 import stepper.envs
-from sections import section_of, write_section
+from sections import Table, section_of, write_section
 from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.policies import Comparison, Policy, compare, evaluate, load
 from stepper.shared.machine import one_core, require
@@ -278,56 +274,6 @@ def table_of_transfers(page: Path, episodes: int, only: str) -> str:
     return "\n".join([head, line, *(rows[name] for name in sorted(rows, key=lambda name: (*name[:2], name[1] != name[2], name[2])))])
 
 
-RACERS: dict[str, tuple[str, dict[str, Any]]] = {
-    "stepper, f32": ("stepper/{}", {"precision": "f32"}),
-    "stepper, f64": ("stepper/{}", {"precision": "f64"}),
-    "EnvPool": ("envpool/{}", {}),
-    "Gymnasium's own": ("{}", {}),
-}
-"""Environments whose training times are compared, by the label in the table. All have MuJoCo's contact law.
-
-A value has the pattern of the environment's id, in which {} stands for the task, and the arguments of the environment.
-"""
-RACE: dict[str, Any] = {"num_envs": 128, "horizon": 64, "minibatch": 1024, "epochs": 8, "threads": 1}
-"""Hyperparameters for the comparison of training times. With few environments, the first whole episodes end early in the training."""
-RACE_SEEDS = (1, 2, 3)
-
-
-def race(task: str, steps: int, runs: Path, report: Report) -> str:
-    """Train a task in each engine with the same learner, hyperparameters and seeds, on one core and one thread.
-
-    Policies are evaluated in Gymnasium's environment. Writes the figure learning_race.png.
-    """
-    train: Any = importlib.import_module("train")
-    curves: dict[str, list[list[dict[str, str]]]] = {}
-    spent: dict[str, float] = {}
-    head, line, *_ = section_of(report.page, "race").split("\n")
-    rows = [head, line]
-    with one_core():
-        for name, (env, own) in RACERS.items():
-            if name == "EnvPool":
-                if not find_spec("envpool"):
-                    print("skipped EnvPool: it is not installed")
-                    continue
-                envpool_vector.register(task)
-            times, returns, curves[name] = [], [], []
-            for seed in RACE_SEEDS:
-                folder = runs / re.sub(r"\W+", "_", f"{task} {name} {seed}")
-                settings = train.Settings.of_task(env.format(task), **own, **RACE, seed=seed, steps=steps)
-                run = train.train(settings, folder, quiet=True)
-                times.append(run.processor)
-                returns.append(evaluate(run.policy(), task, episodes=FRESH, seed=2**32).mean)
-                with (folder / "curve.csv").open() as file:
-                    curves[name].append([row for row in csv.DictReader(file) if row["return"] != "nan"])
-            spent[name] = float(np.mean(times))
-            beside = spent[name] / spent[next(iter(RACERS))]
-            cells = [name, f"{run.steps:,}", f"{spent[name]:.0f}", f"{beside:.1f}", ", ".join(f"{mean:.0f}" for mean in returns)]
-            rows.append("| " + " | ".join(cells) + " |")
-            print(rows[-1], flush=True)
-    draw_race(curves, task, report.images / "learning_race.png")
-    return "\n".join(rows)
-
-
 ENGINES: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
     "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
@@ -343,8 +289,8 @@ def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> s
     """Train a robot to follow velocities in each engine, with the same task, learner, hyperparameters and seed, on one thread."""
     train: Any = importlib.import_module("train")
     mujoco_vector.register(task)
-    columns = " | ".join(f"error in {name}, m/s | falls" for name in ENGINES)
-    rows = [f"| trained in | million steps | processor min | {columns} |", "|" + "---|" * (3 + 2 * len(ENGINES))]
+    columns = (text for name in ENGINES for text in (f"error in {name}, m/s", "falls"))
+    table = Table("trained in", "million steps", "processor min", *columns)
     with one_core():
         for name, (env, own) in ENGINES.items():
             folder = runs / re.sub(r"\W+", "_", f"{task} {name}")
@@ -357,27 +303,8 @@ def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> s
                 found = evaluate(run.policy(), other.format(task), episodes=episodes, seed=2**32, infos=("tracking_error",), **arguments)
                 fell = int(np.sum(found.lengths < found.lengths.max()))
                 cells += [f"{found.infos['tracking_error'].mean():.3f}", f"{fell} of {episodes}"]
-            rows.append("| " + " | ".join(cells) + " |")
-            print(rows[-1], flush=True)
-    return "\n".join(rows)
-
-
-def draw_race(curves: dict[str, list[list[dict[str, str]]]], task: str, path: Path) -> None:
-    """Plot returns during training over processor time, with a line for each seed."""
-    plt = require("matplotlib.pyplot", "to draw learning curves")
-    figure, axis = plt.subplots(figsize=(6.0, 3.5), layout="constrained")
-    for color, (name, seeds) in enumerate(curves.items()):
-        for k, rows in enumerate(seeds):
-            changed = [row for i, row in enumerate(rows) if not i or row["episodes"] != rows[i - 1]["episodes"]]
-            seconds, returns = ([float(row[column]) for row in changed] for column in ("processor", "return"))
-            axis.plot(seconds, returns, f"C{color}", marker="o", ms=3, lw=1, label=None if k else name)
-    axis.set_xlim(left=0.0)
-    axis.set_xlabel("processor time, s")
-    axis.set_ylabel("return during training")
-    axis.set_title(task, fontsize=10)
-    axis.grid(alpha=0.3)
-    axis.legend(fontsize=8, frameon=False)
-    figure.savefig(path, dpi=110)
+            table.add(*cells)
+    return str(table)
 
 
 _LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}
@@ -391,27 +318,21 @@ def _cells(row: str) -> list[str]:
 def main() -> None:
     """Run the command that the command line names, such as "curves" or "race", and write its table or figure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer", "race", "engines"))
-    parser.add_argument("--runs", type=Path, default=RUNS, help=f"folder of the runs; race and engines use its subfolders [{RUNS}]")
+    parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer", "engines"))
+    parser.add_argument("--runs", type=Path, default=RUNS, help=f"folder of the runs; engines uses a subfolder [{RUNS}]")
     parser.add_argument("--episodes", type=int, help="number of evaluation episodes per policy [evaluate: 20, others: 200]")
     parser.add_argument(
         "--only", default="", metavar="NAME", help="compute only policies (transfer) or tasks (follow) with NAME in their names"
     )
-    parser.add_argument("--task", help="task of race [HalfCheetah-v5] or of engines [Go1Velocity-v0]")
-    parser.add_argument("--steps", type=int, help="environment steps per run of race [400000] or of engines [default of the task]")
+    parser.add_argument("--task", default="Go1Velocity-v0", help="task of engines [%(default)s]")
+    parser.add_argument("--steps", type=int, help="environment steps per run of engines [default of the task]")
     parser.add_argument("--update-docs", action="store_true", help=f"write into the documentation instead of copies in {OUT}")
     given = parser.parse_args()
     report = Report.of_docs() if given.update_docs else Report.copied()
     page = report.page
     sys.path.append(str(EXAMPLES))
-    if given.what == "race":
-        write_section(
-            page,
-            "race",
-            race(given.task or "HalfCheetah-v5", given.steps or 400_000, given.runs / "race", report),
-        )
-    elif given.what == "engines":
-        write_section(page, "engines", engines(given.task or "Go1Velocity-v0", given.runs / "engines", given.episodes or 200, given.steps))
+    if given.what == "engines":
+        write_section(page, "engines", engines(given.task, given.runs / "engines", given.episodes or 200, given.steps))
     elif given.what == "curves":
         draw(collect(given.runs, report.curves), report.images / "learning_curves.png")
     elif given.what == "evaluate":

@@ -12,7 +12,8 @@ from corpus.files import FragmentError, compile_model, digest, resolve
 from corpus.measure import measure
 from corpus.packages import PACKAGES, Package
 from corpus.report import write_markdown
-from corpus.row import FRAGMENT, MEASURED, SAME, STILL, Episode, Motion, Row, read_csv, write_csv
+from corpus.row import FRAGMENT, MEASURED, SAME, STILL, Episode, Motion, Row
+from rows import read_csv, write_csv
 
 WELL = Episode(steps=500, ours=Motion(1.0, 2.0), theirs=Motion(1.0, 2.0))
 ROW = Row(PACKAGES[0].name, PACKAGES[0].version, "a.xml", "0", MEASURED, model="1", nv=3, strict=True, random=WELL, rest=WELL)
@@ -60,8 +61,8 @@ def test_a_row_survives_its_file(tmp_path):
         dataclasses.replace(ROW, outcome=FRAGMENT, note='two\nlines, a comma, a "quote"'),
     ]
     write_csv(tmp_path / "corpus.csv", rows, {"cores": 2})
-    assert read_csv(tmp_path / "corpus.csv") == (rows, {"cores": 2})
-    assert read_csv(tmp_path / "none.csv") == ([], {})
+    assert read_csv(tmp_path / "corpus.csv", Row) == (rows, {"cores": 2})
+    assert read_csv(tmp_path / "none.csv", Row) == ([], {})
 
 
 def test_the_report_counts_each_model_once(tmp_path):

@@ -9,12 +9,13 @@ import sys
 import time
 from pathlib import Path
 
+from rows import read_csv, write_csv
 from stepper.shared.machine import one_core, provenance
 
 from atlas import scenes
 from atlas.engines import peers, stepper_engines
 from atlas.picture import draw
-from atlas.report import read_csv, write_csv, write_markdown
+from atlas.report import write_markdown
 from atlas.run import Row, sweep
 from atlas.world import World
 
@@ -43,7 +44,7 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     data = out / "atlas.csv"
     if args.from_csv:
-        rows, notes = read_csv(data)
+        rows, notes = read_csv(data, Row)
     else:
         World.limit = args.limit
         begin = time.monotonic()
@@ -64,7 +65,7 @@ def main() -> None:
 
 def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[Row], dict[str, object]]:
     """Rows and notes of the existing report with new rows added. A new row replaces old rows with the same scene number and engine."""
-    kept, before = read_csv(data)
+    kept, before = read_csv(data, Row)
     renewed = {(row.number, row.engine) for row in rows}
     numbers = [scene.number for scene in scenes.ALL]
     merged = [*(row for row in kept if (row.number, row.engine) not in renewed), *rows]

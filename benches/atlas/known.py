@@ -267,9 +267,3 @@ def failure(title: str, engine: str, dt: float) -> Known | None:
         if re.fullmatch(known.scenes, title) and re.fullmatch(known.engines, engine) and low <= dt <= high:
             return known
     return None
-
-
-def reason(title: str, engine: str, dt: float) -> str | None:
-    """Reason of a known failure of stepper in a scene. The result is None if the scene should pass."""
-    known = failure(title, engine, dt)
-    return None if known is None else known.reason

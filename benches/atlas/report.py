@@ -1,13 +1,13 @@
-"""Report of a sweep: docs/benchmarks/atlas.md with a page for each group of scenes in docs/benchmarks/atlas/, and atlas.csv."""
+"""Report of a sweep: docs/benchmarks/atlas.md with a page for each group of scenes in docs/benchmarks/atlas/."""
 
-import csv
-import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
 from pathlib import Path
 
-from atlas.known import reason
+from rows import provenance_section
+from stepper.lab.study.document import markdown_table
+
+from atlas.known import failure
 from atlas.run import CANNOT, HELD, Row
 from atlas.scene import Scene
 
@@ -49,27 +49,6 @@ Each group of scenes has a page with all engines, the reasons of stepper's failu
 """
 
 
-def write_csv(path: Path, rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
-    """Write all rows as CSV, below comment lines with their provenance."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        for key, value in provenance.items():
-            file.write(f"# {key}: {json.dumps(value)}\n")
-        writer = csv.writer(file)
-        writer.writerow(f.name for f in fields(Row))
-        writer.writerows([f"{v:.4g}" if isinstance(v, float) else v for v in asdict(row).values()] for row in rows)
-
-
-def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
-    """Rows and provenance from a file of `write_csv`."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    notes = {key: json.loads(value) for key, value in (line[2:].split(": ", 1) for line in lines if line.startswith("# "))}
-    numbers = {"dt", "error", "tolerance", "cost"}
-    rows = []
-    for record in csv.DictReader(line for line in lines if not line.startswith("# ")):
-        rows.append(Row(**{k: float(v) if k in numbers else v for k, v in record.items()}))
-    return rows, notes
-
-
 def write_markdown(
     folder: Path, groups: Mapping[str, tuple[str, Sequence[Scene]]], rows: Sequence[Row], provenance: Mapping[str, object]
 ) -> None:
@@ -90,12 +69,7 @@ def write_markdown(
         text += _summary(shown, engines, by)
         text += "\n".join([_reasons(shown, by), _answers(shown), _all(shown, engines, by)])
         (folder / f"atlas/{name}.md").write_text(text, encoding="utf-8")
-    (folder / "atlas.md").write_text("".join([*parts, _provenance(provenance)]), encoding="utf-8")
-
-
-def _line(cells: Sequence[str]) -> str:
-    """Row of a Markdown table, from the texts of its cells."""
-    return "| " + " | ".join(cells) + " |\n"
+    (folder / "atlas.md").write_text("".join([*parts, "\n", provenance_section(provenance)]), encoding="utf-8")
 
 
 def _number(x: float) -> str:
@@ -109,7 +83,7 @@ def _number(x: float) -> str:
 
 def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
     """Table with the number of passed time steps and the error, by scene and engine."""
-    text = _line(["scene", "unit", *engines]) + _line(["---"] * (len(engines) + 2))
+    lines = []
     totals = dict.fromkeys(engines, 0)
     for scene in scenes:
         usual = min(scene.dts, key=lambda dt: abs(math.log(dt / USUAL)))
@@ -118,69 +92,46 @@ def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[
             runs = [by[scene.number, scene.name, dt, engine] for dt in scene.dts]
             held = sum(r.outcome == HELD for r in runs)
             totals[engine] += held
-            if all(r.outcome == CANNOT for r in runs):
-                cells.append("-")
-                continue
             mark = "**" if held == len(runs) else ""
-            cells.append(f"{mark}{held}/{len(runs)}{mark} {_number(by[scene.number, scene.name, usual, engine].error)}")
-        text += _line(cells)
-    runs = sum(len(scene.dts) for scene in scenes)
-    return text + _line([f"all, of {runs}", "", *(f"**{totals[e]}**" for e in engines)])
+            error = _number(by[scene.number, scene.name, usual, engine].error)
+            cells.append("-" if all(r.outcome == CANNOT for r in runs) else f"{mark}{held}/{len(runs)}{mark} {error}")
+        lines.append(cells)
+    lines.append([f"all, of {sum(len(scene.dts) for scene in scenes)}", "", *(f"**{totals[e]}**" for e in engines)])
+    return markdown_table(["scene", "unit", *engines], lines) + "\n"
 
 
 def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    """Section with the reasons for failures of stepper."""
-    found: dict[str, list[str]] = {}
+    """Section with the reasons for failures of stepper, and the settings and time steps of each scene that fails."""
+    found: dict[str, dict[str, list[str]]] = {}
     for scene in scenes:
         for row in (r for (number, name, _, _), r in by.items() if (number, name) == (scene.number, scene.name)):
             if row.engine.startswith("stepper") and row.outcome != HELD:
-                why = reason(scene.title, row.engine, row.dt) or row.note.splitlines()[0:1] or ["not explained yet"]
-                why = why if isinstance(why, str) else why[0]
-                found.setdefault(why, []).append(
-                    f"{scene.title} ({row.engine.removeprefix('stepper').strip() or 'default'}, {row.dt * 1e3:g} ms)"
-                )
+                known = failure(scene.title, row.engine, row.dt)
+                why = known.reason if known else next(iter(row.note.splitlines()), "not explained yet")
+                setting = row.engine.removeprefix("stepper").strip() or "default"
+                found.setdefault(why, {}).setdefault(scene.title, []).append(f"{setting}, {row.dt * 1e3:g} ms")
     text = "\n## Failures of stepper and their reasons\n\n" + ("" if found else "None.\n")
-    for why, where in found.items():
-        text += f"* {why}\n" + "".join(f"    * {line}\n" for line in _grouped(where))
+    for why, runs in found.items():
+        text += f"* {why}\n" + "".join(f"    * {title}: {'; '.join(settings)}\n" for title, settings in runs.items())
     return text
-
-
-def _grouped(where: Sequence[str]) -> list[str]:
-    """Lines of text, one for each scene, which list all failures of the scene."""
-    lines: dict[str, list[str]] = {}
-    for entry in where:
-        title, _, rest = entry.rpartition(" (")
-        lines.setdefault(title, []).append(rest.rstrip(")"))
-    return [f"{title}: {'; '.join(rest)}" for title, rest in lines.items()]
 
 
 def _answers(scenes: Sequence[Scene]) -> str:
     """Section with the right answer of each scene, its source and its tolerance."""
-    text = "\n## Right answers and tolerances\n\n"
-    text += _line(["scene", "right answer", "source", "tolerance at 2 ms", "reason of the tolerance"]) + _line(["---"] * 5)
-    for s in scenes:
-        text += _line([s.title, s.answer, s.source, f"{_number(s.tolerance(USUAL))} {s.unit}", s.because])
-    return text
+    head = ["scene", "right answer", "source", "tolerance at 2 ms", "reason of the tolerance"]
+    lines = ([s.title, s.answer, s.source, f"{_number(s.tolerance(USUAL))} {s.unit}", s.because] for s in scenes)
+    return f"\n## Right answers and tolerances\n\n{markdown_table(head, lines)}\n"
 
 
 def _all(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
     """Section with the results of all runs."""
-    text = "\n## All runs: holds (+) or fails (x), error; cost in ms of one core per simulated second\n\n"
-    text += _line(["scene", "dt, ms", *engines]) + _line(["---"] * (len(engines) + 2))
+    lines = []
     for scene in scenes:
         for dt in scene.dts:
-            cells = [scene.title, f"{dt * 1e3:g}"]
-            for engine in engines:
-                row = by[scene.number, scene.name, dt, engine]
-                if row.outcome == CANNOT:
-                    cells.append("-")
-                else:
-                    cells.append(f"{'+' if row.outcome == HELD else 'x'} {_number(row.error)}; {row.cost * 1e3:.2g}")
-            text += _line(cells)
-    return text
-
-
-def _provenance(provenance: Mapping[str, object]) -> str:
-    """Section with machine, versions and time of the measurement."""
-    text = "\n## Provenance\n\n"
-    return text + "".join(f"* {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in provenance.items())
+            rows = (by[scene.number, scene.name, dt, engine] for engine in engines)
+            marks = (
+                "-" if r.outcome == CANNOT else f"{'+' if r.outcome == HELD else 'x'} {_number(r.error)}; {r.cost * 1e3:.2g}" for r in rows
+            )
+            lines.append([scene.title, f"{dt * 1e3:g}", *marks])
+    title = "All runs: holds (+) or fails (x), error; cost in ms of one core per simulated second"
+    return f"\n## {title}\n\n{markdown_table(['scene', 'dt, ms', *engines], lines)}\n"

@@ -1,9 +1,11 @@
 """Definition of a scene: a setup, the right answer with its source, and a measure of an engine's error."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
+
+import numpy as np
 
 from atlas.world import World
 
@@ -71,6 +73,14 @@ class Scene:
     def holds(self, error: float, dt: float) -> bool:
         """Whether an error at a time step, s, is within the scene's tolerance."""
         return math.isfinite(error) and error <= self.tolerance(dt)
+
+
+def unrest(engine: Engine, dt: float, mjcf: str, qpos: Sequence[float], seconds: float) -> float:
+    """Error of a scene that must come to rest at zero positions: largest position (m, rad) or speed (m/s, rad/s) after a time in s."""
+    world = engine.start(mjcf, dt)
+    world.set(qpos, np.zeros(world.model.nv))
+    world.run(seconds)
+    return float(max(np.abs(world.qpos).max(), np.abs(world.qvel).max()))
 
 
 def flat(value: float) -> Callable[[float], float]:

@@ -137,6 +137,15 @@ class World(ABC):
             errors.append(float(error()))
         return max(errors)
 
+    def mean(self, error: Callable[[], float], seconds: float, every: float) -> float:
+        """Mean of the errors after each of the runs of `every` s, or of a time step if that is longer, that make up a time in s."""
+        every = max(every, self.dt)
+        errors = []
+        for _ in range(round(seconds / every)):
+            self.run(every)
+            errors.append(float(error()))
+        return float(np.mean(errors))
+
     def body(self, name: str) -> int:
         """Index of a body."""
         return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name))

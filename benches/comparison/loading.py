@@ -22,6 +22,7 @@ from statistics import median
 
 from corpus.download import unpacked
 from corpus.packages import PACKAGES
+from sections import Table
 from stepper import Stepper, load
 from stepper.shared.machine import provenance, require
 
@@ -67,15 +68,6 @@ def in_turns(file: Path, turns: int) -> dict[str, list[float]]:
     return {engine: [median(column) for column in zip(*seen, strict=True)] for engine, seen in times.items()}
 
 
-def row(name: str, file: Path, turns: int) -> str:
-    """Row of the markdown table with the load times of a robot in MuJoCo and in stepper, and their ratios."""
-    found = in_turns(file, turns)
-    (first, again), (ours, ours_again), (saved, _) = found["mujoco"], found["stepper"], found["saved"]
-    ratios = f"{ours / first:.2f} | {ours_again / again:.2f} | {saved / first:.2f}"
-    milliseconds = " | ".join(f"{1e3 * x:.0f}" for x in (first, ours, again, ours_again, saved))
-    return f"| {name} | {ratios} | {milliseconds} |"
-
-
 def main() -> None:
     """Measure the load times of all robots, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -91,10 +83,13 @@ def main() -> None:
     packages = {package.name: package for package in PACKAGES}
     robots = [(f"{name}: {Path(file).parent.name}/{Path(file).name}", unpacked(packages[name], args.cache) / file) for name, file in ROBOTS]
     robots += [(path.name, path) for path in args.files]
-    print("| model | first x | again x | saved x | MuJoCo first ms | first ms | MuJoCo again ms | again ms | saved ms |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    milliseconds = ("MuJoCo first ms", "first ms", "MuJoCo again ms", "again ms", "saved ms")
+    table = Table("model", "first x", "again x", "saved x", *milliseconds)
     for name, path in robots:
-        print(row(name, path.resolve(), args.turns), flush=True)
+        found = in_turns(path.resolve(), args.turns)
+        (first, again), (ours, ours_again), (saved, _) = found["mujoco"], found["stepper"], found["saved"]
+        ratios = (f"{ratio:.2f}" for ratio in (ours / first, ours_again / again, saved / first))
+        table.add(name, *ratios, *(f"{1e3 * x:.0f}" for x in (first, ours, again, ours_again, saved)))
     machine = provenance()
     print(f"\nMedians of {args.turns} turns; {machine['cpu']}, load {machine['load_average']}, {machine['versions']}")
 

@@ -24,6 +24,7 @@ from stepper import Model, ModelError, Options, Stepper, load
 from stepper.lab.demo.race import MATCHED, Plan, Track, race, random_control
 from stepper.lab.demo.referee import Referee
 from stepper.lab.engines import Array, EngineBatch, MujocoBatch, StepperBatch, mujoco_model
+from stepper.lab.study.document import markdown_table
 from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, package_file, provenance, require
 
 MODELS = (
@@ -165,20 +166,18 @@ def against(times: dict[str, list[float]], name: str) -> float:
     return min(ratio(times[name], times[peer]) for peer in PEERS)
 
 
-def _quiet(what: str, done: float) -> None:
-    """Progress function that prints nothing."""
-
-
 def measure(case: Case, plan: Plan) -> dict[str, Any]:
     """Measure the step times and accuracy of all engines on a model. Returns all results as a dictionary for JSON."""
     with one_core():
         running = batches(case, plan, threads=1)
-        one = race(running, case.control, plan, clock=time.process_time, progress=_quiet, what=case.name, referee=Referee(case.path))
+        one = race(
+            running, case.control, plan, clock=time.process_time, progress=lambda *_: None, what=case.name, referee=Referee(case.path)
+        )
         single = alone(case, plan)
     many: dict[str, Track] = {}
     if len(allowed_cores()) > 1:
         others = batches(case, plan, threads=0)
-        many = race(others, case.control, plan, clock=time.perf_counter, progress=_quiet, what=case.name, referee=None)
+        many = race(others, case.control, plan, clock=time.perf_counter, progress=lambda *_: None, what=case.name, referee=None)
 
     times = {name: track.times["control"] for name, track in one.items()}
     wall = {name: track.times["control"] for name, track in many.items()}
@@ -209,7 +208,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     all_six = "f64 / f32 / fast f64 / fast f32 / same / own"
     heads += ["alone us / fast / MuJoCo", "alone x", "fast alone x", f"contacts {all_six}", f"penetration mm {all_six}"]
     heads += ["residual m/s f64 / f32 / fast f64 / fast f32", "not converged % f64 / f32 / fast f64 / fast f32"]
-    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    lines = []
     ours = (*OURS, *FAST)
     names = (*ours, *PEERS)
     for row in rows:
@@ -225,7 +224,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         cells += [" / ".join(f"{1e3 * row['penetration'][name]:.2g}" for name in names)]
         cells += [" / ".join(f"{certificates[name]['worst_residual']:.1g}" for name in ours)]
         cells += [" / ".join(f"{100 * certificates[name]['not_converged'] / certificates[name]['env_steps']:.2g}" for name in ours)]
-        lines.append("| " + " | ".join(map(str, cells)) + " |")
+        lines.append(cells)
     means = {name: geometric_mean(row["ratio"][name] for row in rows) for name in ours}
     cells = ["**geometric mean**", "", "", "", "", "", *(f"**{means[name]:.1f}**" for name in ours)]
     if many:
@@ -233,7 +232,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         gains = [row["microseconds"][OURS[0]] / row["microseconds_all_cores"][OURS[0]] for row in rows]
         cells += [f"{geometric_mean(gains):.2f}"]
     cells += ["", *(f"**{geometric_mean(row['ratio_alone'][name] for row in rows):.1f}**" for name in (OURS[0], FAST[0])), "", "", "", ""]
-    return "\n".join([*lines, "| " + " | ".join(cells) + " |"])
+    return markdown_table(heads, [*lines, cells])
 
 
 def main() -> None:

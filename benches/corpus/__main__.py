@@ -9,12 +9,13 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from rows import read_csv, write_csv
 from stepper.shared.machine import provenance
 
 from corpus import judge
 from corpus.packages import PACKAGES
 from corpus.report import write_markdown
-from corpus.row import MEASURED, Row, read_csv, write_csv
+from corpus.row import MEASURED, Row
 from corpus.sweep import Sweep
 
 PAGES = Path("docs/benchmarks")
@@ -38,7 +39,7 @@ def main() -> None:
         args.out = PAGES
     args.out.mkdir(parents=True, exist_ok=True)
     data = args.out / "corpus.csv"
-    rows, notes = read_csv(data)
+    rows, notes = read_csv(data, Row)
     sweep = Sweep(args.cache.resolve(), args.workers, args.limit, args.only, args.again, {row.key: row for row in rows})
     if not args.from_csv:
         notes = provenance()

@@ -67,14 +67,9 @@ def not_converged(row: Row) -> float:
     return sum(episode.not_converged * episode.steps for _, episode in episodes(row)) / max(steps, 1)
 
 
-def infeasible(row: Row) -> float:
-    """Fraction of stepper's steps with the flag INFEASIBLE, in the episode of a model ("random" or "rest") with more of these steps."""
-    return max(episode.infeasible for _, episode in episodes(row))
-
-
-def tunnelled(row: Row) -> float:
-    """Fraction of stepper's steps with the flag TUNNELLED, in the episode of a model ("random" or "rest") with more of these steps."""
-    return max(episode.tunnelled for _, episode in episodes(row))
+def worse_share(row: Row, flag: str) -> float:
+    """Fraction of stepper's steps with a flag, such as "infeasible", in the episode of a model that has more of these steps."""
+    return max(float(getattr(episode, flag)) for _, episode in episodes(row))
 
 
 def episodes(row: Row) -> list[tuple[str, Episode]]:

@@ -16,13 +16,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import stepper
+from rows import flatten
 
 from corpus.download import unpacked
 from corpus.dynamics import agreement
 from corpus.episode import Limits, random_episode, rest_episode
 from corpus.files import FragmentError, compile_model, digest
 from corpus.packages import PACKAGES, Package
-from corpus.row import FAILED, FRAGMENT, MEASURED, REFUSED, SAME, STILL, Row, flatten
+from corpus.row import FAILED, FRAGMENT, MEASURED, REFUSED, SAME, STILL, Row
 
 SEED = 0
 

@@ -1,6 +1,5 @@
 """Writer of the page docs/benchmarks/corpus.md from rows, each with the measurements of one model file."""
 
-import json
 import re
 import statistics
 from collections import Counter
@@ -8,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rows import provenance_section
 from stepper.lab.study.document import markdown_table
 
 from corpus import judge
@@ -103,31 +103,16 @@ def write_markdown(path: Path, rows: Sequence[Row], notes: Mapping[str, object])
     path.write_text("\n".join(part for part in parts if part), encoding="utf-8")
 
 
-def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
-    """Lines of a Markdown table with headings `head`, and with the cells of each line."""
-    return markdown_table(head, lines) + "\n"
-
-
-def _steps_well(row: Row) -> bool:
-    """Whether a model steps well in stepper, which means that it violates none of the criteria in the module `judge`."""
-    return not judge.faults(row)
-
-
-def _steps_well_in_mujoco(row: Row) -> bool:
-    """Whether a model steps well in MuJoCo, which means that MuJoCo gave no warnings."""
-    return row.outcome == MEASURED and not judge.their_faults(row)
-
-
 def _packages(corpus: Corpus) -> str:
     """Table of the packages: number of files, of models, and of models that satisfy each criterion."""
     counts: dict[str, Callable[[Row], bool]] = {
         "models": lambda _: True,
         "strict": lambda row: row.strict,
         "agree": lambda row: row.outcome == MEASURED and judge.agrees(row),
-        "stepper: all criteria": _steps_well,
-        "MuJoCo: no warning": _steps_well_in_mujoco,
-        "INFEASIBLE": lambda row: judge.infeasible(row) > 0,
-        "TUNNELLED": lambda row: judge.tunnelled(row) > 0,
+        "stepper: all criteria": lambda row: not judge.faults(row),
+        "MuJoCo: no warning": lambda row: row.outcome == MEASURED and not judge.their_faults(row),
+        "INFEASIBLE": lambda row: judge.worse_share(row, "infeasible") > 0,
+        "TUNNELLED": lambda row: judge.worse_share(row, "tunnelled") > 0,
     }
 
     def line(name: str, files: int, models: Sequence[Row]) -> list[object]:
@@ -136,7 +121,7 @@ def _packages(corpus: Corpus) -> str:
     shown = [p for p in PACKAGES if corpus.files(p.name)]
     lines = [line(f"{p.name} {p.version}", len(corpus.files(p.name)), corpus.models_of(p.name)) for p in shown]
     lines.append(line("**all, each model once**", sum(bool(row.file) for row in corpus.rows), corpus.models))
-    return _table(["package", "files", *counts], lines)
+    return markdown_table(["package", "files", *counts], lines) + "\n"
 
 
 def _missing(corpus: Corpus) -> str:
@@ -144,7 +129,11 @@ def _missing(corpus: Corpus) -> str:
     kinds = Counter(kind for row in corpus.models for kind in row.missing.split("; ") if kind)
     text = "## Unsupported elements\n\nKinds of elements that prevent strict loading, by the number of models.\n\n"
     alone = Counter(row.missing for row in corpus.models)
-    return text + _table(["element", "models", "models with this kind alone"], [(kind, n, alone[kind]) for kind, n in kinds.most_common()])
+    return (
+        text
+        + markdown_table(["element", "models", "models with this kind alone"], [(kind, n, alone[kind]) for kind, n in kinds.most_common()])
+        + "\n"
+    )
 
 
 def _name(row: Row) -> str:
@@ -182,9 +171,9 @@ def _faulty(rows: Iterable[Row]) -> str:
     lines = []
     for first, *others in alike.values():
         name = f"{_name(first)}; and {len(others)} similar" if others else _name(first)
-        shares = [judge.infeasible(row) for row in (first, *others)]
+        shares = [judge.worse_share(row, "infeasible") for row in (first, *others)]
         lines.append((name, _figures(first), _start(first), f"{max(shares):.1%}"))
-    return _table(["model", "violated criteria", "reference pose", "INFEASIBLE, at most"], lines)
+    return markdown_table(["model", "violated criteria", "reference pose", "INFEASIBLE, at most"], lines) + "\n"
 
 
 def _worse(corpus: Corpus) -> str:
@@ -192,7 +181,7 @@ def _worse(corpus: Corpus) -> str:
 
     Models that only have less kinetic energy than in MuJoCo are left out.
     """
-    rows = [row for row in corpus.models if not _steps_well(row) and not judge.their_faults(row) and not _only_less(row)]
+    rows = [row for row in corpus.models if judge.faults(row) and not judge.their_faults(row) and not _only_less(row)]
     criteria = Counter(criterion for row in rows for criterion in {fault.criterion for fault in judge.faults(row)})
     text = f"## Models that step well in MuJoCo and not in stepper\n\n{len(rows)} models: "
     return text + ", ".join(f"{criterion} {n}" for criterion, n in criteria.most_common()) + ".\n\n" + _faulty(rows)
@@ -216,7 +205,7 @@ def _warned(corpus: Corpus) -> str:
     rows = [row for row in corpus.models if row.outcome == MEASURED and judge.their_faults(row)]
     text = "## Models that do not step well in MuJoCo\n\n"
     lines = [(_name(row), "; ".join(map(str, judge.their_faults(row))), _figures(row) or "steps well") for row in rows]
-    return text + _table(["model", "MuJoCo", "stepper"], lines) if rows else ""
+    return text + markdown_table(["model", "MuJoCo", "stepper"], lines) + "\n" if rows else ""
 
 
 def _disagreeing(corpus: Corpus) -> str:
@@ -224,7 +213,7 @@ def _disagreeing(corpus: Corpus) -> str:
     rows = [row for row in corpus.models if row.outcome == MEASURED and not judge.agrees(row)]
     text = "## Models whose smooth dynamics differ\n\nRelative errors, the worst of the random states.\n\n"
     lines = [(_name(r), *(f"{x:.1e}" for x in (r.mass_error, r.bias_error, r.acceleration_error))) for r in rows]
-    return text + _table(["model", "mass matrix", "bias force", "acceleration"], lines) if rows else ""
+    return text + markdown_table(["model", "mass matrix", "bias force", "acceleration"], lines) + "\n" if rows else ""
 
 
 def _loading(corpus: Corpus) -> str:
@@ -241,7 +230,7 @@ models the median ratio is {statistics.median(ratios):.2g}. The slowest:
 """
     slowest = sorted(rows, key=lambda row: -row.load_seconds)[:10]
     lines = [(f"{row.package}: {row.file}", row.nmesh, f"{row.load_seconds:.2g}", f"{row.compile_seconds:.2g}") for row in slowest]
-    return text + _table(["model", "meshes", "stepper, s", "MuJoCo, s"], lines)
+    return text + markdown_table(["model", "meshes", "stepper, s", "MuJoCo, s"], lines) + "\n"
 
 
 def _not_measured(corpus: Corpus) -> str:
@@ -273,7 +262,5 @@ def _reasons() -> str:
 
 def _provenance(notes: Mapping[str, object], rows: Sequence[Row]) -> str:
     """Section of the report with the notes (machine and versions) and the number of measured files per build of stepper."""
-    text = "## Provenance\n\n"
-    text += "".join(f"* {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in notes.items())
-    builds = Counter(row.stepper for row in rows)
-    return text + "* files by build of stepper: " + ", ".join(f"{build} {n}" for build, n in builds.most_common()) + "\n"
+    builds = ", ".join(f"{build} {n}" for build, n in Counter(row.stepper for row in rows).most_common())
+    return f"{provenance_section(notes)}* files by build of stepper: {builds}\n"

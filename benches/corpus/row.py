@@ -3,18 +3,7 @@
 The module `judge` has the criteria by which a row is judged, so that they can change without new measurements.
 """
 
-from __future__ import annotations
-
-import csv
-import dataclasses
-import json
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 
 @dataclass(frozen=True)
@@ -131,53 +120,3 @@ class Row:
     def key(self) -> tuple[str, str, str]:
         """Package, version and file of the row."""
         return self.package, self.version, self.file
-
-
-def flatten(record: DataclassInstance, prefix: str = "") -> dict[str, str]:
-    """Fields of a dataclass object as texts by name.
-
-    Nested fields have names such as "random.ours.mean_energy"; numbers have five digits.
-    """
-    flat: dict[str, str] = {}
-    for entry in dataclasses.fields(record):
-        value = getattr(record, entry.name)
-        if dataclasses.is_dataclass(value) and not isinstance(value, type):
-            flat |= flatten(value, f"{prefix}{entry.name}.")
-        else:
-            flat[prefix + entry.name] = f"{value:.5g}" if isinstance(value, float) else str(value)
-    return flat
-
-
-def unflatten(kind: type[Any], flat: Mapping[str, str], prefix: str = "") -> Any:
-    """Object of a dataclass from texts by name, as `flatten` makes them."""
-    values: dict[str, Any] = {}
-    for name, of in get_type_hints(kind).items():
-        if dataclasses.is_dataclass(of) and isinstance(of, type):
-            values[name] = unflatten(of, flat, f"{prefix}{name}.")
-        else:
-            text = flat[prefix + name]
-            values[name] = text == "True" if of is bool else of(text)
-    return kind(**values)
-
-
-def write_csv(path: Path, rows: Iterable[Row], notes: Mapping[str, object]) -> None:
-    """Write all rows as CSV, below comment lines with their provenance. The file is replaced atomically."""
-    draft = path.with_suffix(".part")
-    with draft.open("w", newline="", encoding="utf-8") as file:
-        file.writelines(f"# {key}: {json.dumps(value)}\n" for key, value in notes.items())
-        writer = csv.DictWriter(file, flatten(Row("", "", "", "", "")).keys())
-        writer.writeheader()
-        writer.writerows(flatten(row) for row in rows)
-    draft.replace(path)
-
-
-def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
-    """Read the measurements (rows) and their provenance (notes) from a file that `write_csv` has written.
-
-    Both are empty if the file does not exist.
-    """
-    if not path.exists():
-        return [], {}
-    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-    notes = {key: json.loads(value) for key, value in (line[2:].split(": ", 1) for line in lines if line.startswith("# "))}
-    return [unflatten(Row, flat) for flat in csv.DictReader(line for line in lines if not line.startswith("# "))], notes

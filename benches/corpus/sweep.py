@@ -10,11 +10,13 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rows import unflatten
+
 from corpus.download import DownloadError, unpacked
 from corpus.files import candidates
 from corpus.measure import library
 from corpus.packages import Package
-from corpus.row import ABSENT, FAILED, LATE, MEASURED, REFUSED, Row, unflatten
+from corpus.row import ABSENT, FAILED, LATE, MEASURED, REFUSED, Row
 
 
 @dataclass
@@ -75,8 +77,7 @@ class Sweep:
         if done.returncode > 0:
             message = done.stderr.strip().splitlines()[-1:] or ["no message"]
             return Row(*key, library(), FAILED, f"the process failed: {message[0]}")
-        row: Row = unflatten(Row, json.loads(done.stdout.splitlines()[-1]))
-        return row
+        return unflatten(Row, json.loads(done.stdout.splitlines()[-1]))
 
 
 def _one_thread() -> dict[str, str]:

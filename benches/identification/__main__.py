@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import stepper
-from sections import write_section
+from sections import Table, write_section
 from stepper.shared.machine import provenance
 
 from identification import determined, online, strikes, sysid
@@ -24,18 +24,13 @@ COLOUR = 0.8
 """Correlation of consecutive noise values in the table "coloured"."""
 
 
-def _table(title: str, rows: Sequence[Row], kept: Kept) -> str:
-    """Markdown table of repeated identifications, which is also printed.
-
-    Args:
-        title: Heading of the table.
-        rows: Rows of the table.
-        kept: Store of finished repetitions.
-    """
-    lines = [f"| {title} | {HEAD} |", "|" + "---|" * (HEAD.count("|") + 2)]
-    lines += [f"| {name} | {tally.row()} |" for name, tally in repeated(rows, kept)]
-    print("\n".join(lines), flush=True)
-    return "\n".join(lines)
+def _table(rows: Sequence[Row], kept: Kept) -> Table:
+    """Table of repeated identifications. `kept` is the store of finished repetitions."""
+    results = repeated(rows, kept)
+    made = Table("scene", *HEAD)
+    for name, tally in results:
+        made.add(name, *tally.cells())
+    return made
 
 
 def _trials(threads: int) -> list[Trial]:
@@ -44,12 +39,7 @@ def _trials(threads: int) -> list[Trial]:
 
 
 def _own(count: int, threads: int) -> list[Row]:
-    """Rows of the table for stepper with hard contact and white noise, one for each scene and each initial value of the search.
-
-    Args:
-        count: Number of repetitions per row.
-        threads: Number of threads.
-    """
+    """Rows of `count` repetitions for stepper with hard contact and white noise, for each scene and each initial value of the search."""
     return [
         Row(f"{t.scene.name}, from {start[0]:g} kg and {start[1]:g}", t.scene.truth, partial(t.once, start), count, first=k * count)
         for t in _trials(threads)
@@ -58,12 +48,7 @@ def _own(count: int, threads: int) -> list[Row]:
 
 
 def _coloured(count: int, threads: int) -> list[Row]:
-    """Rows of the table for readings with noise that is correlated in time.
-
-    Args:
-        count: Number of repetitions per row.
-        threads: Number of threads.
-    """
+    """Rows of `count` repetitions for readings with noise that is correlated in time."""
     return [
         Row(
             f"{t.scene.name}, noise of autocorrelation {COLOUR:g}", t.scene.truth, partial(t.once, t.scene.starts[0], colour=COLOUR), count
@@ -73,13 +58,9 @@ def _coloured(count: int, threads: int) -> list[Row]:
 
 
 def _with_peer(count: int, threads: int) -> list[Row]:
-    """Rows of the table that compares stepper with mujoco.sysid.
+    """Rows of `count` repetitions that compare stepper with mujoco.sysid.
 
     MuJoCo simulates the motion, and both libraries identify the parameters: stepper with MuJoCo's contact law, and mujoco.sysid.
-
-    Args:
-        count: Number of repetitions per row.
-        threads: Number of threads.
     """
     rows = []
     for make in SCENES:
@@ -105,7 +86,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0, help="number of threads of stepper; 0 uses all cores [0]")
     parser.add_argument(
         "--only",
-        choices=["own", "coloured", "determined", "peer", "online", "updates", "impacts", "matched"],
+        choices=["own", "coloured", "determined", "peer", "online", "impacts", "matched"],
         help="compute one table only [all]",
     )
     parser.add_argument("--resume", action="store_true", help=f"reuse the repetitions of an earlier run in {OUT}")
@@ -115,27 +96,25 @@ def main() -> None:
     print(f"{about['cpu']}, {about['cores']} cores, load {about['load_average']}")
     tables = {}
     if given.only in (None, "own"):
-        tables["own"] = _table("scene", _own(given.count, given.threads), Kept(OUT / "own.jsonl", given.resume))
+        tables["own"] = _table(_own(given.count, given.threads), Kept(OUT / "own.jsonl", given.resume))
     if given.only in (None, "coloured"):
-        tables["coloured"] = _table("scene", _coloured(given.count, given.threads), Kept(OUT / "coloured.jsonl", given.resume))
+        tables["coloured"] = _table(_coloured(given.count, given.threads), Kept(OUT / "coloured.jsonl", given.resume))
     if given.only in (None, "determined"):
         tables["determined"] = determined.table(given.count_determined, Kept(OUT / "determined.jsonl", given.resume))
     if given.only in (None, "online"):
         tables["online"] = online.table(given.count_online)
-    if given.only in (None, "updates"):
-        online.update_table(given.count_online)
     if given.only in (None, "impacts"):
         tables["impacts"] = strikes.table(given.count_impacts)
     if given.only in (None, "matched"):
-        tables["matched"] = strikes.matched_table(given.count_impacts)
+        tables["matched"] = strikes.table(given.count_impacts, strikes.follow_matched)
     if given.only in (None, "peer"):
         if missing := sysid.available():
             print(f"skipped the comparison with mujoco.sysid: {missing}")
         else:
-            tables["peer"] = _table("scene", _with_peer(given.count_peer, given.threads), Kept(OUT / "peer.jsonl", given.resume))
+            tables["peer"] = _table(_with_peer(given.count_peer, given.threads), Kept(OUT / "peer.jsonl", given.resume))
     if given.update_docs:
         for name, table in tables.items():
-            write_section(PAGE, name, table)
+            write_section(PAGE, name, str(table))
         print(f"wrote {PAGE}")
 
 

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import stepper
 from scipy.stats import binom
+from sections import Table
 from stepper.sysid.parameters import bind
 
 from identification.repetitions import Answer, Kept, Row, repeated
@@ -391,27 +392,22 @@ class Count:
 
 
 HEAD = (
-    "scene | runs | finite intervals | finite without the truth | finite, not determined | infinite, determined | "
-    "combinations | combinations without the truth | combinations not named | least probability"
+    *("scene", "runs", "finite intervals", "finite without the truth", "finite, not determined", "infinite, determined"),
+    *("combinations", "combinations without the truth", "combinations not named", "least probability"),
 )
 
 
-def table(count: int, kept: Kept) -> str:
-    """Markdown table of `count` identifications of each scene, which is also printed.
-
-    Args:
-        count: Number of runs of each scene, each with other noise.
-        kept: Store of finished runs.
-    """
+def table(count: int, kept: Kept) -> Table:
+    """Table of `count` identifications of each scene, each with other noise. `kept` is the store of finished runs."""
     all_scenes = scenes()
     rows = [
         Row(scene.name, tuple(scene.all_true_values()), scene.answer, count, first=k * SEEDS_OF_A_SCENE)
         for k, scene in enumerate(all_scenes)
     ]
-    lines = [f"| {HEAD} |", "|" + "---|" * (HEAD.count("|") + 1)]
-    for scene, (name, tally) in zip(all_scenes, repeated(rows, kept), strict=True):
+    results = repeated(rows, kept)
+    made = Table(*HEAD)
+    for scene, (name, tally) in zip(all_scenes, results, strict=True):
         counted = Count.of(scene, tally.answers)
         *numbers, probability = (getattr(counted, each.name) for each in fields(Count))
-        lines.append(f"| {name} | {count} | {' | '.join(map(str, numbers))} | {probability:.2g} |")
-    print("\n".join(lines), flush=True)
-    return "\n".join(lines)
+        made.add(name, count, *numbers, f"{probability:.2g}")
+    return made

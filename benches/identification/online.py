@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import stepper
+from sections import Table
 
 from identification.followed import Followed, followed
 from identification.scenes import HARD, by_sensor, held
@@ -47,20 +48,15 @@ def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndar
     return by_sensor(model, np.stack(rows), NOISE)
 
 
-def follow(seed: int, changes: bool = False, marks: Sequence[float] = MARKS, *, wide: bool = False) -> Followed:
-    """Run a tracker on the shaken box, and return its results at the times `marks`, s.
+def follow(seed: int, changes: bool = False, marks: Sequence[float] = MARKS) -> Followed:
+    """Run a tracker on the shaken box with the noise of a seed, and return its results at the times `marks`, s.
 
-    Args:
-        seed: Seed of the noise.
-        changes: Whether the mass decreases by a quarter after 2.6 s.
-        marks: Times at which estimates are compared with the truth, s.
-        wide: Whether mass and friction are drawn from wide ranges, so that some boxes slip at once, and fall.
+    With `changes` the mass decreases by a quarter after 2.6 s.
     """
     rng = np.random.default_rng(seed)
     ctrl = controls()
     t = (1 + np.arange(len(ctrl))) * PERIOD
-    spread, low, high = (0.8, -0.3, 0.5) if wide else (0.1, -0.05, 0.05)
-    mass, friction = 0.8 * np.exp(rng.uniform(-spread, spread)), 0.45 * np.exp(rng.uniform(low, high))
+    mass, friction = 0.8 * np.exp(rng.uniform(-0.1, 0.1)), 0.45 * np.exp(rng.uniform(-0.05, 0.05))
     masses = np.where(changes & (t > 2.6), 0.75, 1.0) * mass
     clean = readings(masses, friction)
     noisy = {name: rows + NOISE[name] * rng.standard_normal(rows.shape) for name, rows in clean.items()}
@@ -77,15 +73,13 @@ def follow(seed: int, changes: bool = False, marks: Sequence[float] = MARKS, *, 
     return followed(tracker, ctrl[: max(counts)], noisy, {count: np.array([masses[count - 1], friction]) for count in counts})
 
 
-def table(count: int) -> str:
-    """Markdown table of online identifications: `count` runs with constant parameters, and `count` runs with a changing mass."""
-    lines = [
-        "| box | after | mass error | interval | coverage | friction determined | error | interval | coverage | update | 99 % of updates |"
-    ]
-    lines.append("|" + "---|" * 11)
+def table(count: int) -> Table:
+    """Table of online identifications: `count` runs with constant parameters, and `count` runs with a changing mass."""
+    head = ("mass error", "interval", "coverage", "friction determined", "error", "interval", "coverage", "update", "99 % of updates")
+    made = Table("box", "after", *head)
     for name, changes in (("constant", False), ("loses a quarter of its mass at 2.6 s", True)):
         runs = [follow(seed, changes) for seed in range(count)]
-        seconds = np.concatenate([run.seconds for run in runs])
+        milliseconds = 1e3 * np.concatenate([run.seconds for run in runs])
         for k, mark in enumerate(MARKS):
             determined = np.array([run.determined[k, 1] for run in runs])
             cells = []
@@ -93,28 +87,8 @@ def table(count: int) -> str:
                 some = [run for run, known in zip(runs, determined, strict=True) if j == 0 or known]
                 error = np.sqrt(np.mean([run.error[k, j] ** 2 for run in some])) if some else np.nan
                 width = np.median([run.width[k, j] for run in some]) if some else np.nan
-                cells.append(f"{100 * error:.2g} % | {100 * width:.2g} %" if some else "- | -")
-            covers = [f"{100 * np.mean([run.covers[k, j] for run in runs]):.0f} %" for j in (0, 1)]
-            lines.append(
-                f"| {name} | {mark:g} s | {cells[0]} | {covers[0]} | {100 * determined.mean():.0f} % | {cells[1]} | {covers[1]} | "
-                f"{1e3 * np.median(seconds):.0f} ms | {1e3 * np.percentile(seconds, 99):.0f} ms |"
-            )
-            print(lines[-1], flush=True)
-    return "\n".join(lines)
-
-
-def update_table(count: int) -> str:
-    """Markdown table of the duration of updates in `count` runs of two seconds with masses and frictions from wide ranges."""
-    lines = [
-        "| runs | median update | 99 % of updates | longest update | determined intervals | of them with the truth |",
-        "|" + "---|" * 6,
-    ]
-    runs = [follow(seed, marks=np.arange(0.1, 2.01, 0.1).tolist(), wide=True) for seed in range(count)]
-    seconds = np.concatenate([run.seconds for run in runs])
-    determined, covers = (np.concatenate([getattr(run, name).ravel() for run in runs]) for name in ("determined", "covers"))
-    lines.append(
-        f"| {count} | {1e3 * np.median(seconds):.0f} ms | {1e3 * np.percentile(seconds, 99):.0f} ms | {seconds.max():.1f} s | "
-        f"{determined.sum()} | {100 * covers[determined].mean():.0f} % |"
-    )
-    print("\n".join(lines), flush=True)
-    return "\n".join(lines)
+                cells += [f"{100 * error:.2g} %", f"{100 * width:.2g} %"] if some else ["-", "-"]
+                cells += [f"{100 * np.mean([run.covers[k, j] for run in runs]):.0f} %"]
+            cells.insert(3, f"{100 * determined.mean():.0f} %")
+            made.add(name, f"{mark:g} s", *cells, *(f"{value:.0f} ms" for value in np.percentile(milliseconds, (50, 99))))
+    return made

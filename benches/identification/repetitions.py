@@ -50,16 +50,14 @@ class Tally:
         """Half width of the interval of each parameter relative to its true value, as median over the repetitions."""
         return np.median([(high - low) / 2 / self.truth for _, low, high in self.answers], axis=0)
 
-    def row(self) -> str:
-        """Cells of the row of a Markdown table, in the order of `HEAD`."""
-        mass, friction = (
-            f"{100 * e:.2g} % | {100 * w:.2g} % | {100 * c:.0f} %"
-            for e, w, c in zip(self.error(), self.width(), self.coverage(), strict=True)
-        )
-        return f"{mass} | {friction} | {np.median(self.seconds):.2g} s"
+    def cells(self) -> list[str]:
+        """Cells of the row of a table, in the order of `HEAD`."""
+        columns = zip(self.error(), self.width(), self.coverage(), strict=True)
+        cells = [text for e, w, c in columns for text in (f"{100 * e:.2g} %", f"{100 * w:.2g} %", f"{100 * c:.0f} %")]
+        return [*cells, f"{np.median(self.seconds):.2g} s"]
 
 
-HEAD = "mass error | interval | coverage | friction error | interval | coverage | CPU time"
+HEAD = ("mass error", "interval", "coverage", "friction error", "interval", "coverage", "CPU time")
 """Headings of the columns with the results, without the first column."""
 
 
@@ -92,31 +90,12 @@ class Trial:
     options: stepper.Options
     threads: int
 
-    def identified(self, start: tuple[float, float], readings: Readings, seed: int, starts: int = 4) -> Answer:
-        """Identify both parameters with stepper, which also estimates the noise.
-
-        Args:
-            start: Initial values of both parameters.
-            readings: Noisy sensor readings by channel.
-            seed: Seed of `stepper.sysid.identify`.
-            starts: Number of initial values of the search: `start`, and random ones.
-
-        Returns:
-            Estimated values and their 95 % intervals.
-        """
-        scene = self.scene
-        episode = stepper.sysid.Episode(scene.ctrl, readings, scene.period)
-        settings: dict[str, Any] = {"options": self.options, "seed": seed, "threads": self.threads, "starts": starts}
-        found = stepper.sysid.identify(scene.model(*start), [episode], scene.parameters, **settings)
-        ends = found.interval()
-        return found.values, ends[:, 0], ends[:, 1]
-
     def once(self, start: tuple[float, float], seed: int, peer: Peer | None = None, *, colour: float = 0.0, starts: int = 4) -> Answer:
-        """Identify both parameters once from readings with random noise, with stepper or another library.
+        """Identify both parameters once from readings with random noise, with stepper, which also estimates the noise, or another library.
 
         Args:
             start: Initial values of both parameters.
-            seed: Seed of the noise.
+            seed: Seed of the noise, and of `stepper.sysid.identify`.
             peer: Identification by another library. None selects stepper.
             colour: Autocorrelation of consecutive noise values; 0 is white noise.
             starts: Number of initial values of stepper's search: `start`, and random ones.
@@ -124,8 +103,14 @@ class Trial:
         Returns:
             Estimated values and their 95 % intervals.
         """
-        readings = noisy(self.clean, self.scene, seed, colour)
-        return self.identified(start, readings, seed, starts) if peer is None else peer(self.scene, start, readings)
+        scene, readings = self.scene, noisy(self.clean, self.scene, seed, colour)
+        if peer is not None:
+            return peer(scene, start, readings)
+        episode = stepper.sysid.Episode(scene.ctrl, readings, scene.period)
+        settings: dict[str, Any] = {"options": self.options, "seed": seed, "threads": self.threads, "starts": starts}
+        found = stepper.sysid.identify(scene.model(*start), [episode], scene.parameters, **settings)
+        ends = found.interval()
+        return found.values, ends[:, 0], ends[:, 1]
 
 
 @dataclass(frozen=True)

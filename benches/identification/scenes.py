@@ -19,20 +19,15 @@ def by_sensor(model: stepper.Model, rows: np.ndarray[Any, Any], names: Iterable[
     return {sensor.name: rows[:, sensor.adr : sensor.adr + sensor.dim] for sensor in sensors}
 
 
-def springy_finger(name: str, *, stiffness: float, damping: float, mass: str = "{mass}", friction: str = "{friction}") -> str:
-    """MJCF of a finger on a spring behind a box on a floor.
+def springy_finger(name: str, *, stiffness: float, damping: float) -> str:
+    """MJCF of a finger on a spring behind a box on a floor: stiffness of the spring, N/m, and its damping, N s/m.
 
-    Args:
-        name: Name of the model.
-        stiffness: Stiffness of the finger's spring, N/m.
-        damping: Damping of this spring, N s/m.
-        mass: Placeholder for the mass of the box.
-        friction: Placeholder for the friction of box and floor.
+    The placeholders are for the mass of the box, and for the friction of box and floor.
     """
     return f"""<mujoco model="{name}"><option timestep="0.002"/><worldbody>
-  <geom name="floor" type="plane" size="2 2 .1" friction="{friction}"/>
+  <geom name="floor" type="plane" size="2 2 .1" friction="{{1}}"/>
   <body name="box" pos="0 0 .04"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
-    <geom name="box" type="box" size=".05 .04 .04" mass="{mass}" friction="{friction}"/></body>
+    <geom name="box" type="box" size=".05 .04 .04" mass="{{0}}" friction="{{1}}"/></body>
   <body name="hand" pos="-.1 0 .04"><joint name="push" type="slide" axis="1 0 0" damping="2"/>
     <geom name="hand" type="box" size=".01 .01 .01" mass=".4" contype="2" conaffinity="2"/>
     <body name="finger" pos=".02 0 0"><joint name="give" type="slide" axis="1 0 0" stiffness="{stiffness:g}" damping="{damping:g}"/>
@@ -51,12 +46,12 @@ HELD = """<mujoco model="held box"><option timestep="0.002"/><worldbody>
     <body name="wrist" pos="0 0 -.05"><site name="wrist"/>
       <geom type="box" size=".04 .02 .01" mass=".3" contype="0" conaffinity="0"/>
       <body name="left" pos="-.03 0 -.06"><joint name="left" type="slide" axis="1 0 0" damping="1"/>
-        <geom name="left" type="box" size=".005 .02 .03" mass=".05" friction="{friction}" contype="2" conaffinity="1"/></body>
+        <geom name="left" type="box" size=".005 .02 .03" mass=".05" friction="{1}" contype="2" conaffinity="1"/></body>
       <body name="right" pos=".03 0 -.06"><joint name="right" type="slide" axis="-1 0 0" damping="1"/>
-        <geom name="right" type="box" size=".005 .02 .03" mass=".05" friction="{friction}" contype="2" conaffinity="1"/></body>
+        <geom name="right" type="box" size=".005 .02 .03" mass=".05" friction="{1}" contype="2" conaffinity="1"/></body>
     </body></body>
   <body name="box" pos="0 0 .39"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
-    <geom name="box" type="box" size=".025 .02 .05" mass="{mass}" friction="{friction}" contype="1" conaffinity="2"/></body>
+    <geom name="box" type="box" size=".025 .02 .05" mass="{0}" friction="{1}" contype="1" conaffinity="2"/></body>
   </worldbody>
   <actuator><position joint="lift" kp="4000" kv="200"/><motor joint="left"/><motor joint="right"/></actuator>
   <sensor><force name="wrist_force" site="wrist"/><torque name="wrist_torque" site="wrist"/>
@@ -65,17 +60,17 @@ HELD = """<mujoco model="held box"><option timestep="0.002"/><worldbody>
 
 @dataclass(frozen=True)
 class Scene:
-    """Scene of an identification.
+    """Scene of an identification with two unknown parameters, such as mass (kg) and friction.
 
     Attributes:
         name: Name of the scene.
-        source: MJCF with placeholders for mass and friction.
-        truth: True mass in kg and friction.
-        parameters: Selectors of the parameters to identify.
+        source: MJCF with placeholders for both parameters.
+        truth: True values.
+        parameters: Selectors of both parameters.
         ctrl: Controls, (T, nu), each for a period.
-        period: Time between controls, s.
         noise: Standard deviations of the readings by channel.
-        starts: Initial values of mass and friction.
+        starts: Initial values of the search.
+        period: Time between controls, s.
     """
 
     name: str
@@ -83,17 +78,17 @@ class Scene:
     truth: tuple[float, float]
     parameters: tuple[str, str]
     ctrl: np.ndarray[Any, Any]
-    period: float
     noise: dict[str, float]
     starts: tuple[tuple[float, float], ...]
+    period: float = 0.02
 
-    def text(self, mass: float, friction: float) -> str:
-        """MJCF with the given mass and friction."""
-        return self.source.format(mass=mass, friction=friction)
+    def text(self, *values: float) -> str:
+        """MJCF with the given values of both parameters."""
+        return self.source.format(*(repr(float(value)) for value in values))
 
-    def model(self, mass: float, friction: float) -> stepper.Model:
-        """Model with the given mass and friction."""
-        return stepper.load(self.text(mass, friction))
+    def model(self, *values: float) -> stepper.Model:
+        """Model with the given values of both parameters."""
+        return stepper.load(self.text(*values))
 
     def readings(self, options: stepper.Options) -> dict[str, np.ndarray[Any, Any]]:
         """Ideal sensor readings of the scene's motion with the true parameters, by channel: T readings of dim numbers each, (T, dim)."""
@@ -107,7 +102,7 @@ def pushed() -> Scene:
     """Scene in which a finger on a spring pushes a box with varying speed. Sensors: force behind the finger, position of the box."""
     t = np.arange(100) * 0.02
     ctrl = 0.022 + 0.12 * t + 0.008 * np.sin(2 * np.pi * 2.2 * t)
-    return Scene("pushed box", PUSHED, (1.3, 0.35), ("body_mass[box]", "geom_friction[floor,box][0]"), ctrl[:, None], 0.02,
+    return Scene("pushed box", PUSHED, (1.3, 0.35), ("body_mass[box]", "geom_friction[floor,box][0]"), ctrl[:, None],
                  {"wrist_force": 0.3, "box_x": 5e-4}, ((1.0, 0.5), (0.4, 1.0), (4.0, 0.1), (2.5, 0.9)))  # fmt: skip
 
 
@@ -117,7 +112,7 @@ def held() -> Scene:
     lift = 0.03 * (np.sin(2 * np.pi * 1.0 * t) + 0.5 * np.sin(2 * np.pi * 2.6 * t)) * np.minimum(1, t / 0.4)
     squeeze = np.full_like(t, 12.0)
     sought = ("body_mass[box]", "geom_friction[left,right,box][0]")
-    return Scene("held box", HELD, (0.8, 0.45), sought, np.stack([lift, squeeze, squeeze], axis=1), 0.02,
+    return Scene("held box", HELD, (0.8, 0.45), sought, np.stack([lift, squeeze, squeeze], axis=1),
                  {"wrist_force": 0.3, "wrist_torque": 0.02}, ((0.5, 0.6), (0.2, 1.2), (2.0, 0.3), (1.2, 0.9)))  # fmt: skip
 
 

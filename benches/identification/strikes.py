@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import stepper
+from sections import Table
 
 from identification.followed import Followed, followed
-from identification.scenes import HARD, by_sensor, springy_finger
+from identification.scenes import HARD, Scene, by_sensor, springy_finger
 
 PERIOD = 0.02
 START_STD = (1e-4, 1e-3)
@@ -18,10 +19,10 @@ START_STD = (1e-4, 1e-3)
 GUESS = 0.4
 """Standard deviation of log(initial value / true value) for the random initial values of the tracker's parameters.
 
-The fixed initial values of the scenes (`Strike.start`) deviate by a similar amount.
+The fixed initial values of the scenes (`Scene.starts`) deviate by a similar amount.
 """
 
-STRUCK = springy_finger("struck box", stiffness=3000, damping=5, mass="{0}", friction="{1}")
+STRUCK = springy_finger("struck box", stiffness=3000, damping=5)
 
 THROWN = """<mujoco model="thrown box"><option timestep="0.002"/><worldbody>
   <geom name="floor" type="plane" size="5 5 .1" friction="{1}"/>
@@ -57,37 +58,19 @@ STOPPED = """<mujoco model="pendulum against a stop"><option timestep="0.002"/><
   <sensor><jointpos name="swing" joint="swing"/><jointpos name="stop" joint="stop"/></sensor></mujoco>"""
 
 
-@dataclass(frozen=True)
-class Strike:
+@dataclass(frozen=True, kw_only=True)
+class Strike(Scene):
     """Scene of an identification with two unknown parameters, in which contacts begin and end (a strike).
 
     Attributes:
-        name: Name of the scene.
-        source: MJCF with placeholders for both parameters.
-        parameters: Selectors of both parameters.
-        truth: Nominal true values.
         spread: Half widths of the random variation of the true values, as logarithms.
-        start: Initial values of the tracker.
-        ctrl: Controls, (T, nu).
-        noise: Standard deviations of the readings by channel.
         qvel: Initial velocities by joint.
         marks: Numbers of samples after which intervals are compared with the truth, each with the last event before that time.
     """
 
-    name: str
-    source: str
-    parameters: tuple[str, str]
-    truth: tuple[float, float]
-    spread: tuple[float, float]
-    start: tuple[float, float]
-    ctrl: np.ndarray[Any, Any]
-    noise: dict[str, float]
-    qvel: dict[str, float]
+    spread: tuple[float, float] = (0.1, 0.05)
+    qvel: dict[str, float] = field(default_factory=dict)
     marks: dict[int, str]
-
-    def model(self, values: Any) -> stepper.Model:
-        """Model with the given values of the scene's two parameters, such as mass (kg) and friction."""
-        return stepper.load(self.source.format(*(repr(float(value)) for value in values)))
 
     def velocities(self, model: stepper.Model) -> np.ndarray[Any, Any]:
         """Initial velocities of all degrees of freedom of a model, (nv,), m/s or rad/s."""
@@ -108,8 +91,9 @@ class Strike:
                 tracker uses its default prior.
             settings: Further arguments of `stepper.sysid.Tracker`.
         """
-        model = self.model(self.start)
-        known = [None if prior is None else (value, prior) for value in self.start]
+        start = self.starts[0]
+        model = self.model(*start)
+        known = [None if prior is None else (value, prior) for value in start]
         return stepper.sysid.Tracker(
             model,
             [stepper.sysid.FitParameter(name, prior=of) for name, of in zip(self.parameters, known, strict=True)],
@@ -126,47 +110,18 @@ def struck() -> Strike:
     """Create the scene of a box that a finger on a spring hits, releases, and hits again. Unknown: mass and friction."""
     t = np.arange(75) * PERIOD
     ctrl = 0.04 + 0.06 * t - 0.05 * np.cos(4 * np.pi * t)
-    noise = {"wrist_force": 0.3, "box_x": 5e-4}
     marks = {8: "hit", 9: "hit", 10: "pushed", 12: "released", 16: "slides", 30: "rests", 50: "hit again", 75: "hit a third time"}
-    return Strike(
-        "struck box",
-        STRUCK,
-        ("body_mass[box]", "geom_friction[floor,box][0]"),
-        (1.3, 0.35),
-        (0.1, 0.05),
-        (1.0, 0.5),
-        ctrl[:, None],
-        noise,
-        {},
-        marks,
-    )
+    sought = ("body_mass[box]", "geom_friction[floor,box][0]")
+    return Strike("struck box", STRUCK, (1.3, 0.35), sought, ctrl[:, None], {"wrist_force": 0.3, "box_x": 5e-4}, ((1.0, 0.5),), marks=marks)
 
 
 def thrown() -> Strike:
     """Create the scene of a box with a sideways velocity that bounces on a plate on a spring. Unknown: mass and friction."""
     noise = {"x": 1e-3, "z": 1e-3, "plate": 5e-4}
-    marks = {
-        9: "falls on the plate",
-        10: "slides",
-        11: "slides",
-        13: "sticks",
-        17: "rises",
-        25: "falls on it again",
-        40: "rides",
-        60: "rides",
-    }
-    return Strike(
-        "thrown box",
-        THROWN,
-        ("body_mass[box]", "geom_friction[plate,box][0]"),
-        (0.4, 0.3),
-        (0.1, 0.05),
-        (0.6, 0.5),
-        np.zeros((60, 0)),
-        noise,
-        {"x": 0.5},
-        marks,
-    )
+    marks = {9: "falls on the plate", 10: "slides", 11: "slides", 13: "sticks", 17: "rises"}
+    marks |= {25: "falls on it again", 40: "rides", 60: "rides"}
+    sought, start = ("body_mass[box]", "geom_friction[plate,box][0]"), (0.6, 0.5)
+    return Strike("thrown box", THROWN, (0.4, 0.3), sought, np.zeros((60, 0)), noise, (start,), qvel={"x": 0.5}, marks=marks)
 
 
 def grasped() -> Strike:
@@ -175,40 +130,19 @@ def grasped() -> Strike:
     ramp = np.clip((t - 0.5) / 0.3, 0, 1)
     lift = 0.05 * ramp + 0.02 * np.sin(2 * np.pi * 3.0 * (t - 0.8)) * (t > 0.8)
     squeeze = np.where(t < 0.2, -1.0, np.where(t < 1.5, 12.0, -3.0))
-    noise = {"wrist_force": 0.3, "height": 5e-4}
+    ctrl, noise = np.stack([lift, squeeze, squeeze], axis=1), {"wrist_force": 0.3, "height": 5e-4}
     marks = {15: "grasped", 28: "lifted", 32: "lifted", 40: "lifted", 50: "slips", 75: "slips", 90: "released and fallen"}
-    return Strike(
-        "grasped box",
-        GRASPED,
-        ("body_mass[box]", "geom_friction[left,right,box][0]"),
-        (0.8, 0.45),
-        (0.1, 0.05),
-        (0.5, 0.6),
-        np.stack([lift, squeeze, squeeze], axis=1),
-        noise,
-        {},
-        marks,
-    )
+    sought = ("body_mass[box]", "geom_friction[left,right,box][0]")
+    return Strike("grasped box", GRASPED, (0.8, 0.45), sought, ctrl, noise, ((0.5, 0.6),), marks=marks)
 
 
 def stopped() -> Strike:
     """Create the scene of a motorised pendulum that hits a stop on a spring. Unknown: mass and stiffness of the spring."""
-    t = np.arange(75) * PERIOD
-    noise = {"swing": 2e-3, "stop": 2e-4}
+    ctrl = 0.8 + 0.4 * np.sin(2 * np.pi * 1.5 * np.arange(75)[:, None] * PERIOD)
+    noise, sought = {"swing": 2e-3, "stop": 2e-4}, ("body_mass[arm]", "jnt_stiffness[stop]")
     marks = {5: "swings", 7: "swings", 9: "hits the stop", 12: "bounces", 18: "bounces", 30: "hits again", 50: "rests", 75: "rests"}
-    ctrl = 0.8 + 0.4 * np.sin(2 * np.pi * 1.5 * t)
-    return Strike(
-        "pendulum against a stop",
-        STOPPED,
-        ("body_mass[arm]", "jnt_stiffness[stop]"),
-        (0.5, 600.0),
-        (0.1, 0.1),
-        (0.8, 1000.0),
-        ctrl[:, None],
-        noise,
-        {"swing": 0.0},
-        marks,
-    )
+    starts = ((0.8, 1000.0),)
+    return Strike("pendulum against a stop", STOPPED, (0.5, 600.0), sought, ctrl, noise, starts, spread=(0.1, 0.1), marks=marks)
 
 
 STRIKES = (struck, thrown, grasped, stopped)
@@ -216,21 +150,16 @@ STRIKES = (struck, thrown, grasped, stopped)
 
 def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, np.ndarray[Any, Any]]:
     """Noisy sensor readings by channel, (T, dim) each, of a run with the given true values from a perturbed start."""
-    model = scene.model(truth)
+    model = scene.model(*truth)
     sim = stepper.Stepper(model, options=HARD)
     shift = START_STD[0] * rng.standard_normal(model.nv)
-    # Bodies in contact at the start are perturbed away from the contact only.
-    shift = np.where(np.isin(np.arange(model.nv), resting(model)), np.abs(shift), shift)
+    if "z" in model.joint_names:  # A box that may rest on the floor at the start is perturbed away from it only.
+        shift[model.joint("z").dofadr] = np.abs(shift[model.joint("z").dofadr])
     qvel = scene.velocities(model) + START_STD[1] * rng.standard_normal(model.nv)
     sim.set_state(model.integrate_pos(model.qpos0, shift), qvel)
     made = sim.rollout(scene.ctrl, round(PERIOD / sim.timestep), fields=("sensordata",))["sensordata"]
     clean = by_sensor(model, made, scene.noise)
     return {name: rows + scene.noise[name] * rng.standard_normal(rows.shape) for name, rows in clean.items()}
-
-
-def resting(model: stepper.Model) -> list[int]:
-    """List with the index of the degree of freedom "z", along which a box may rest on the floor at the start; empty if there is none."""
-    return [model.joint("z").dofadr] if "z" in model.joint_names else []
 
 
 def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
@@ -248,59 +177,29 @@ def follow_matched(scene: Strike, seed: int) -> Followed:
     """
     truth = scene.draw(np.random.default_rng(seed))
     guess = truth * np.exp(GUESS * np.random.default_rng([seed, 1]).standard_normal(2))
-    return follow(replace(scene, start=(float(guess[0]), float(guess[1]))), seed, prior=GUESS, drift=0.0)
+    return follow(replace(scene, starts=((float(guess[0]), float(guess[1])),)), seed, prior=GUESS, drift=0.0)
 
 
 NAMES = {"body_mass": "mass", "geom_friction": "friction", "jnt_stiffness": "stiffness"}
 """Names of the parameters in the table, by model field."""
-HEAD = "scene | after | last event | parameter | error | interval | determined | coverage"
 
 
-def table(count: int) -> str:
-    """Markdown table of `count` runs of each scene.
+def table(count: int, run: Callable[[Strike, int], Followed] = follow) -> Table:
+    """Table of `count` runs of each scene by `follow` or `follow_matched`.
 
     Errors, interval widths and coverage are over the runs in which the tracker marks the parameter as determined.
     """
-    return _table(count, follow)
-
-
-def matched_table(count: int) -> str:
-    """Markdown table of `count` runs of each scene in which the assumptions of the tracker hold.
-
-    The tracker's initial values are drawn from its prior, and the true parameters are constant.
-    """
-    return _table(count, follow_matched)
-
-
-def _table(count: int, run: Callable[[Strike, int], Followed]) -> str:
-    """Markdown table of runs in all scenes, which is also printed.
-
-    Args:
-        count: Number of runs of each scene.
-        run: Function that runs a scene with a seed.
-    """
-    lines = [f"| {HEAD} |", "|" + "---|" * (HEAD.count("|") + 1)]
+    made = Table("scene", "after", "last event", "parameter", "error", "interval", "determined", "coverage")
     for make in STRIKES:
         scene = make()
-        lines += rows(scene, [run(scene, seed) for seed in range(count)])
-        print("\n".join(lines[-2 * len(scene.marks) :]), flush=True)
-    return "\n".join(lines)
-
-
-def rows(scene: Strike, runs: list[Followed]) -> list[str]:
-    """Table rows of a scene from its runs.
-
-    There are two rows (one per unknown parameter) for each time at which the estimates are compared with the truth, `Strike.marks`.
-    """
-    lines = []
-    for k, (mark, what) in enumerate(scene.marks.items()):
-        for j, parameter in enumerate(scene.parameters):
-            determined = [run for run in runs if run.determined[k, j]]
-            cells = "- | - | 0 % | -"
-            if determined:
-                error = np.sqrt(np.mean([run.error[k, j] ** 2 for run in determined]))
-                width = np.median([run.width[k, j] for run in determined])
-                covers = np.mean([run.covers[k, j] for run in determined])
-                cells = f"{100 * error:.2g} % | {100 * width:.2g} % | {100 * len(determined) / len(runs):.0f} % | {100 * covers:.1f} %"
-            lines.append(f"| {scene.name} | {mark * PERIOD:.2f} s | {what} | {NAMES[parameter.partition('[')[0]]} | {cells} |")
-    return lines
+        runs = [run(scene, seed) for seed in range(count)]
+        for k, (mark, what) in enumerate(scene.marks.items()):
+            for j, parameter in enumerate(scene.parameters):
+                cells = ("-", "-", "0 %", "-")
+                if determined := [each for each in runs if each.determined[k, j]]:
+                    error = np.sqrt(np.mean([each.error[k, j] ** 2 for each in determined]))
+                    width = np.median([each.width[k, j] for each in determined])
+                    share, covers = len(determined) / count, np.mean([each.covers[k, j] for each in determined])
+                    cells = (f"{100 * error:.2g} %", f"{100 * width:.2g} %", f"{100 * share:.0f} %", f"{100 * covers:.1f} %")
+                made.add(scene.name, f"{mark * PERIOD:.2f} s", what, NAMES[parameter.partition("[")[0]], *cells)
+    return made

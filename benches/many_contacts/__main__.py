@@ -121,18 +121,13 @@ def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str
     begin = time.perf_counter()
     try:
         rows = measure(scene, _path(scene, cache, out), plan)
-        text = "; ".join(f"{row['row']} {_ratios(row)}" for row in rows)
+        text = "; ".join(" ".join([row["row"], *(f"{found['ratio']:.2f}" for found in row["ours"].values())]) for row in rows)
     except FAILURES as error:
         text = _words(error)
         empty = {"scene": scene.name, "group": scene.group or scene.name, "num_envs": plan.num_envs, "note": text, "ours": {}, "theirs": {}}
         rows = [empty | {"row": scene.row(phase)} for phase in scene.phases if phase.timed]
     sys.stderr.write(f"{scene.name}, {plan.num_envs} environments, {time.perf_counter() - begin:.0f} s: {text}\n")
     return rows
-
-
-def _ratios(row: dict[str, Any]) -> str:
-    """Text of stepper's speedups over MuJoCo, from the measurements of one phase of a scene (`row`)."""
-    return " ".join(f"{found['ratio']:.2f}" for found in row["ours"].values())
 
 
 if __name__ == "__main__":

@@ -1,47 +1,41 @@
-"""Batches of environments in stepper and in MuJoCo that run the episode of a `Script`. `stepper.lab.engines` has their base classes."""
+"""Batches of environments in stepper and in MuJoCo that run the episode of a `Script`. `stepper.lab.engines` has their base classes.
 
+Both have the same methods. `begin` sets all environments to the initial states of the script. `restart` resets the environments of a mask
+(num_envs,), at rest in configurations (num_envs, nq). `move` sets the poses of the mocap bodies, (num_envs, nmocap, 7). `failed` is the
+number of environments that the engine has reset, or of steps that were not finite, since the measurement began.
+"""
+
+from collections import Counter
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from stepper import Model, Options
+from stepper import Model, Options, Status, Stepper
 from stepper._options import Precision
-from stepper.lab.engines import EngineBatch, MujocoBatch, SolverStatistics, StepperBatch
+from stepper.lab.engines import MujocoBatch, SolverStatistics, StepperBatch
 
 from many_contacts.scene import Array, Script
 
 
 @dataclass
-class Effort:
+class Effort(SolverStatistics):
     """Work of the solver in a phase of an episode.
 
     Attributes:
-        certificate: Numbers of steps by status flag, and residuals.
-        sweeps: Number of Gauss-Seidel iterations (sweeps) of the solver, summed over environment steps.
         newton_steps: Number of the solver's Newton steps, summed over environment steps.
+        flags: Number of environment steps with each status flag.
     """
 
-    certificate: SolverStatistics = field(default_factory=SolverStatistics)
-    sweeps: int = 0
     newton_steps: int = 0
+    flags: Counter[str] = field(default_factory=Counter)
 
-
-class Batch(EngineBatch, Protocol):
-    """Batch of environments of one engine that can be reset and that follows the inputs of a script."""
-
-    def begin(self, script: Script) -> None:
-        """Set all environments to the initial states of the script."""
-
-    def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
-        """Reset the environments of a mask (num_envs,), at rest in configurations (num_envs, nq)."""
-
-    def move(self, mocap: Array) -> None:
-        """Set the poses of the mocap bodies, (num_envs, nmocap, 7)."""
-
-    @property
-    def failed(self) -> int:
-        """Number of failures since the measurement began: environments that the engine has reset, or steps that were not finite."""
+    def add(self, sim: Stepper) -> None:
+        """Add the solver's work in the last step of a stepper, status flags included."""
+        super().add(sim)
+        self.newton_steps += int(np.sum(sim.newton_steps))
+        status = np.asarray(sim.status)
+        self.flags.update({str(flag.name): int(np.count_nonzero(status & flag)) for flag in Status})
 
 
 class Ours(StepperBatch):
@@ -69,16 +63,12 @@ class Ours(StepperBatch):
 
     def record(self, phase: str) -> None:
         """Add the solver's work in the last step, status flags included, to the statistics of the phase of this name."""
-        effort = self.efforts.setdefault(phase, Effort())
-        effort.certificate.add(self.sim)
-        newton_steps = int(np.sum(self.sim.newton_steps))
-        effort.sweeps += int(np.sum(self.sim.iterations)) - newton_steps
-        effort.newton_steps += newton_steps
+        self.efforts.setdefault(phase, Effort()).add(self.sim)
 
     @property
     def failed(self) -> int:
         """Number of environment steps that stepper has marked as not finite since the measurement began."""
-        return sum(effort.certificate.non_finite for effort in self.efforts.values())
+        return sum(effort.non_finite for effort in self.efforts.values())
 
 
 class Theirs(MujocoBatch):
@@ -114,3 +104,6 @@ FINE = Options(tolerance=1e-6)
 """Options of stepper with a hundredth of the default tolerance."""
 LAW = Options(contact="mujoco")
 """Options of stepper with MuJoCo's contact law and the integrator of the model."""
+
+Batch: TypeAlias = Ours | Theirs
+"""Batch of environments of one engine."""

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from comparison.throughput import PLAN, cases
 from stepper import Stepper
@@ -85,9 +85,5 @@ def floors(path: Path) -> Floors:
     if not path.exists():
         return {}
     found = json.loads(path.read_text(encoding="utf-8"))["episodes"]
-    return {(e["name"], e["num_envs"], e["precision"]): _anatomy(e) for e in found}
-
-
-def _anatomy(found: Mapping[str, Any]) -> Anatomy:
-    """Times of the parts of a step, from one element `found` of the list "episodes" in the JSON file that the program `anatomy` writes."""
-    return Anatomy(found["micros"], found["floor"], {part["name"]: (part["micros"], part["floor"]) for part in found["parts"]})
+    parts = [{part["name"]: (part["micros"], part["floor"]) for part in e["parts"]} for e in found]
+    return {(e["name"], e["num_envs"], e["precision"]): Anatomy(e["micros"], e["floor"], p) for e, p in zip(found, parts, strict=True)}

@@ -45,7 +45,7 @@ class Plan:
 
     Attributes:
         num_envs: Number of environments in stepper.
-        peers: Largest number of environments in MuJoCo. MuJoCo's time per environment step does not depend on their number.
+        peers: Largest number of environments in MuJoCo; 0 omits MuJoCo. MuJoCo's time per environment step does not depend on their number.
         precisions: Precisions of stepper, "f64" and "f32".
         settings: Settings of stepper, a subset of `SETTINGS`.
         rounds: Number of repetitions from the same states, for the median time of each chunk.
@@ -109,13 +109,19 @@ def read(path: Path) -> tuple[Model, str]:
             return load(path, strict=False), f"not strict: {' '.join(str(error).split())[:200]}"
 
 
-def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
+def measure(scene: Scene, path: Path, plan: Plan, model: Model | None = None) -> list[dict[str, Any]]:
     """Measure a scene in stepper and MuJoCo.
+
+    Args:
+        scene: Scene.
+        path: MJCF file of the scene.
+        plan: Extent of the measurement.
+        model: Model of stepper. None loads the file.
 
     Raises:
         stepper.ModelError: stepper cannot load the model.
     """
-    model, note = read(path)
+    model, note = read(path) if model is None else (model, "")
     compiled = mujoco.MjModel.from_xml_path(str(path))
     script = _warmed_up(scene, scene.script(compiled, plan.num_envs, np.random.default_rng(plan.seed)), model, path)
     peers = min(plan.num_envs, plan.peers)
@@ -125,7 +131,7 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
             for precision in plan.precisions
             for setting in plan.settings
         }
-        theirs = [Theirs.from_file(str(path), peers, settings=MATCHED), Theirs.from_file(str(path), peers)]
+        theirs = [Theirs.from_file(str(path), peers, settings=settings) for settings in (MATCHED, None) if peers]
         batches: list[Batch] = [*ours.values(), *theirs]
         tracks = _play(scene, script, batches, plan, _StateMeter(compiled, path))
     rows = []
@@ -140,24 +146,24 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
             "nv": compiled.nv,
             "timestep": compiled.opt.timestep,
             "steps": phase.steps,
-            "rounds": len(tracks[theirs[0].name, phase.name].times[0]),
+            "rounds": len(tracks[batches[0].name, phase.name].times[0]),
             "note": note,
             "ours": {},
             "theirs": {b.name: _figures(tracks[b.name, phase.name]) | {"failed": b.failed, "environments": peers} for b in theirs},
         }
-        best = min(found["microseconds"] for found in row["theirs"].values())
+        best = min((found["microseconds"] for found in row["theirs"].values()), default=float("nan"))
         for (precision, setting), batch in ours.items():
             effort = batch.efforts[phase.name]
-            certificate = effort.certificate
             figures = _figures(tracks[batch.name, phase.name])
             row["ours"][f"{precision} {setting}"] = figures | {
                 "ratio": best / figures["microseconds"],
-                "unsolved": certificate.not_converged / certificate.env_steps,
-                "sweeps": effort.sweeps / certificate.env_steps,
-                "newton_steps": effort.newton_steps / certificate.env_steps,
-                "worst_residual": certificate.worst_residual,
-                "contacts_full": certificate.contacts_full,
-                "non_finite": certificate.non_finite,
+                "unsolved": effort.not_converged / effort.env_steps,
+                "sweeps": (effort.sweeps - effort.newton_steps) / effort.env_steps,
+                "newton_steps": effort.newton_steps / effort.env_steps,
+                "worst_residual": effort.worst_residual,
+                "contacts_full": effort.contacts_full,
+                "non_finite": effort.non_finite,
+                "flags": {name: count / effort.env_steps for name, count in effort.flags.items() if count},
             }
         rows.append(row)
     return rows

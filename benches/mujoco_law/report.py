@@ -31,8 +31,7 @@ class Row:
         p = self.parity
         if p is None:
             return f"{self.name}: {self.left_out}"
-        numbers = " ".join(f"{key} {value}" for key, value in self.cells().items())
-        return f"{self.name:36} {numbers} {self.left_out}"
+        return " ".join([f"{self.name:36}", *(f"{key} {value}" for key, value in self.cells().items()), self.left_out])
 
     def cells(self) -> dict[str, str]:
         """Cells of this model's row in the table, by the heading of the column; empty if the model was not compared."""
@@ -41,19 +40,14 @@ class Row:
             return {}
         return {
             "nv": str(self.nv),
-            "touching": _percent(p.touching),
-            "same contacts": _percent(p.same),
-            "agree": _percent(p.agrees) if len(p.error) else "-",
+            "touching": f"{100 * p.touching:.0f} %",
+            "same contacts": f"{100 * p.same:.0f} %",
+            "agree": f"{100 * p.agrees:.0f} %" if len(p.error) else "-",
             "median": _number(p.error, 0.5),
             "largest": _number(p.error, 1.0),
             "spread of MuJoCo's solvers": _number(p.spread, 1.0),
             "Newton steps": f"{p.newton_steps:.1f}",
         }
-
-
-def _percent(share: float) -> str:
-    """Text of a fraction (`share`) in per cent."""
-    return f"{100 * share:.0f} %"
 
 
 def _number(values: np.ndarray[tuple[int], np.dtype[np.float64]], quantile: float) -> str:

@@ -1,15 +1,13 @@
 """Speed of MuJoCo's contact law with the integrator and cone of the model, compared with `mujoco.batch`, in turns on one core."""
 
 import argparse
-import json
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from statistics import geometric_mean, median
 from typing import Any
 
 from comparison.throughput import Case, cases, ratio
-from many_contacts.targets import grouped_mean
+from sections import Table
 from stepper import Options
 from stepper.lab.demo.race import Plan, race
 from stepper.lab.engines import EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
@@ -32,45 +30,24 @@ def main() -> None:
     parser.add_argument("--num-envs", type=int, default=256, help="number of environments in stepper [256]")
     parser.add_argument("--peers", type=int, default=64, help="number of environments in MuJoCo [64]")
     parser.add_argument("--steps", type=int, default=200, help="number of steps with random controls [200]")
-    parser.add_argument(
-        "--many-contacts",
-        type=Path,
-        metavar="JSON",
-        help="print the table from a result file of `many_contacts --settings law`, without measuring",
-    )
     args = parser.parse_args()
-    if args.many_contacts:
-        print(many_contacts(args.many_contacts))
-        return
     plan = Plan(num_envs=args.num_envs, peers=args.peers, steps=args.steps, rest=0)
     require("mujoco", "to compare stepper with MuJoCo").set_mju_user_warning(lambda message: None)
     found = []
-    print("| model | integrator | us f64 | us f32 | us MuJoCo own / Newton | f64 x | f32 x | residual m/s f64 / f32 | Newton steps |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    head = ("us f64", "us f32", "us MuJoCo own / Newton", "f64 x", "f32 x", "residual m/s f64 / f32", "Newton steps")
+    table = Table("model", "integrator", *head)
     for case in cases(plan, args.models):
         if isinstance(case, str):
             print(f"skipped {case}")
             continue
-        found.append(_measure(case, plan))
+        found.append(_measure(case, plan, table))
     means = [geometric_mean(f[k] for f in found) for k in (0, 1)]
-    print(f"| **geometric mean** | | | | | **{means[0]:.1f}** | **{means[1]:.1f}** | | |")
+    table.add("**geometric mean**", "", "", "", "", *(f"**{mean:.1f}**" for mean in means), "", "")
     print(", ".join(f"{key} {value}" for key, value in provenance().items() if key in ("cpu", "load_average", "versions")))
 
 
-def many_contacts(path: Path) -> str:
-    """Table of the scenes with many contacts, from a result file of `many_contacts --settings law`."""
-    rows = [row for row in json.loads(path.read_text(encoding="utf-8"))["rows"] if row["ours"]]
-    lines = ["| scene | f64 x | f32 x | unsolved % f64 / f32 | Newton steps |", "|---|---|---|---|---|"]
-    for row in rows:
-        f64, f32 = (row["ours"][f"{precision} law"] for precision in ("f64", "f32"))
-        unsolved = " / ".join(f"{100 * ours['unsolved']:.2g}" for ours in (f64, f32))
-        lines.append(f"| {row['row']} | **{f64['ratio']:.1f}** | **{f32['ratio']:.1f}** | {unsolved} | {f64['newton_steps']:.1f} |")
-    means = [grouped_mean((row["group"], row["ours"][f"{precision} law"]["ratio"]) for row in rows) or 0.0 for precision in ("f64", "f32")]
-    return "\n".join([*lines, f"| **geometric mean over scenes** | **{means[0]:.1f}** | **{means[1]:.1f}** | | |"])
-
-
-def _measure(case: Case, plan: Plan) -> tuple[float, float]:
-    """Speedups of stepper over MuJoCo on a model, in f64 and f32."""
+def _measure(case: Case, plan: Plan, table: Table) -> tuple[float, float]:
+    """Speedups of stepper over MuJoCo on a model, in f64 and f32, of which a row is added to the table."""
     options = Options.from_model(case.model)
     with one_core():
         ours = [StepperBatch(case.model, plan.num_envs, precision=p, threads=1, options=options, setting="law") for p in ("f64", "f32")]
@@ -85,11 +62,8 @@ def _measure(case: Case, plan: Plan) -> tuple[float, float]:
     us = [median(times[name]) for name in names]
     residual = [batch.solver_statistics["control"].worst_residual for batch in ours]
     steps = float(ours[0].sim.newton_steps.mean())
-    print(
-        f"| {case.name} | {options.integrator} | {us[0]:.2f} | {us[1]:.2f} | {us[2]:.1f} / {us[3]:.1f} | **{ratios[0]:.1f}** |"
-        f" **{ratios[1]:.1f}** | {residual[0]:.0e} / {residual[1]:.0e} | {steps:.1f} |",
-        flush=True,
-    )
+    cells = (f"{us[0]:.2f}", f"{us[1]:.2f}", f"{us[2]:.1f} / {us[3]:.1f}", *(f"**{speedup:.1f}**" for speedup in ratios))
+    table.add(case.name, options.integrator, *cells, f"{residual[0]:.0e} / {residual[1]:.0e}", f"{steps:.1f}")
     return ratios[0], ratios[1]
 
 

@@ -74,31 +74,23 @@ def recordings(folder: Path, motor: str, last: int | None = None) -> Recordings:
     )
 
 
-class Servo:
-    """Firmware and motor: voltage in proportion to the error, and torque with the back-EMF. Without power there is no torque.
-
-    Args:
-        data: Recordings of the motor.
-    """
-
-    def __init__(self, data: Recordings):
-        self.data = data
-
-    def __call__(self, now: Any) -> Array:
-        """Torque at the joint before the losses of the gear, (num_envs, 1), N m."""
-        which, k = now.episodes, round(float(now.time[0]) / PERIOD)
-        q, speed, data, kt = now.qpos[:, 0], now.qvel[:, 0], self.data, now.parameters["torque constant"]
-        duty = np.clip(data.gain[which] * (data.goal[which, k] - q) * FIRMWARE, -1.0, 1.0)
-        current = (duty * data.volts[which, k] - kt * speed) / now.parameters["resistance"]
-        return np.asarray(data.on[which, k] * kt * current)[:, None]
-
-
 def servo(folder: Path, last: int = HELD_OUT) -> stepper.lab.Study:
     """Study of the XL330, whose last four recordings have the gain `last`."""
     data = recordings(folder, "xl330", last)
 
     def start(now: Any, _: Any) -> tuple[Array, Array]:
         return data.q[now.episodes, 0][:, None], data.speed[now.episodes][:, None]
+
+    def torque(now: Any) -> Array:
+        """Torque at the joint before the losses of the gear, (num_envs, 1), N m.
+
+        The firmware sets a voltage in proportion to the error, and the motor has a back-EMF. Without power there is no torque.
+        """
+        which, k = now.episodes, round(float(now.time[0]) / PERIOD)
+        q, speed, kt = now.qpos[:, 0], now.qvel[:, 0], now.parameters["torque constant"]
+        duty = np.clip(data.gain[which] * (data.goal[which, k] - q) * FIRMWARE, -1.0, 1.0)
+        current = (duty * data.volts[which, k] - kt * speed) / now.parameters["resistance"]
+        return np.asarray(data.on[which, k] * kt * current)[:, None]
 
     def error(now: Any) -> Array:
         k = min(round(float(now.time[0]) / PERIOD), data.q.shape[1] - 1)
@@ -109,7 +101,7 @@ def servo(folder: Path, last: int = HELD_OUT) -> stepper.lab.Study:
         model="""<mujoco><option timestep="0.002"/><worldbody><body><joint name="hinge" axis="0 1 0"/>
           <inertial pos="0 0 -.1" mass=".49" diaginertia="1e-6 1e-6 1e-6"/></body></worldbody>
           <actuator><motor name="servo" joint="hinge"/></actuator></mujoco>""",
-        controller=Servo(data),
+        controller=torque,
         start=start,
         outcomes=Outcome(name="error", measure=error, reduce="mean", unit="rad"),
         parameters={

@@ -4,23 +4,23 @@ import argparse
 import json
 from pathlib import Path
 
+from many_contacts.measure import Plan
 from stepper.shared.machine import provenance, require
 
 from terrains.grounds import GROUNDS
-from terrains.measure import Plan, measure
-from terrains.report import table, times, update_page
+from terrains.measure import measured
+from terrains.report import steps, times, update_page
 
 
 def main() -> None:
     """Measure the step times on all grounds, and print the tables."""
     parser = argparse.ArgumentParser(prog="terrains", description=__doc__)
     parser.add_argument("--ground", nargs="+", default=[], metavar="NAME", help="grounds with one of these texts in their name [all]")
-    parser.add_argument("--num-envs", type=int, default=Plan.num_envs)
-    parser.add_argument("--peers", type=int, default=Plan.peers, help="number of environments in MuJoCo; 0 omits MuJoCo [%(default)s]")
-    parser.add_argument("--steps", type=int, default=Plan.steps)
-    parser.add_argument("--rounds", type=int, default=Plan.rounds)
-    parser.add_argument("--noise", type=float, default=Plan.noise, help="standard deviation of the actions; 0 is standing [%(default)s]")
-    parser.add_argument("--precision", nargs="+", choices=("f64", "f32"), default=list(Plan.precisions))
+    parser.add_argument("--num-envs", type=int, default=256)
+    parser.add_argument("--peers", type=int, default=64, help="number of environments in MuJoCo; 0 omits MuJoCo [64]")
+    parser.add_argument("--steps", type=int, default=200)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--noise", type=float, default=1.0, help="standard deviation of the actions; 0 is standing [1]")
     parser.add_argument("--no-law", action="store_true", help="do not measure MuJoCo's contact law")
     parser.add_argument("--out", type=Path, default=Path("out/terrains"), help="folder for the models and terrains.json [out/terrains]")
     parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of the downloaded packages [out/corpus]")
@@ -30,15 +30,16 @@ def main() -> None:
     if not grounds:
         parser.error(f"no ground matches {args.ground}: give parts of " + ", ".join(g.name for g in GROUNDS))
     require("mujoco", "to compare stepper with MuJoCo").set_mju_user_warning(lambda message: None)
-    plan = Plan(args.num_envs, args.peers, args.steps, args.rounds, args.noise, args.precision, not args.no_law)
+    settings = ("default",) if args.no_law else ("default", "law")
+    plan = Plan(args.num_envs, args.peers, settings=settings, rounds=args.rounds, patience=float("inf"))
     rows = []
     for ground in grounds:
-        rows.append(measure(ground, plan, args.cache, args.out))
+        rows.append(measured(ground, plan, args.steps, args.noise, cache=args.cache, out=args.out))
         print(times(rows[-1:]).splitlines()[-1], flush=True)
     args.out.mkdir(parents=True, exist_ok=True)
     came_from = provenance()
     (args.out / "terrains.json").write_text(json.dumps({"rows": rows, "provenance": came_from}, indent=1) + "\n", encoding="utf-8")
-    print(table(rows))
+    print(f"{times(rows)}\n\n{steps(rows)}")
     if args.update_docs:
         update_page(rows, came_from)
 

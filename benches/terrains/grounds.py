@@ -22,14 +22,12 @@ class Ground:
         name: Name in tables.
         add: Function that adds the geoms to an `MjSpec`.
         height: Function from positions x and y to the height of the ground, m.
-        spread: Half the side of the square in which robots start, m.
         mesh: Function that stepper uses in place of `add`: it adds the concave mesh "ground". With None both engines use `add`.
     """
 
     name: str
     add: Callable[[Any], None]
     height: Height
-    spread: float = 3.0
     mesh: Callable[[Any], None] | None = None
 
 

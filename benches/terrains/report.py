@@ -7,10 +7,7 @@ from typing import Any
 from sections import write_section
 from stepper.lab.study.document import markdown_table
 
-PEERS = "MuJoCo"
-"""First word of the names of MuJoCo's settings."""
 PAGE = Path(__file__).parents[2] / "docs" / "benchmarks" / "terrain.md"
-
 
 LEVELS = ("avx2", "avx512")
 """CPU levels with a table of times on the page."""
@@ -30,49 +27,35 @@ def update_page(rows: Sequence[dict[str, Any]], came_from: Mapping[str, Any]) ->
     write_section(PAGE, "steps", steps(rows))
 
 
-def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Two markdown tables: step times with their ratios, and contacts, penetration and flags."""
-    return f"{times(rows)}\n\n{steps(rows)}"
-
-
 def times(rows: Sequence[dict[str, Any]]) -> str:
     """Markdown table of times per step, us, with the speedup over MuJoCo's faster setting in parentheses."""
-    ours, theirs = _engines(rows)
-    lines = [["ground", *map(_label, ours), *(name.removeprefix(PEERS).strip() + " (MuJoCo)" for name in theirs)]]
-    for row in rows:
-        time = {name: engine["microseconds"] for name, engine in row["engines"].items()}
-        best = min((time[name] for name in theirs), default=float("nan"))
-        cells = [f"{time[name]:.1f} ({best / time[name]:.2f})" for name in ours]
-        lines.append([row["ground"], *cells, *(f"{time[name]:.1f}" for name in theirs)])
-    return _markdown(lines)
+    ours, theirs = rows[0]["ours"], rows[0]["theirs"]
+    head = ["ground", *map(_label, ours), *(name.removeprefix("MuJoCo ") + " (MuJoCo)" for name in theirs)]
+    lines = [
+        [
+            row["scene"],
+            *(f"{row['ours'][name]['microseconds']:.1f} ({row['ours'][name]['ratio']:.2f})" for name in ours),
+            *(f"{row['theirs'][name]['microseconds']:.1f}" for name in theirs),
+        ]
+        for row in rows
+    ]
+    return markdown_table(head, lines)
 
 
 def steps(rows: Sequence[dict[str, Any]]) -> str:
     """Markdown table of contacts, deepest penetration, iterations and flags of each engine on each ground."""
-    lines = [["ground", "engine", "contacts", "penetration, mm", "iterations", "NOT_CONVERGED, %", "other flags, %"]]
+    lines = []
     for row in rows:
-        for name, engine in row["engines"].items():
-            cells = [row["ground"], _label(name), f"{engine['contacts']:.1f}", f"{1e3 * engine['penetration']:.2g}"]
-            if name.startswith(PEERS):
-                lines.append([*cells, "", "", ""])
-                continue
-            flags = engine["flags"]
-            others = ", ".join(f"{flag} {100 * share:.2g}" for flag, share in sorted(flags.items()) if flag != "NOT_CONVERGED")
-            lines.append([*cells, f"{engine['iterations']:.1f}", f"{100 * flags.get('NOT_CONVERGED', 0):.2g}", others])
-    return _markdown(lines)
-
-
-def _engines(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
-    """Names of stepper's settings and names of MuJoCo's settings in the rows of the measurement."""
-    names = list(dict.fromkeys(name for row in rows for name in row["engines"]))
-    return [name for name in names if not name.startswith(PEERS)], [name for name in names if name.startswith(PEERS)]
+        for name, engine in (row["ours"] | row["theirs"]).items():
+            cells = [row["scene"], _label(name), f"{engine['contacts']:.1f}", f"{1e3 * engine['penetration']:.2g}", "", "", ""]
+            if name in row["ours"]:
+                others = (f"{flag} {100 * share:.2g}" for flag, share in sorted(engine["flags"].items()) if flag != "NOT_CONVERGED")
+                iterations = engine["sweeps"] + engine["newton_steps"]
+                cells[4:] = [f"{iterations:.1f}", f"{100 * engine['unsolved']:.2g}", ", ".join(others)]
+            lines.append(cells)
+    return markdown_table(["ground", "engine", "contacts", "penetration, mm", "iterations", "NOT_CONVERGED, %", "other flags, %"], lines)
 
 
 def _label(name: str) -> str:
-    """Heading of a column of the tables, from the name of an engine and its setting."""
-    return name.removeprefix("stepper ").removesuffix(" default")
-
-
-def _markdown(lines: list[list[str]]) -> str:
-    """Markdown table from lists of cells: the first list has the headings."""
-    return markdown_table(lines[0], lines[1:])
+    """Name of an engine and its setting in the tables."""
+    return name.removesuffix(" default")

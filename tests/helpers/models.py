@@ -61,6 +61,15 @@ def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None =
     return stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision)
 
 
+def flags_of(sim: stepper.Stepper, steps: int) -> stepper.Status:
+    """Flags of `steps` steps together."""
+    found = stepper.Status.OK
+    for _ in range(steps):
+        sim.step()
+        found |= stepper.Status(int(sim.status))
+    return found
+
+
 def afloat(name: str, *, gravity: bool = True) -> mujoco.MjModel:
     """A robot that nothing can touch: its contacts, its joint limits and, if asked, gravity are switched off."""
     model = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
@@ -112,6 +121,12 @@ def full_mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     out = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, out)
     return out
+
+
+def force_of_world(contacts: np.ndarray) -> np.ndarray:
+    """Sum of the contact forces of the world's geoms on others, in world axes. A normal points from the first body to the second."""
+    sign = np.where(contacts["body"][:, 0] == 0, 1.0, -1.0) * (contacts["body"] == 0).any(axis=1)
+    return np.einsum("k,ki,kij->j", sign, contacts["force"], contacts["frame"])
 
 
 def contact_bits(contacts: np.ndarray) -> bytes:

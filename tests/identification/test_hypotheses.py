@@ -28,12 +28,12 @@ def exact(made: dict[str, Array], truth: Array, count: int) -> tuple[Array, Arra
     """
     mass, friction = (np.linspace(low, high, 26) for low, high in ((-0.08, 0.05), (-0.2, 0.17)))
     theta = np.stack(np.meshgrid(mass, friction, indexing="ij"), axis=-1).reshape(-1, 2) + np.log(truth)
-    model = SCENE.model(truth)
+    model = SCENE.model(*truth)
     sim = stepper.Stepper(model, len(theta), options=HARD)
     sim.randomize(**write(bind(SCENE.parameters, model), theta, model).fields)
     ctrl = np.repeat(SCENE.ctrl[:count, None], len(theta), axis=1)
     rows = sim.rollout(ctrl, round(PERIOD / sim.timestep), fields=("sensordata",))["sensordata"]
-    apart = theta - np.log(SCENE.start)
+    apart = theta - np.log(SCENE.starts[0])
     log = -(apart**2).sum(axis=1) / 2
     step = friction[1] - friction[0]
     tail = math.erfc(apart[:, 1].max() / math.sqrt(2)) / 2

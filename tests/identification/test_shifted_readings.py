@@ -89,7 +89,7 @@ def test_a_fall_does_not_tell_a_shift_from_another_initial_state():
     """Without controls, readings one sample early are those of the state one sample later."""
     scene = strikes.thrown()
     made = strikes.readings(scene, scene.truth, np.random.default_rng(0))
-    model = scene.model(scene.start)
+    model = scene.model(*scene.starts[0])
     readings = {name: rows[1:] for name, rows in made.items()}
     episode = stepper.sysid.Episode(scene.ctrl[1:], readings, 0.02, qvel=scene.velocities(model))
     found = stepper.sysid.identify(model, [episode], scene.parameters, noise=scene.noise, options=HARD, starts=2, threads=1)
@@ -124,7 +124,7 @@ def test_the_tracker_does_not_say_what_shifted_readings_make_it_think(shift):
     scene = strikes.struck()
     readings = {name: moved(rows, shift) for name, rows in strikes.readings(scene, scene.truth, np.random.default_rng(0)).items()}
     tracker = stepper.sysid.Tracker(
-        scene.model(scene.start), list(scene.parameters), noise=scene.noise, period=0.02, options=HARD, start_std=strikes.START_STD
+        scene.model(*scene.starts[0]), list(scene.parameters), noise=scene.noise, period=0.02, options=HARD, start_std=strikes.START_STD
     )
     for k, ctrl in enumerate(scene.ctrl[:50]):
         now = tracker.update(ctrl, {name: rows[k] for name, rows in readings.items()})

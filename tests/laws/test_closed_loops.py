@@ -100,7 +100,7 @@ def test_couplings_cost_no_sweeps():
     sweeps = []
     for coupled in (True, False):
         model.eq_active0[:] = coupled
-        sim = simulate(model, num_envs=16, stabilization="split")
+        sim = simulate(model, num_envs=16)
         rng, taken = np.random.default_rng(0), []
         for _ in range(30):
             ctrl = rng.uniform(-1, 1, (16, model.nu))

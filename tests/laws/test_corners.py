@@ -48,7 +48,7 @@ def room(walls: str, friction: float, restitution: float, envs: int, **options):
     text = f'<mujoco><option gravity="0 0 0"/>{defaults}<worldbody>{walls}{BALL}</worldbody></mujoco>'
     model = stepper.load(text)
     model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
-    return simulate(model, envs, stabilization="split", **options)
+    return simulate(model, envs, **options)
 
 
 @every_precision
@@ -93,7 +93,7 @@ def strike_corner(restitution: float, friction: float, mass: float, integrator: 
     walls = f'<default><geom friction="{friction} 0 0"/></default><worldbody>{wall(1, 1) + wall(2, -1)}{TIED_BALL.format(mass=mass)}'
     model = stepper.load(f'<mujoco>{gravity}{walls}</worldbody><equality><joint joint1="y" joint2="x"/></equality></mujoco>')
     model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
-    sim = simulate(model, stabilization="split", timestep=1e-3, integrator=integrator)
+    sim = simulate(model, timestep=1e-3, integrator=integrator)
     corner = HALF - RADIUS
     sim.set_state([corner, -corner, 0, corner], [SPEED, -SPEED, 0, SPEED])
     sim.step()

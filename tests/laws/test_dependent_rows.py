@@ -5,10 +5,10 @@ A removed row whose constraint is violated shows in the residual or in the statu
 
 import numpy as np
 import pytest
-import stepper
 from hypothesis import given
 from hypothesis import strategies as st
-from stepper import Options, Status
+from models import flags_of, simulate
+from stepper import Status
 
 PRECISIONS = pytest.mark.parametrize("precision", ["f64", "f32"])
 SEEDS = st.integers(0, 2**32 - 1)
@@ -64,24 +64,11 @@ def welded_foot(foot: float, load: float = 1.0, *, height: float = 0.02, half: s
     <equality><weld body1="a" body2="f"/></equality></mujoco>"""
 
 
-def simulation(xml: str, precision: str, **options) -> stepper.Stepper:
-    return stepper.Stepper(stepper.load(xml), options=Options(**options), precision=precision)
-
-
-def flags(sim: stepper.Stepper, steps: int) -> int:
-    """All status flags set during `steps` steps."""
-    status = 0
-    for _ in range(steps):
-        sim.step()
-        status |= int(sim.status)
-    return status
-
-
 @PRECISIONS
 @pytest.mark.parametrize("ratio", [1e-4, 9.9e-7, 1e-7, 1e-9])
 def test_a_floor_holds_a_light_sphere_that_is_coupled_to_a_heavy_body(ratio, precision):
-    sim = simulation(coupled_slides(10 * ratio, 10.0), precision)
-    assert not flags(sim, 500) & ~Status.NOT_CONVERGED
+    sim = simulate(coupled_slides(10 * ratio, 10.0), precision=precision)
+    assert not flags_of(sim, 500) & ~Status.NOT_CONVERGED
     # Twenty times the slop of contacts, m. Without the floor it falls 4.9 m.
     assert np.abs(sim.qpos).max() < 2e-4
     assert np.abs(sim.qvel).max() < 1e-4
@@ -90,8 +77,8 @@ def test_a_floor_holds_a_light_sphere_that_is_coupled_to_a_heavy_body(ratio, pre
 @PRECISIONS
 @pytest.mark.parametrize("curl", [0.0, 42.5])
 def test_a_cable_of_four_rods_stays_connected(curl, precision):
-    sim = simulation(cable(4, curl=curl), precision)
-    assert flags(sim, 200) == Status.OK
+    sim = simulate(cable(4, curl=curl), precision=precision)
+    assert flags_of(sim, 200) == Status.OK
     # Without the connection the cable falls: a rod of 5 cm rotates by radians within 0.1 s.
     if curl == 0:
         assert np.abs(sim.qpos[1:4]).max() < 0.05
@@ -101,9 +88,9 @@ def test_a_cable_of_four_rods_stays_connected(curl, precision):
 @pytest.mark.parametrize("ratio", [1e2, 1e4, 1e6, 1e9])
 @pytest.mark.parametrize("tilt", ["0 0 0", "20 30 40"])
 def test_a_light_body_holds_a_heavy_one_by_welds(ratio, tilt, precision):
-    sim = simulation(welded_through(1.0, ratio, tilt=tilt), precision)
+    sim = simulate(welded_through(1.0, ratio, tilt=tilt), precision=precision)
     start = np.array(sim.qpos)
-    assert flags(sim, 300) == Status.OK
+    assert flags_of(sim, 300) == Status.OK
     # Rounding error of positions of 1 m in 32 bits over 300 steps. Without the weld it falls 1.8 m.
     assert np.abs(sim.qpos - start).max() < 1e-4
 
@@ -111,8 +98,8 @@ def test_a_light_body_holds_a_heavy_one_by_welds(ratio, tilt, precision):
 @PRECISIONS
 @pytest.mark.parametrize("wheel", [1e-2, 1e-6, 1e-9])
 def test_a_light_wheel_couples_the_loads_of_a_pulley(wheel, precision):
-    sim = simulation(pulley(wheel), precision)
-    assert flags(sim, 300) == Status.OK
+    sim = simulate(pulley(wheel), precision=precision)
+    assert flags_of(sim, 300) == Status.OK
     rate = 0.1 * 9.81 / (2.1 + wheel / 2)  # Acceleration, m/s^2, with the inertia of the wheel as a mass at its rim.
     assert sim.qvel[1] == pytest.approx(0.6 * rate, rel=1e-4)
     assert sim.qvel[2] == pytest.approx(-0.6 * rate, rel=1e-4)
@@ -122,7 +109,7 @@ def test_a_light_wheel_couples_the_loads_of_a_pulley(wheel, precision):
 @pytest.mark.parametrize("foot", [1e-2, 1e-3, 1e-4, 1e-5, 1e-7])
 @pytest.mark.parametrize(("height", "half", "up"), [(0.02, ".1 .03", 0.2), (0.01, ".05 .05", 0.5), (0.05, ".1 .03", 0.2)])
 def test_a_light_foot_carries_the_body_that_is_welded_to_it(height, half, up, foot, precision):
-    sim = simulation(welded_foot(foot, height=height, half=half, up=up), precision)
+    sim = simulate(welded_foot(foot, height=height, half=half, up=up), precision=precision)
     for _ in range(1000):
         sim.step()
         assert not sim.status & ~Status.NOT_CONVERGED
@@ -155,8 +142,8 @@ def feasible(seed: int, precision: str) -> str:
 @PRECISIONS
 @given(seed=SEEDS)
 def test_feasible_scenes_are_never_flagged_as_infeasible(precision, seed):
-    sim = simulation(feasible(seed, precision), precision)
-    assert not flags(sim, 40) & (Status.INFEASIBLE | Status.NON_FINITE | Status.UNRESOLVED)
+    sim = simulate(feasible(seed, precision), precision=precision)
+    assert not flags_of(sim, 40) & (Status.INFEASIBLE | Status.NON_FINITE | Status.UNRESOLVED)
 
 
 def infeasible(seed: int) -> str:
@@ -200,7 +187,7 @@ def infeasible(seed: int) -> str:
 def test_infeasible_scenes_are_flagged(precision, seed):
     # The correction first moves as close as it can. The proof of infeasibility follows within 0.4 s, about twenty half-lives of a
     # position error.
-    sim = simulation(infeasible(seed), precision)
+    sim = simulate(infeasible(seed), precision=precision)
     sim.step(nstep=200)
     assert sim.status & Status.INFEASIBLE
 
@@ -223,9 +210,9 @@ def planar_loop(rods: int, tilt: str, times: int) -> str:
 @pytest.mark.parametrize("rods", [3, 6, 12, 24])
 @pytest.mark.parametrize("times", [1, 2, 3])
 def test_redundant_rows_of_a_planar_loop_are_removed_in_any_orientation(times, rods, tilt, precision):
-    sim = simulation(planar_loop(rods, tilt, times), precision)
+    sim = simulate(planar_loop(rods, tilt, times), precision=precision)
     before = sum(sim.energy())
-    status = flags(sim, 150)
+    status = flags_of(sim, 150)
     assert not status & ~Status.UNRESOLVED
     assert np.abs(sim.qvel).max() < 200
     # Energy error of a loop of 1 kg and 1 m by inertial forces at 2 ms, J.
@@ -238,10 +225,10 @@ def test_a_second_weld_of_the_same_bodies_changes_nothing(tilt, precision):
     once, twice = (
         welded_through(1.0, 1.0, tilt=tilt).replace("</equality>", more + "</equality>") for more in ("", '<weld body1="b" body2="a"/>')
     )
-    sims = [simulation(xml, precision) for xml in (once, twice)]
+    sims = [simulate(xml, precision=precision) for xml in (once, twice)]
     for sim in sims:
         sim.set_state(qvel=np.linspace(-1, 1, 12))
         # The initial velocities violate the welds, and separate the bodies by 1 mm in the first half step.
-        assert not flags(sim, 100) & ~Status.EQUALITY_VIOLATED
+        assert not flags_of(sim, 100) & ~Status.EQUALITY_VIOLATED
     # Rounding error of positions of 1 m.
     assert np.abs(sims[0].qpos - sims[1].qpos).max() < (1e-5 if precision == "f32" else 1e-12)

@@ -1,8 +1,10 @@
-"""Reproducibility: the same model, options, seed and actions give the same bits, however they are run. Raw bytes are compared."""
+"""Reproducibility: the same model, options, seed and actions give the same bits, however they are run. Raw bytes are compared.
+
+`tests/golden` compares CPU levels.
+"""
 
 import dataclasses
 import functools
-import itertools
 import multiprocessing
 import os
 import pickle
@@ -19,7 +21,6 @@ from golden.trajectories import HUMANOID, IMPLICIT, NEWTON, RK4, SOFT, TRAJECTOR
 from jams import arms
 from models import contact_bits
 from reference.test_adhesion import text as adhesion
-from stepper.doctor import cpu_levels
 
 # One thread steps groups of sixteen lanes, two threads groups of eight, and some lanes of the last group are none.
 N, CALLS, NSTEP = 19, 16, 3
@@ -245,23 +246,6 @@ def test_a_simulation_with_a_running_pool_survives_a_fork():
 _HERE = Path(__file__).parent
 HELPERS = os.pathsep.join(map(str, (_HERE, _HERE.parent, _HERE.parent / "helpers")))
 """Search path of another process that imports this module."""
-LEVELS = """
-import hashlib
-from test_determinism import ALL, run
-print(*(hashlib.sha256(run(name, ALL).get_state().bytes).hexdigest() for name in ("humanoids", "humanoids-rk4", "humanoids-f32")))
-"""
-
-
-@pytest.mark.parametrize("levels", itertools.pairwise(["baseline", "avx2", "avx512"]), ids="-".join)
-def test_cpu_levels(levels):
-    """Each has the bits of the next; those that are kept (`tests/golden`) hold whichever levels a machine has."""
-    if missing := set(levels) - set(cpu_levels()):
-        pytest.skip(f"this machine has no {' and no '.join(missing)}, it has {', '.join(cpu_levels())}")
-    found = []
-    for asked in levels:
-        env = os.environ | {"STEPPER_CPU_LEVEL": asked, "PYTHONPATH": HELPERS}
-        found.append(subprocess.run([sys.executable, "-c", LEVELS], env=env, check=True, capture_output=True, text=True).stdout)
-    assert found[0] == found[1] != ""
 
 
 def test_an_unknown_cpu_level_is_refused():

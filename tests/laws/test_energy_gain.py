@@ -27,7 +27,7 @@ def chain(links: int, length: float, mass: float, weight: float, joint: str = '<
 
 def swing(text: str, timestep: float, seconds: float, precision: str = "f64", integrator: str = "midpoint") -> tuple[float, bool]:
     """Largest growth of the energy of a falling chain within 0.1 s, relative to the largest kinetic energy of that time, and the flag."""
-    sim = simulate(text, precision=precision, timestep=timestep, integrator=integrator, stabilization="split")
+    sim = simulate(text, precision=precision, timestep=timestep, integrator=integrator)
     energies, kinetic, flagged = [sum(sim.energy())], [0.0], False
     for _ in range(round(seconds / timestep)):
         sim.step()
@@ -61,7 +61,7 @@ def test_a_whipping_chain_that_gains_energy_says_so(links, timestep, seconds, pr
 @pytest.mark.parametrize("timestep", [2e-3, 3e-3])
 def test_the_implicit_rule_is_flagged_before_a_chain_has_a_third_more_energy(start, timestep):
     """The error of the energy is less than a third of that of the fall: 40 links of 0.1 m with 5 kg at the end."""
-    sim = simulate(chain(40, 0.1, 0.02, 5.0), timestep=timestep, integrator="implicit", stabilization="split")
+    sim = simulate(chain(40, 0.1, 0.02, 5.0), timestep=timestep, integrator="implicit")
     sim.set_state(np.random.default_rng(start).uniform(-0.2, 0.2, sim.model.nq))
     before, fall = sum(sim.energy()), 9.81 * 5 * 4
     for _ in range(round(2 / timestep)):
@@ -124,7 +124,7 @@ def test_a_chain_by_runge_kutta_has_the_flags_that_it_has_alone(links, timestep)
         '<geom type="plane" size="9 9 1" pos="0 0 -9"/><body pos="9 0 -8.9"><freejoint/><geom type="box" size=".1 .1 .1"/></body>',
     ):
         text = chain(links, 1.0 / links, 0.02, 5.0).replace("<worldbody>", f"<worldbody>{box}")
-        sim = simulate(text, timestep=timestep, integrator="rk4", stabilization="split")
+        sim = simulate(text, timestep=timestep, integrator="rk4")
         flags.append([])
         for _ in range(round(0.8 / timestep)):
             sim.step()

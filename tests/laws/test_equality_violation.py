@@ -81,7 +81,7 @@ def test_it_is_the_largest_error_after_the_steps_of_a_call(seed, kind, contact, 
 def test_a_four_bar_that_turns_by_a_sixth_of_a_radian_a_step_says_that_it_opens(precision):
     """Every loop here keeps below the flag where it turns by 0.012 rad a step, and its certificate tells when it does not."""
     model, h = mujoco.MjModel.from_xml_string(four_bar(0.2, 0.5, 0.4, 0.45)), 1e-2
-    sim = simulate(model, precision=precision, stabilization="split", timestep=h)
+    sim = simulate(model, precision=precision, timestep=h)
     turning(model, sim, 17.0)
     worst = 0.0
     for _ in range(100):
@@ -94,7 +94,7 @@ def test_a_four_bar_that_turns_by_a_sixth_of_a_radian_a_step_says_that_it_opens(
     assert worst > 2e-3
     for name, xml in LOOPS.items():
         model = mujoco.MjModel.from_xml_string(xml)
-        sim = simulate(model, precision=precision, stabilization="split", timestep=2e-3)
+        sim = simulate(model, precision=precision, timestep=2e-3)
         turning(model, sim, 6.0)
         sim.step(nstep=1000)
         assert sim.max_equality_violation < 3e-4, name  # 2.1e-4 at the kite's singularity, 2e-5 elsewhere.
@@ -103,7 +103,7 @@ def test_a_four_bar_that_turns_by_a_sixth_of_a_radian_a_step_says_that_it_opens(
 
 def test_a_loop_that_is_torn_says_so_until_it_is_closed_again():
     """In its own environment alone. The correction takes a part of the error in every step."""
-    sim = simulate(LOOPS["crank and rocker"], 2, stabilization="split")
+    sim = simulate(LOOPS["crank and rocker"], 2)
     sim.set_state(qpos=[[0.1, -0.1, 0.2], [0.0, 0.0, 0.0]])
     sim.step()
     first = np.array(sim.max_equality_violation)

@@ -10,6 +10,7 @@ import pytest
 import stepper
 from hypothesis import given
 from hypothesis import strategies as st
+from models import random_quaternion
 from stepper import Options, Status
 
 LAWS = pytest.mark.parametrize("contact", ["hard", "mujoco"])
@@ -150,8 +151,8 @@ def fly(scene, contact, timestep, qpos, qvel):
 def test_nothing_is_flagged_that_does_not_meet(contact, wall, thing, timestep, seed):
     """Things that fly past thin walls, up to half a metre in a step, and turn."""
     rng = np.random.default_rng(seed)
-    quat = rng.normal(size=4)
-    qpos = np.concatenate([rng.uniform(-0.4, 0.4, 3), quat / np.linalg.norm(quat)])
+    quat = random_quaternion(rng)
+    qpos = np.concatenate([rng.uniform(-0.4, 0.4, 3), quat])
     qvel = np.concatenate([rng.normal(0, 0.25, 3), rng.normal(0, 0.5, 3)]) / timestep
     flagged, meets = fly(WALLS[wall] + thing, contact, timestep, qpos, qvel)
     assert meets or not flagged
@@ -164,8 +165,7 @@ def test_what_passes_through_unseen_is_flagged(wall, thing, timestep):
     """By MuJoCo's law, which looks ahead of nothing: a tenth of a metre a step, through the middle of a wall of 4 to 8 mm."""
     rng = np.random.default_rng(0)
     for _ in range(10):
-        quat = rng.normal(size=4)
-        qpos = np.concatenate([[-rng.uniform(0.11, 0.14), 0, 0], quat / np.linalg.norm(quat)])
+        qpos = np.concatenate([[-rng.uniform(0.11, 0.14), 0, 0], random_quaternion(rng)])
         qvel = np.concatenate([[0.27, 0, 0], rng.normal(0, 0.1, 3)]) / timestep
         flagged, meets = fly(WALLS[wall] + {"ball": BALL, "rod": ROD, "brick": BRICK}[thing], "mujoco", timestep, qpos, qvel)
         assert meets and flagged

@@ -17,7 +17,7 @@ def elastic(text: str, e: float, num_envs: int | None = None, gravity: str = f"0
     """A world without friction in which everything bounces with `e`."""
     head = f'<mujoco><option gravity="{gravity}"/><default><geom condim="1"/></default>'
     model = stepper.load(f"{head}<worldbody>{text}</worldbody></mujoco>")
-    return simulate(model.replace(geom_restitution=np.full(model.ngeom, e)), num_envs, **{"stabilization": "split"} | options)
+    return simulate(model.replace(geom_restitution=np.full(model.ngeom, e)), num_envs, **options)
 
 
 def ball(x: float = 0.0, y: float = 0.0, z: float = 0.0, r: float = R, more: str = "") -> str:
@@ -153,15 +153,3 @@ def test_a_ball_that_bounces_comes_to_rest(dt, e):
     sim.step(nstep=round(6 / dt))
     assert np.abs(sim.qvel).max() < 1e-9
     assert abs(sim.qpos[2] - R) < 2e-5
-
-
-def test_a_box_that_bounces_on_its_corners_gains_nothing():
-    """Inertia and arms change along the flight, so energy is kept to the order of the step, and to no less at impacts."""
-    errors = []
-    for dt in (4e-3, 2e-3, 1e-3, 5e-4):
-        sim = elastic(FLOOR + '<body pos="0 0 .6"><freejoint/><geom type="box" size=".2 .15 .1" mass="1"/></body>', 1.0, 16, timestep=dt)
-        sim.set_state(qvel=np.random.default_rng(1).normal(size=(16, 6)))
-        before = energies(sim)
-        sim.step(nstep=round(1 / dt))
-        errors.append(np.abs(energies(sim) / before - 1).mean())
-    assert slope([4e-3, 2e-3, 1e-3, 5e-4], errors) > 1.6

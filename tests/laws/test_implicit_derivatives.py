@@ -1,20 +1,15 @@
 """Derivatives at the modes of the solution: beside extrapolated differences of whole steps, and closed forms."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 import stepper
+from differentiated import NOISE, joined, touching
 from hypothesis import given
 from hypothesis import strategies as st
-from models import stepper_model
 from stepper import Options
 from stepper.derivatives import Kink
 
 G, H = 9.81, 0.002
-WRT = ("qpos", "qvel", "act", "ctrl")
-# Rounding of numbers of order 1 to 10 over the width of the differences, 4e-6.
-NOISE = 1e-8
 SETTINGS = {
     "hard": {"integrator": "euler", "stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0},
     "hard, no correction": {"integrator": "euler", "stabilization": "none"},
@@ -40,20 +35,6 @@ def simulation(model: stepper.Model, num_envs: int | None = 3, law: str = "hard"
     return stepper.Stepper(model, num_envs, options=Options(**(SETTINGS[law] | more)))
 
 
-def joined(blocks) -> np.ndarray:
-    return np.concatenate([blocks[name] for name in WRT], axis=-1)
-
-
-@cache
-def touching(robot: str, law: str) -> tuple[stepper.Stepper, np.ndarray]:
-    model, rng = stepper_model(robot, strict=False), np.random.default_rng(0)
-    sim = simulation(model, 8, law)
-    for _ in range(10):
-        sim.step(rng.uniform(-0.3, 0.3, (8, model.nu)), nstep=20)
-    assert sum(c["force"][0] > 0 for c in sim.contacts()) >= 4
-    return sim, rng.uniform(-0.3, 0.3, (8, model.nu))
-
-
 def apart(one: stepper.derivatives.Linearization, two: stepper.derivatives.Linearization, nv: int) -> np.ndarray:
     """Largest difference of every column, (num_envs, columns), relative to its largest entry among rows of a kind."""
     a, b = joined(one.blocks), joined(two.blocks)
@@ -64,7 +45,7 @@ def apart(one: stepper.derivatives.Linearization, two: stepper.derivatives.Linea
 @pytest.mark.parametrize("law", list(SETTINGS))
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_implicit_derivatives_are_those_of_extrapolated_differences(robot, law):
-    sim, ctrl = touching(robot, law)
+    sim, ctrl = touching(robot, **SETTINGS[law])
     own = sim.linearize(ctrl=ctrl, method="implicit")
     differences = sim.linearize(ctrl=ctrl, extrapolate=True)
     assert own.implicit.mean() > 0.5
@@ -83,7 +64,7 @@ def test_implicit_derivatives_are_those_of_extrapolated_differences(robot, law):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_differences_without_a_kink_do_not_depend_on_their_width(robot):
     """Positions of the quadruped jump by up to 1e-8 m where equalities push a foot, which is as much as their differences by velocities."""
-    sim, ctrl = touching(robot, "split, midpoint")
+    sim, ctrl = touching(robot, **SETTINGS["split, midpoint"])
     wide = sim.linearize(ctrl=ctrl)
     narrow = sim.linearize(ctrl=ctrl, step=0.5 * wide.step)
     smooth = joined(wide.kinks) == 0
@@ -283,7 +264,7 @@ def test_damping_of_what_corrects_nothing_is_not_decided_by_rounding():
     # A foot that does not overlap demands of positions what it demands of velocities, but for rounding where a leg's coupling is taken out
     # of its row. The sign of that decided whether the row is damped, so that q+ jumped by up to 1e-8 m where another foot is corrected.
     law = "split, Euler"
-    sim, ctrl = touching("dm_control/quadruped", law)
+    sim, ctrl = touching("dm_control/quadruped", **SETTINGS[law])
     model, points, nv = sim.model, 33, sim.model.nv
     places = np.linspace(-1e-6, 1e-6, points)
     basis, found = np.vander(places / 1e-6, 3), []
@@ -311,7 +292,7 @@ def test_a_bounce_is_taken_by_differences():
 
 @pytest.mark.parametrize("law", ["hard", "split, midpoint", "mujoco, Euler"])
 def test_several_steps_are_differences_of_several_steps(law):
-    sim, ctrl = touching("gymnasium/hopper", law)
+    sim, ctrl = touching("gymnasium/hopper", **SETTINGS[law])
     own = sim.linearize(("qvel", "ctrl", "qpos"), ctrl=ctrl, nstep=4, method="implicit")
     differences = sim.linearize(("qvel", "ctrl", "qpos"), ctrl=ctrl, nstep=4, extrapolate=True)
     assert own.kinked_steps.shape == (8, 4)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import stepper
+from differentiated import NOISE, joined, touching
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import SOURCES, afloat, random_quaternion, stepper_model
@@ -17,8 +18,6 @@ from stepper.derivatives.perturbations import step_of
 
 G = 9.81
 SCHEMES = ["midpoint", "euler", "implicit", "rk4"]
-# Noise of a central difference: rounding of numbers of order 1 to 10 over the step of 1e-6.
-NOISE = 1e-8
 AT_REST = {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0}
 
 
@@ -35,15 +34,6 @@ def ball() -> stepper.Model:
 
 def skew(r):
     return np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
-
-
-def joined(lin):
-    return np.concatenate([lin.A, lin.B], axis=-1)
-
-
-def columns(lin):
-    """Flags of the columns of A and B."""
-    return np.concatenate([lin.kinks[name] for name in ("qpos", "qvel", "act", "ctrl")], axis=-1)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -207,13 +197,13 @@ def test_mujocos_law_has_mujocos_derivatives(robot, integrator):
     ctrl = rng.uniform(-0.4, 0.4, (6, model.nu))
     lin, touching = sim.linearize(ctrl=ctrl), len(sim.contacts()) > 0
     assert touching or robot == "swimmer"
-    data, worst, smooth = mujoco.MjData(own), [], columns(lin) == 0
+    data, worst, smooth = mujoco.MjData(own), [], joined(lin.kinks) == 0
     for env in range(6):
         data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = sim.qpos[env], sim.qvel[env], 0
         mujoco.mj_forward(own, data)
         theirs = transition(own, data, ctrl[env])
         scale = np.maximum(np.abs(theirs).max(axis=0), 1.0)
-        worst.append((np.abs(joined(lin)[env] - theirs).max(axis=0) / scale)[smooth[env]])
+        worst.append((np.abs(joined(lin.blocks)[env] - theirs).max(axis=0) / scale)[smooth[env]])
     worst = np.concatenate(worst)
     assert smooth.mean() > 0.9
     # Both take differences of 1e-6: of noise 1e-9 to 1e-7 of their own, and contacts' features may change in between.
@@ -221,24 +211,14 @@ def test_mujocos_law_has_mujocos_derivatives(robot, integrator):
     assert np.mean(worst < 1e-5) > 0.97
 
 
-@cache
-def touching(robot: str, **options) -> tuple[stepper.Stepper, np.ndarray]:
-    model, rng = stepper_model(robot, strict=False), np.random.default_rng(0)
-    sim = stepper.Stepper(model, 8, options=Options(**options))
-    for _ in range(10):
-        sim.step(rng.uniform(-0.3, 0.3, (8, model.nu)), nstep=20)
-    return sim, rng.uniform(-0.3, 0.3, (8, model.nu))
-
-
 @pytest.mark.parametrize("options", [{"contact": "mujoco"}, AT_REST], ids=["mujoco", "hard"])
 @pytest.mark.parametrize("robot", ["gymnasium/ant", "gymnasium/hopper", "dm_control/quadruped"])
 def test_two_steps_of_differences_agree_away_from_kinks(robot, options):
     sim, ctrl = touching(robot, **options)
-    assert len(sim.contacts()) > 0
     one, two = sim.linearize(ctrl=ctrl), sim.linearize(ctrl=ctrl, step=0.5 * step_of(1e-13))
-    a, b = joined(one), joined(two)
+    a, b = joined(one.blocks), joined(two.blocks)
     scale = np.maximum(np.abs(a).max(axis=1), 1.0)
-    same = (np.abs(a - b).max(axis=1) < 1e-6 * scale)[columns(one) == 0]
+    same = (np.abs(a - b).max(axis=1) < 1e-6 * scale)[joined(one.kinks) == 0]
     # What is left are kinks that nothing shows, and midpoint's estimate of the velocity to come, which jumps where its sweeps change.
     assert same.size > 0.7 * scale.size
     assert same.mean() > 0.95
@@ -249,15 +229,14 @@ def test_extrapolation_says_how_far_it_is_off():
     plain = sim.linearize(ctrl=ctrl, step=1e-3)
     fine = sim.linearize(ctrl=ctrl)
     lin = sim.linearize(ctrl=ctrl, step=1e-3, extrapolate=True)
-    smooth = (columns(lin) | columns(plain)) == 0
-    errors = np.concatenate([lin.errors[name] for name in ("qpos", "qvel", "act", "ctrl")], axis=-1)
-    off = np.abs(joined(lin) - joined(fine)).max(axis=1)[smooth]
+    smooth = (joined(lin.kinks) | joined(plain.kinks)) == 0
+    off = np.abs(joined(lin.blocks) - joined(fine.blocks)).max(axis=1)[smooth]
     assert smooth.mean() > 0.5
-    before = np.abs(joined(plain) - joined(fine)).max(axis=1)[smooth]
+    before = np.abs(joined(plain.blocks) - joined(fine.blocks)).max(axis=1)[smooth]
     curved = before > 1e-6
     assert curved.mean() > 0.1
     assert np.median(off[curved] / before[curved]) < 0.05
-    assert np.mean(off <= errors.max(axis=1)[smooth] + 1e-6) > 0.95
+    assert np.mean(off <= joined(lin.errors).max(axis=1)[smooth] + 1e-6) > 0.95
 
 
 @pytest.mark.parametrize("extrapolate", [False, True])
@@ -266,16 +245,16 @@ def test_differences_to_one_side_agree_with_central_ones(extrapolate):
     central = sim.linearize(ctrl=ctrl)
     # The error of first order is seen at a wider step, and is what extrapolation takes away.
     lin = sim.linearize(ctrl=ctrl, centered=False, step=1e-4, extrapolate=extrapolate)
-    smooth = (columns(lin) | columns(central)) == 0
+    smooth = (joined(lin.kinks) | joined(central.kinks)) == 0
     assert smooth.mean() > 0.5
-    scale = np.maximum(np.abs(joined(central)).max(axis=1), 1.0)
+    scale = np.maximum(np.abs(joined(central.blocks)).max(axis=1), 1.0)
 
     def off(lin):
-        return np.quantile((np.abs(joined(lin) - joined(central)).max(axis=1) / scale)[smooth], 0.9)
+        return np.quantile((np.abs(joined(lin.blocks) - joined(central.blocks)).max(axis=1) / scale)[smooth], 0.9)
 
     # Half a curvature of order 1 to 10, over the step; the extrapolation's is of second order.
     assert off(lin) < 1e-6 if extrapolate else 1e-5 < off(lin) < 1e-3
-    assert not (columns(lin) & int(Kink.SLOPE)).any()
+    assert not (joined(lin.kinks) & int(Kink.SLOPE)).any()
     # At a hundredth of the step it is a hundredth.
     assert off(sim.linearize(ctrl=ctrl, centered=False)) < 1e-5
 
@@ -291,8 +270,8 @@ def test_copies_that_are_kept_leave_nothing_to_the_next_linearization():
     other = stepper.Stepper(sim.model, 8, options=sim.options)
     other.set_state(sim.get_state())
     ours, theirs = sim.linearize(ctrl=ctrl), other.linearize(ctrl=ctrl)
-    np.testing.assert_array_equal(joined(ours), joined(theirs))
-    np.testing.assert_array_equal(columns(ours), columns(theirs))
+    np.testing.assert_array_equal(joined(ours.blocks), joined(theirs.blocks))
+    np.testing.assert_array_equal(joined(ours.kinks), joined(theirs.kinks))
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])

@@ -40,22 +40,6 @@ def test_a_tray_carries_by_friction():
         assert sim.qvel[0] - start == pytest.approx(expected * (count - 0.5) * DT, rel=6e-3)
 
 
-def test_a_turning_plate_takes_along():
-    """A box on a turntable of the user's keeps its place on it."""
-    text = """<mujoco><worldbody><body mocap="true"><geom type="plane" size="1 1 1"/></body>
-      <body pos=".3 0 .1"><freejoint/><geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>"""
-    sim, rate = simulate(text, timestep=DT), 1.0
-    sim.step(nstep=200)
-    for k in range(1, 1001):
-        angle = rate * k * DT
-        sim.mocap_quat[0] = [np.cos(angle / 2), 0, 0, np.sin(angle / 2)]
-        sim.step()
-    at = np.arctan2(sim.qpos[1], sim.qpos[0])
-    # It starts at once with 1 rad/s, and slips until it moves along: v^2 / (2 mu g) = 5 mm at the most.
-    assert (angle - at) % (2 * np.pi) == pytest.approx(0, abs=0.02)
-    assert np.hypot(sim.qpos[0], sim.qpos[1]) == pytest.approx(0.3, abs=5e-3)
-
-
 @pytest.mark.parametrize("integrator", ["midpoint", "euler"])
 def test_a_conveyor_transports_at_belt_speed(integrator):
     text = """<mujoco><worldbody><geom type="plane" size="1 1 1" surfacevel=".7 .2 5 0 0 0" friction=".6 0 0"/>

@@ -72,14 +72,12 @@ def along_the_crest(ground: tuple[str, int], glider: str, timestep: float, integ
 
 
 @pytest.mark.parametrize("integrator", ["euler", "midpoint"])
-@pytest.mark.parametrize(
-    ("kind", "points"), [("hfield", 11), ("hfield", 41), ("hfield", 161), *((k, n) for k in KINDS[1:] for n in (11, 41))]
-)
-def test_a_ball_glides_along_a_crest_for_ever(kind, points, integrator):
+@pytest.mark.parametrize("ground", GROUNDS)
+def test_a_ball_glides_along_a_crest_for_ever(ground, integrator):
     for timestep in (1e-3, 2e-3, 5e-3, 1e-2):
         for speed in (0.1, 0.5, 1.0):
             # Heights of assets are in single precision, and a ball on a crest is in no stable balance.
-            assert along_the_crest((kind, points), "ball", timestep, integrator, speed) == pytest.approx(1, abs=1e-5)
+            assert along_the_crest(ground, "ball", timestep, integrator, speed) == pytest.approx(1, abs=1e-5)
 
 
 @pytest.mark.parametrize("glider", GLIDERS)

@@ -1,9 +1,4 @@
-"""Elastic impacts of bodies that turn are of second order: a flight ends at the time of the impact, and velocities jump there.
-
-`PYTHONPATH=tests/helpers python tests/laws/test_tumbling_impacts.py` prints the table in docs/development/decisions/impact_times.md.
-"""
-
-import time
+"""Elastic impacts of bodies that turn are of second order: a flight ends at the time of the impact, and velocities jump there."""
 
 import numpy as np
 import pytest
@@ -129,13 +124,3 @@ def test_a_bounce_beside_a_resting_stack_changes_nothing_of_it():
         np.testing.assert_allclose(beside.qpos[:21], alone.qpos, atol=1e-8)
         forces = [sum(c["force"][0] for c in sim.contacts() if 2 < c["pos"][0] < 4 and c["pos"][2] < 0.05) for sim in (alone, beside)]
         np.testing.assert_allclose(forces, 3 * 9.81, atol=0.05)
-
-
-if __name__ == "__main__":
-    print("| precision | time step, ms | energy error, median | us for a step of an environment |\n|---|---|---|---|")
-    for precision in ("f64", "f32"):
-        for timestep in (1e-3, 2e-3, 5e-3, 1e-2):
-            sim = boxes(timestep, precision=precision)
-            begin, error = time.process_time(), np.median(energy_error(sim))
-            cost = (time.process_time() - begin) / (ENVS * 2 / timestep) * 1e6
-            print(f"| {precision} | {timestep * 1e3:g} | {error:.1e} | {cost:.2f} |")

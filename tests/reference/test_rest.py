@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from models import mujoco_model, random_quaternion, simulate, stepper_model
+from models import force_of_world, mujoco_model, random_quaternion, simulate, stepper_model
 
 ENVS = 16
 # s. The slowest is the ant: rotors of 1 kg m^2 on legs of 0.1 kg fold up with time constants of seconds (measured: 20 to 40 s).
@@ -30,13 +30,6 @@ def dropped_quadruped(qpos, rng):
 ROBOTS = {"dm_control/humanoid": dropped_humanoid, "gymnasium/ant": dropped_ant, "dm_control/quadruped": dropped_quadruped}
 
 
-def floor_force(sim, env: int) -> np.ndarray:
-    """Sum of what the world's geoms push on others, in world axes."""
-    contacts = sim.contacts(env)
-    sign = np.where(contacts["body"][:, 0] == 0, 1.0, -1.0) * (contacts["body"] == 0).any(axis=1)
-    return np.einsum("k,ki,kij->j", sign, contacts["force"], contacts["frame"])
-
-
 @pytest.mark.parametrize("stabilization", ["baumgarte", "split"])
 @pytest.mark.parametrize("integrator", ["euler", "midpoint", "rk4"])
 @pytest.mark.parametrize("name", ROBOTS)
@@ -51,7 +44,7 @@ def test_at_rest(name, integrator, stabilization):
     assert (sim.status == 0).all()
 
     weight = 9.81 * mujoco_model(name).body_mass.sum()
-    force = np.array([floor_force(sim, env) for env in range(ENVS)])
+    force = np.array([force_of_world(sim.contacts(env)) for env in range(ENVS)])
     assert force == pytest.approx(np.tile([0, 0, weight], (ENVS, 1)), abs=1e-6 * weight)  # Of issue 2.
     assert np.abs(sim.qvel).max() < CREEP
     assert np.abs(sim.qpos - rest).max() < CREEP * 1.0

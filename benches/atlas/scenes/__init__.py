@@ -24,41 +24,6 @@ from atlas.scenes import (
     walls,
 )
 
-TOPICS = (
-    contradictions,
-    facets,
-    flight,
-    friction,
-    grooves,
-    impact_times,
-    impacts,
-    jamming,
-    mechanisms,
-    passing,
-    rolling,
-    simbenchmark,
-    stacks,
-    structures,
-    tipping,
-    top,
-    turning,
-    walls,
-)
-
-
-def _place(scene: Scene) -> tuple[bool, int]:
-    """Sort key: numbered scenes first, then scenes of SimBenchmark (S1, S2 ...)."""
-    return scene.number.startswith("S"), int(scene.number.lstrip("S"))
-
-
-ALL: tuple[Scene, ...] = tuple(sorted((scene for topic in TOPICS for scene in topic.SCENES), key=_place))
-
-
-def of(number: str) -> tuple[Scene, ...]:
-    """Scenes of the atlas with a number, such as "36"; several scenes may share it."""
-    return tuple(scene for scene in ALL if scene.number == number)
-
-
 GROUPS: dict[str, tuple[str, tuple[ModuleType, ...]]] = {
     "friction": ("Friction and rolling", (friction, jamming, rolling, tipping, turning)),
     "impacts": ("Impacts and fast bodies", (impact_times, impacts, passing, walls)),
@@ -68,3 +33,13 @@ GROUPS: dict[str, tuple[str, tuple[ModuleType, ...]]] = {
     "simbenchmark": ("SimBenchmark", (simbenchmark,)),
 }
 """Groups of topics, each with a page of the report: title and modules by the name of the page's file."""
+
+TOPICS = tuple(topic for _, topics in GROUPS.values() for topic in topics)
+
+
+def _place(scene: Scene) -> tuple[bool, int]:
+    """Sort key: numbered scenes first, then scenes of SimBenchmark (S1, S2 ...)."""
+    return scene.number.startswith("S"), int(scene.number.lstrip("S"))
+
+
+ALL: tuple[Scene, ...] = tuple(sorted((scene for topic in TOPICS for scene in topic.SCENES), key=_place))

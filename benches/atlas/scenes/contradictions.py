@@ -1,11 +1,12 @@
 """Scenes 36, 37 and 39: constraints with unreachable position targets, or with large initial position errors."""
 
 import math
+from functools import partial
 
 import numpy as np
 
 from atlas.mjcf import document
-from atlas.scene import Engine, Scene, flat
+from atlas.scene import Engine, Scene, flat, unrest
 
 # Scene 36: an equality pulls the tip of a two-link arm to a point beyond its reach; no gravity, no friction.
 
@@ -57,19 +58,14 @@ def hinge_in_a_ball(joint: str) -> str:
     return document(f'<geom size=".05" condim="1"/><body name="rod">{joint}{rod}</body>')
 
 
-def pendulum_gain(joint: str):
-    """Create the function that measures scene 37, a pendulum with its joint inside a ball.
+def pendulum_gain(engine: Engine, dt: float, joint: str) -> float:
+    """Error of scene 37, a pendulum with its joint inside a ball: largest gain of energy in two seconds.
 
-    The created function returns the largest gain of energy within two seconds, relative to the potential energy of the rod.
-    `joint` is the MJCF of the joint.
+    The gain is relative to the potential energy of the rod. `joint` is the MJCF of the joint.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = engine.start(hinge_in_a_ball(joint), dt)
-        start = world.energy()[0]
-        return world.worst(lambda: world.energy()[0] - start, 20, 0.1) / (ROD_MASS * 9.81 * ROD)
-
-    return measure
+    world = engine.start(hinge_in_a_ball(joint), dt)
+    start = world.energy()[0]
+    return world.worst(lambda: world.energy()[0] - start, 20, 0.1) / (ROD_MASS * 9.81 * ROD)
 
 
 SLOT, TOO_WIDE, ASIDE = 0.1, 1e-3, 4e-4
@@ -87,10 +83,7 @@ def off_the_middle(engine: Engine, dt: float) -> float:
 
     The box starts 0.4 mm off the middle, and the error is measured half a second later.
     """
-    world = engine.start(narrow_slot(), dt)
-    world.set(qpos=[ASIDE])
-    world.run(max(0.5, 50 * dt))
-    return max(abs(float(world.qpos[0, 0])), abs(float(world.qvel[0, 0])))
+    return unrest(engine, dt, narrow_slot(), [ASIDE], max(0.5, 50 * dt))
 
 
 # Scene 39: a hinge that begins half a radian outside its range.
@@ -102,14 +95,6 @@ def beyond_its_range() -> str:
     """MJCF of scene 39: a rod on a hinge without gravity, which starts half a radian above its range. The range ends at zero."""
     rod = '<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass="1"/>'
     return document(f'<body name="rod"><joint name="hinge" axis="0 1 0" limited="true" range="-60 0"/>{rod}</body>', gravity=(0, 0, 0))
-
-
-def comes_back(engine: Engine, dt: float) -> float:
-    """Error of scene 39 after half a second: angle of the hinge from the end of its range (rad), or speed (rad/s), the larger one."""
-    world = engine.start(beyond_its_range(), dt)
-    world.set(qpos=[OUTSIDE])
-    world.run(0.5)
-    return max(abs(float(world.qpos[0, 0])), abs(float(world.qvel[0, 0])))
 
 
 HINGE = '<joint axis="0 1 0" damping=".01"/>'
@@ -136,7 +121,7 @@ SCENES = (
         "1",
         lambda dt: max(2e-3, dt),
         GAIN,
-        pendulum_gain(HINGE),
+        partial(pendulum_gain, joint=HINGE),
     ),
     Scene(
         "37",
@@ -146,7 +131,7 @@ SCENES = (
         "1",
         lambda dt: max(2e-3, dt),
         GAIN,
-        pendulum_gain(BALL),
+        partial(pendulum_gain, joint=BALL),
     ),
     Scene(
         "37",
@@ -166,6 +151,6 @@ SCENES = (
         "rad, rad/s",
         flat(1e-2),
         "2 % of the error: corrections of a fifth per step leave 4e-3 of it after 22 steps of 20 ms",
-        comes_back,
+        partial(unrest, mjcf=beyond_its_range(), qpos=[OUTSIDE], seconds=0.5),
     ),
 )

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,17 +47,13 @@ def _share(world: World, velocity: tuple[float, float], seconds: float) -> float
     return (float(world.energy()[0]) - before) / kinetic + 1.0
 
 
-def crest(kind: str):
-    """Create the function that measures scene 38 with a ball that glides along a straight crest, a row of edges, for 0.6 s.
+def crest(engine: Engine, dt: float, kind: str) -> float:
+    """Error of scene 38 with a ball that glides along a straight crest, a row of edges, for 0.6 s: relative change of the energy.
 
-    The created function returns the relative change of the energy. `kind` is the kind of surface: "hfield" or "mesh".
+    `kind` is the kind of surface: "hfield" or "mesh".
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = _start(engine, dt, lambda _x, y: -CREST * y**2, (-0.3, 0.0), kind)
-        return abs(_share(world, (SPEED, 0.0), 0.6) - 1.0)
-
-    return measure
+    world = _start(engine, dt, lambda _x, y: -CREST * y**2, (-0.3, 0.0), kind)
+    return abs(_share(world, (SPEED, 0.0), 0.6) - 1.0)
 
 
 def tent(engine: Engine, dt: float) -> float:
@@ -80,22 +77,17 @@ def valley(engine: Engine, dt: float) -> float:
     return max(math.cos(VALLEY) ** 2 - left, left - 1.0, 0.0)
 
 
-def bowl(kind: str):
-    """Create the function that measures scene 38 with a ball that rolls from rest in a bowl of facets for 1 s.
+def bowl(engine: Engine, dt: float, kind: str) -> float:
+    """Error of scene 38 with a ball that rolls from rest in a bowl of facets for 1 s.
 
-    The created function returns the largest change of the ball's energy relative to the initial energy.
-    `kind` is the kind of surface: "hfield" or "mesh".
+    The error is the largest change of the ball's energy relative to the initial energy. `kind` is the kind of surface: "hfield" or "mesh".
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        sign = 1.0 if kind == "hfield" else -1.0
-        world = _start(engine, dt, lambda x, y: BOWL * (x**2 + y**2 + sign * x * y), (0.25, 0.0), kind)
-        # Initial height of the ball's centre above its rest position, which is RADIUS above the lowest point of the bowl.
-        height = float(world.qpos[0, 2]) - RADIUS
-        before = world.energy()[0]
-        return world.worst(lambda: abs(world.energy()[0] - before) / (G * height), 10, 0.1)
-
-    return measure
+    sign = 1.0 if kind == "hfield" else -1.0
+    world = _start(engine, dt, lambda x, y: BOWL * (x**2 + y**2 + sign * x * y), (0.25, 0.0), kind)
+    # Initial height of the ball's centre above its rest position, which is RADIUS above the lowest point of the bowl.
+    height = float(world.qpos[0, 2]) - RADIUS
+    before = world.energy()[0]
+    return world.worst(lambda: abs(world.energy()[0] - before) / (G * height), 10, 0.1)
 
 
 CONSERVED = "without friction, only concave edges dissipate energy, a share of sin^2 of their angle"
@@ -115,7 +107,16 @@ def _bowl(dt: float) -> float:
 
 SCENES = (
     *(
-        Scene("38", f"crest, {name}", "constant energy", CONSERVED, "1", flat(1e-4), "rounding of the height in f32", crest(kind))
+        Scene(
+            "38",
+            f"crest, {name}",
+            "constant energy",
+            CONSERVED,
+            "1",
+            flat(1e-4),
+            "rounding of the height in f32",
+            partial(crest, kind=kind),
+        )
         for kind, name in (("hfield", "height field"), ("mesh", "mesh"))
     ),
     Scene(
@@ -139,7 +140,7 @@ SCENES = (
         valley,
     ),
     *(
-        Scene("38", f"bowl, {name}", "almost constant energy", CONSERVED, "1", _bowl, FACETS, bowl(kind))
+        Scene("38", f"bowl, {name}", "almost constant energy", CONSERVED, "1", _bowl, FACETS, partial(bowl, kind=kind))
         for kind, name in (("hfield", "height field"), ("mesh", "mesh"))
     ),
 )

@@ -1,7 +1,7 @@
 """Scenes 8 to 11: motion without contact. Energy and momentum are constant; right states are closed forms or converged solutions."""
 
 import math
-from functools import cache
+from functools import cache, partial
 
 import mujoco
 import numpy as np
@@ -179,31 +179,23 @@ def reference(links: int) -> Array:
     return np.asarray(solve_ivp(rate, (0.0, 1.0), start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1])
 
 
-def pendulum_state(links: int):
-    """Create the function that measures scene 11, a swinging chain: largest error of an angle after one second, rad."""
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = engine.start(chain(links), dt)
-        world.set(_released(links), np.zeros(links))
-        world.run(1.0)
-        return float(np.abs(world.qpos[0] - reference(links)[:links]).max())
-
-    return measure
+def pendulum_state(engine: Engine, dt: float, links: int) -> float:
+    """Error of scene 11, a swinging chain: largest error of an angle after one second, rad."""
+    world = engine.start(chain(links), dt)
+    world.set(_released(links), np.zeros(links))
+    world.run(1.0)
+    return float(np.abs(world.qpos[0] - reference(links)[:links]).max())
 
 
-def pendulum_energy(links: int):
-    """Create the function that measures scene 11, a swinging chain: largest deviation of the energy in five seconds.
+def pendulum_energy(engine: Engine, dt: float, links: int) -> float:
+    """Error of scene 11, a swinging chain: largest deviation of the energy in five seconds.
 
     The deviation is relative to the work of lifting all links by one length.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = engine.start(chain(links), dt)
-        world.set(_released(links), np.zeros(links))
-        start = world.energy()[0]
-        return world.worst(lambda: abs(world.energy()[0] - start), 250, 0.02) / (links * 0.25 * G * LENGTH)
-
-    return measure
+    world = engine.start(chain(links), dt)
+    world.set(_released(links), np.zeros(links))
+    start = world.energy()[0]
+    return world.worst(lambda: abs(world.energy()[0] - start), 250, 0.02) / (links * 0.25 * G * LENGTH)
 
 
 CONSERVED = "conservation laws"
@@ -246,7 +238,7 @@ SCENES = (
                 "1",
                 lambda dt, n=links: (fastest(n) * dt) ** 2,
                 SECOND,
-                pendulum_energy(links),
+                partial(pendulum_energy, links=links),
             ),
             Scene(
                 "11",
@@ -256,7 +248,7 @@ SCENES = (
                 "rad",
                 lambda dt, n=links: (fastest(n) * dt) ** 2,
                 SECOND,
-                pendulum_state(links),
+                partial(pendulum_state, links=links),
             ),
         )
     ),

@@ -1,6 +1,7 @@
 """Scenes 3 to 6 and 32: Coulomb friction of one body on a plane or a tray."""
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from atlas.world import Array, World
 
 BLOCK = box((0.2, 0.15, 0.05), 1.3)
 HEIGHT = 0.05
-STEPS = 100_000
 CREEP = 1e-9
 """Speed below which a body counts as sticking, m/s: 3 cm a year. The rounding of g dt is 1e-15 m/s or less."""
 NO_CREEP = "1e-9 m/s, 3 cm a year; rounding is 1e-15 m/s"
@@ -34,14 +34,9 @@ NEAR = math.radians(0.1)
 CRITICAL = math.atan(MU_INCLINE)
 
 
-def sticking(engine: Engine, dt: float) -> float:
-    """Error of scene 3, a box on an incline: creep speed a tenth of a degree below the friction angle, over 1e5 steps, m/s."""
-    return creep(engine.start(incline(BLOCK, HEIGHT, CRITICAL - NEAR, MU_INCLINE), dt), STEPS)
-
-
-def sticking_at_ten_degrees(engine: Engine, dt: float) -> float:
-    """Error of scene 3: creep speed of a box on an incline of 10 degrees with friction 1, m/s."""
-    return creep(engine.start(incline(BLOCK, HEIGHT, math.radians(10), 1.0), dt), 10_000)
+def sticking(engine: Engine, dt: float, slope: float, mu: float, steps: int) -> float:
+    """Error of scene 3, a box on an incline below the friction angle: creep speed over some steps, m/s."""
+    return creep(engine.start(incline(BLOCK, HEIGHT, slope, mu), dt), steps)
 
 
 def penetration_at_rest(engine: Engine, dt: float) -> float:
@@ -155,32 +150,25 @@ def _tray(mu: float, factor: float, engine: Engine, dt: float) -> World:
     return world
 
 
-def tray_holds(mu: float):
-    """Create the function that measures scene 32, a body on a tray: creep speed at 0.99 of the force at which it slides, m/s."""
-
-    def measure(engine: Engine, dt: float) -> float:
-        return creep(_tray(mu, 0.99, engine, dt), 2000)
-
-    return measure
+def tray_holds(engine: Engine, dt: float, mu: float) -> float:
+    """Error of scene 32, a body on a tray: creep speed at 0.99 of the force at which it slides, m/s."""
+    return creep(_tray(mu, 0.99, engine, dt), 2000)
 
 
-def tray_slips(mu: float):
-    """Create the function that measures scene 32, a body on a tray pushed with 1.01 of the force at which it slides.
+def tray_slips(engine: Engine, dt: float, mu: float) -> float:
+    """Error of scene 32, a body on a tray pushed with 1.01 of the force at which it slides.
 
-    The created function returns the relative error of the acceleration (F - mu m g) / m.
+    The error is the relative error of the acceleration (F - mu m g) / m.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = _tray(mu, 1.01, engine, dt)
-        world.step(20)
-        before, steps = world.qvel[0, :3], 400
-        world.step(steps)
-        gained = float(np.linalg.norm(world.qvel[0, :3] - before)) / (steps * dt)
-        return abs(gained / (0.01 * mu * G) - 1.0)
-
-    return measure
+    world = _tray(mu, 1.01, engine, dt)
+    world.step(20)
+    before, steps = world.qvel[0, :3], 400
+    world.step(steps)
+    gained = float(np.linalg.norm(world.qvel[0, :3] - before)) / (steps * dt)
+    return abs(gained / (0.01 * mu * G) - 1.0)
 
 
+TEN_DEGREES = partial(sticking, slope=math.radians(10), mu=1.0, steps=10_000)
 COULOMB = "statics with Coulomb's law"
 TOLERANCE = "a solver residual of 1e-6 m/s, over a second of motion"
 ACCELERATION = "1e-4 of the net force, which is at most 1 % of the friction force"
@@ -194,10 +182,10 @@ SCENES = (
         "m/s",
         flat(CREEP),
         NO_CREEP,
-        sticking,
+        partial(sticking, slope=CRITICAL - NEAR, mu=MU_INCLINE, steps=100_000),
         test_dts=(2e-3, 2e-2),
     ),
-    Scene("3", "incline of 10 degrees, mu 1", "v = 0", COULOMB, "m/s", flat(CREEP), NO_CREEP, sticking_at_ten_degrees),
+    Scene("3", "incline of 10 degrees, mu 1", "v = 0", COULOMB, "m/s", flat(CREEP), NO_CREEP, TEN_DEGREES),
     Scene("3", "penetration at rest on it", "none", "rigid bodies", "m", flat(1e-5), "0.01 mm", penetration_at_rest),
     Scene("3", "incline above the friction angle", "a = g (sin - mu cos)", COULOMB, "1", flat(1e-4), ACCELERATION, sliding),
     Scene("4", "stopping distance", "v0^2 / (2 mu g)", "work of Coulomb's friction", "m", flat(1e-6), TOLERANCE, stopping),
@@ -225,8 +213,17 @@ SCENES = (
         scene
         for mu in (1.0, 0.55)
         for scene in (
-            Scene("32", f"tray, 2 N at 0.99 mu N, mu {mu}", "v = 0", COULOMB, "m/s", flat(CREEP), NO_CREEP, tray_holds(mu)),
-            Scene("32", f"tray, 2 N at 1.01 mu N, mu {mu}", "a = F/m - mu g", COULOMB, "1", flat(1e-4), ACCELERATION, tray_slips(mu)),
+            Scene("32", f"tray, 2 N at 0.99 mu N, mu {mu}", "v = 0", COULOMB, "m/s", flat(CREEP), NO_CREEP, partial(tray_holds, mu=mu)),
+            Scene(
+                "32",
+                f"tray, 2 N at 1.01 mu N, mu {mu}",
+                "a = F/m - mu g",
+                COULOMB,
+                "1",
+                flat(1e-4),
+                ACCELERATION,
+                partial(tray_slips, mu=mu),
+            ),
         )
     ),
 )

@@ -1,6 +1,7 @@
 """Scene 42: a ball in a groove touches both sides at once."""
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -30,39 +31,29 @@ def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) 
     return engine.start(document(geom + free("ball", ball(RADIUS, 1.0), at), friction=friction, gravity=pull, before=assets), dt)
 
 
-def level(kind: str):
-    """Create the function that measures scene 42 with a ball that glides along a level groove without friction for a second.
+def level(engine: Engine, dt: float, kind: str) -> float:
+    """Error of scene 42 with a ball that glides along a level groove without friction for a second: relative change of its velocity.
 
-    The created function returns the relative change of the ball's velocity. `kind` is the kind of groove: "planes", "hfield" or "mesh".
+    `kind` is the kind of groove: "planes", "hfield" or "mesh".
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = _start(engine, dt, kind, 0.0, 0.0)
-        world.set(qvel=[SPEED, 0, 0, 0, 0, 0])
-        world.run(SECONDS)
-        return float(np.linalg.norm(world.qvel[0, :3] - [SPEED, 0, 0])) / SPEED
-
-    return measure
+    world = _start(engine, dt, kind, 0.0, 0.0)
+    world.set(qvel=[SPEED, 0, 0, 0, 0, 0])
+    world.run(SECONDS)
+    return float(np.linalg.norm(world.qvel[0, :3] - [SPEED, 0, 0])) / SPEED
 
 
-def downhill(kind: str, rolls: bool):
-    """Create the function that measures scene 42 with a ball that starts at rest in an inclined groove.
-
-    The created function returns the relative error of the distance that the ball travels in a second.
+def downhill(engine: Engine, dt: float, kind: str, rolls: bool) -> float:
+    """Error of scene 42 with a ball that starts at rest in an inclined groove: relative error of its distance after a second.
 
     Half the opening angle of the groove is a, and the ball's radius is r. Both contacts are at the distance r sin(a) from the rotation
     axis. Rolling with angular velocity w gives the speed w r sin(a), and the acceleration g sin(slope) / (1 + 2/5 / sin^2(a)).
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = _start(engine, dt, kind, 1.0 if rolls else 0.0, SLOPE)
-        begin = float(world.qpos[0, 0])
-        world.run(SECONDS)
-        turning = 0.4 / math.sin(OPENING) ** 2 if rolls else 0.0
-        expected = G * math.sin(SLOPE) / (1 + turning) * SECONDS**2 / 2
-        return abs((float(world.qpos[0, 0]) - begin) / expected - 1.0)
-
-    return measure
+    world = _start(engine, dt, kind, 1.0 if rolls else 0.0, SLOPE)
+    begin = float(world.qpos[0, 0])
+    world.run(SECONDS)
+    turning = 0.4 / math.sin(OPENING) ** 2 if rolls else 0.0
+    expected = G * math.sin(SLOPE) / (1 + turning) * SECONDS**2 / 2
+    return abs((float(world.qpos[0, 0]) - begin) / expected - 1.0)
 
 
 ROUNDING = "f32: rounding of 500 steps"
@@ -73,7 +64,7 @@ SCENES = tuple(
     scene
     for kind, name in KINDS
     for scene in (
-        Scene("42", f"along a groove of {name}", "constant speed", "no friction", "1", flat(1e-5), ROUNDING, level(kind)),
+        Scene("42", f"along a groove of {name}", "constant speed", "no friction", "1", flat(1e-5), ROUNDING, partial(level, kind=kind)),
         Scene(
             "42",
             f"sliding down a groove of {name}",
@@ -82,7 +73,7 @@ SCENES = tuple(
             "1",
             lambda dt: 2 * dt,
             STEP,
-            downhill(kind, False),
+            partial(downhill, kind=kind, rolls=False),
         ),
         Scene(
             "42",
@@ -92,7 +83,7 @@ SCENES = tuple(
             "1",
             lambda dt: 2 * dt,
             STEP,
-            downhill(kind, True),
+            partial(downhill, kind=kind, rolls=True),
         ),
     )
 )

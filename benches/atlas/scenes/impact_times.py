@@ -1,6 +1,7 @@
 """Scenes 34 and 35: impacts at any time within a step."""
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -42,31 +43,27 @@ RADIUS, HEIGHTS, BOUNCES = 0.1, 0.5 + 0.5 * np.arange(20) / 20, 2
 """Radius of the ball, m; initial heights of its lowest point, m; number of apexes that are measured."""
 
 
-def apexes(e: float):
-    """Create the function that measures scene 35: balls that fall from twenty heights and bounce with restitution e.
+def apexes(engine: Engine, dt: float, e: float) -> float:
+    """Error of scene 35: balls that fall from twenty heights and bounce with restitution e.
 
-    The created function returns the largest error of the heights of the first two apexes, over all initial heights, m.
+    The error is the largest error of the heights of the first two apexes, over all initial heights, m.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + 1.0))), dt, len(HEIGHTS), restitution=e)
-        qpos = world.qpos.copy()
-        qpos[:, 2] = RADIUS + HEIGHTS
-        world.set(qpos, np.zeros((len(HEIGHTS), 6)))
-        found, worst, before = np.zeros(len(HEIGHTS), int), 0.0, np.zeros(len(HEIGHTS))
-        for _ in range(round(2.0 / dt)):
-            world.step()
-            z, v = world.qpos[:, 2] - RADIUS, world.qvel[:, 2]
-            at = (before > 0) & (v <= 0) & (found < BOUNCES)
-            found[at] += 1
-            # Apex height from the energy, which is constant in flight.
-            errors = np.abs(z + v**2 / (2 * G) - e ** (2 * found) * HEIGHTS)
-            worst, before = max(worst, float(errors[at].max(initial=0.0))), v
-            if (found == BOUNCES).all():
-                return worst
-        return math.inf
-
-    return measure
+    world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + 1.0))), dt, len(HEIGHTS), restitution=e)
+    qpos = world.qpos.copy()
+    qpos[:, 2] = RADIUS + HEIGHTS
+    world.set(qpos, np.zeros((len(HEIGHTS), 6)))
+    found, worst, before = np.zeros(len(HEIGHTS), int), 0.0, np.zeros(len(HEIGHTS))
+    for _ in range(round(2.0 / dt)):
+        world.step()
+        z, v = world.qpos[:, 2] - RADIUS, world.qvel[:, 2]
+        at = (before > 0) & (v <= 0) & (found < BOUNCES)
+        found[at] += 1
+        # Apex height from the energy, which is constant in flight.
+        errors = np.abs(z + v**2 / (2 * G) - e ** (2 * found) * HEIGHTS)
+        worst, before = max(worst, float(errors[at].max(initial=0.0))), v
+        if (found == BOUNCES).all():
+            return worst
+    return math.inf
 
 
 DTS = (1e-4, 5e-4, 2e-3, 5e-3, 1e-2)
@@ -94,7 +91,7 @@ SCENES = (
             "m",
             lambda dt: G * dt**2,
             "twice the motion of a step from rest: second order",
-            apexes(e),
+            partial(apexes, e=e),
             DTS,
             DTS,
         )

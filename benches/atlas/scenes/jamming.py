@@ -1,11 +1,13 @@
 """Scenes 18 to 20 and 31: jamming by friction and geometry: a wedge, Painleve's rod, two hinged boxes, a pinch grasp."""
 
 import math
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
 from atlas.mjcf import FLOOR, G, about_y, ball, box, document, numbers
-from atlas.scene import Engine, Scene, flat
+from atlas.scene import Engine, Scene, flat, unrest
 from atlas.scenes.friction import ACCELERATION, COULOMB, CREEP, NO_CREEP, creep
 
 # Scene 18: two jaws on slides squeeze a wedge of half-angle alpha without gravity. The wedge sticks iff tan alpha <= mu.
@@ -130,17 +132,10 @@ def right_velocity(mu: float, dt: float) -> np.ndarray:
     return free - inverse @ jacobian.T @ np.linalg.solve(w, jacobian @ free)
 
 
-def painleve(factor: float):
-    """Create the function that measures scene 19, Painleve's rod, with friction of `factor` times the critical one.
-
-    The created function returns the error of the rod's velocity after one step (m/s, rad/s).
-    """
-
-    def measure(engine: Engine, dt: float) -> float:
-        mu = factor * critical()
-        return float(np.abs(_slide(engine, dt, mu) - right_velocity(mu, dt)).max())
-
-    return measure
+def painleve(engine: Engine, dt: float, factor: float) -> float:
+    """Error of scene 19, Painleve's rod with `factor` times the critical friction: error of its velocity after a step, m/s and rad/s."""
+    mu = factor * critical()
+    return float(np.abs(_slide(engine, dt, mu) - right_velocity(mu, dt)).max())
 
 
 # Scene 20: two boxes on parallel hinges fall against each other until their faces meet, as in DART's issue 892.
@@ -157,19 +152,13 @@ def hinged() -> str:
     return document(text, friction=0.5)
 
 
-def aligned(engine: Engine, dt: float) -> float:
-    """Error of scene 20, two hinged boxes, after five seconds: angle from upright (rad) or speed (rad/s), the larger of the two."""
-    world = engine.start(hinged(), dt)
-    world.set([-0.3, -0.3], [0.0, 0.0])
-    world.run(5.0)
-    return float(max(np.abs(world.qpos).max(), np.abs(world.qvel).max()))
-
-
 # Scene 31: two fingers on a carriage pinch an object of mass m with the force F each, and lift it with the acceleration a = LIFT. The grasp
 # holds iff mu >= m (g + a) / (2 F).
 
 OBJECT, LIFT, FINGER, CARRIAGE = 0.2, 2.0, 0.1, 1e3
-PINCHES = (
+Pinch: TypeAlias = tuple[float, str, int | None]
+"""Case of scene 31, a pinch grasp: friction, shape of the object ("cube" or "ball"), iterations of the solver (None: the default)."""
+PINCHES: tuple[Pinch, ...] = (
     (0.2, "ball", None),
     (0.5, "ball", 5),
     (1.0, "ball", 20),
@@ -178,8 +167,6 @@ PINCHES = (
     (0.5, "cube", 20),
     (1.0, "cube", None),
 )
-"""Cases of scene 31, a pinch grasp: friction, shape of the object, iterations of the solver."""
-
 
 HELD = {"cube": box((0.02, 0.02, 0.02), OBJECT), "ball": ball(0.02, OBJECT)}
 """Geoms of the objects of scene 31 by shape. A ball has one contact point per side.
@@ -201,7 +188,7 @@ def pinch(mu: float, shape: str) -> str:
     return document(hand + held, friction=mu, after=f"<actuator>{motors}</actuator>")
 
 
-def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], factor: float) -> tuple[float, float]:
+def _lifted(engine: Engine, dt: float, case: Pinch, factor: float) -> tuple[float, float]:
     """Motion of scene 31's object relative to the hand from 0.25 s to 0.5 s: slip, m, and mean downward acceleration, m/s^2."""
     mu, shape, iterations = case
     world = engine.start(pinch(mu, shape), dt, iterations=iterations)
@@ -216,33 +203,20 @@ def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], fact
     return abs(float(end - start)), float(before - after) / seconds
 
 
-def pinch_holds(*case: float | str | None):
-    """Create the function that measures scene 31, a pinch grasp with 1.01 of the required finger force: slip speed, m/s.
+def pinch_holds(engine: Engine, dt: float, case: Pinch) -> float:
+    """Error of scene 31, a pinch grasp with 1.01 of the required finger force: slip speed, m/s."""
+    return _lifted(engine, dt, case, 1.01)[0] / 0.25
 
-    The arguments are friction, shape of the object ("cube" or "ball"), and iterations of the solver (None: the default).
+
+def pinch_slips(engine: Engine, dt: float, case: Pinch) -> float:
+    """Error of scene 31, a pinch grasp with 0.99 of the required finger force: relative error of the slip acceleration.
+
+    The slip acceleration must be 0.01 (g + a), where a is the hand's upward acceleration.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        return _lifted(engine, dt, case, 1.01)[0] / 0.25
-
-    return measure
+    return abs(_lifted(engine, dt, case, 0.99)[1] / (0.01 * (G + LIFT)) - 1.0)
 
 
-def pinch_slips(*case: float | str | None):
-    """Create the function that measures scene 31, a pinch grasp with 0.99 of the required finger force.
-
-    The arguments are friction, shape of the object ("cube" or "ball"), and iterations of the solver (None: the default).
-
-    The created function returns the relative error of the slip acceleration, which must be 0.01 (g + a).
-    Here a is the hand's upward acceleration.
-    """
-
-    def measure(engine: Engine, dt: float) -> float:
-        return abs(_lifted(engine, dt, case, 0.99)[1] / (0.01 * (G + LIFT)) - 1.0)
-
-    return measure
-
-
+ALIGNED = partial(unrest, mjcf=hinged(), qpos=[-0.3, -0.3], seconds=5.0)
 REST = "1e-5 m of penetration over 0.2 m"
 TIMES = (1e-4, 2e-3, 2e-2)
 
@@ -266,7 +240,7 @@ SCENES = (
         "m/s",
         flat(1e-6),
         "the solver's tolerance",
-        painleve(1.05),
+        partial(painleve, factor=1.05),
     ),
     Scene(
         "19",
@@ -276,9 +250,9 @@ SCENES = (
         "m/s",
         flat(1e-6),
         "the solver's tolerance",
-        painleve(0.95),
+        partial(painleve, factor=0.95),
     ),
-    Scene("20", "two hinged boxes, faces aligned", "rest upright, face to face", "statics", "rad, rad/s", flat(1e-4), REST, aligned),
+    Scene("20", "two hinged boxes, faces aligned", "rest upright, face to face", "statics", "rad, rad/s", flat(1e-4), REST, ALIGNED),
     *(
         scene
         for mu, shape, n in PINCHES
@@ -292,7 +266,7 @@ SCENES = (
                 "m/s",
                 flat(CREEP),
                 NO_CREEP,
-                pinch_holds(mu, shape, n),
+                partial(pinch_holds, case=(mu, shape, n)),
                 TIMES,
                 (2e-3,),
             ),
@@ -304,7 +278,7 @@ SCENES = (
                 "1",
                 flat(1e-3),
                 ACCELERATION,
-                pinch_slips(mu, shape, n),
+                partial(pinch_slips, case=(mu, shape, n)),
                 TIMES,
                 (2e-3,),
             ),

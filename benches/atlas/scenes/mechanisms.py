@@ -1,6 +1,7 @@
 """Scenes 13 and 22 to 24: a ball on a chain, stiff servos, loops, joint limits."""
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from atlas.mjcf import FLOOR, G, document
 from atlas.scene import Engine, Scene, flat
 from atlas.scenes.flight import second_order
 from atlas.scenes.stacks import SHARE, STATICS, share
+from atlas.world import Array, World
 
 # Scene 13: 40 links of 5 cm and 20 g, and a ball 670 times heavier.
 
@@ -63,22 +65,17 @@ HELD = 200
 """Number of steps for which scene 22 runs."""
 
 
-def servo(ratio: float):
-    """Create the function that measures scene 22, a critically damped servo on a mass m = 1 kg.
+def servo(engine: Engine, dt: float, ratio: float) -> float:
+    """Error of scene 22, a critically damped servo on a mass m = 1 kg: fraction of an initial offset that is left after 200 steps.
 
     The stiffness k of the servo follows from h sqrt(k/m) = ratio, where h is the time step.
-    The created function returns the fraction of an initial offset that is left after 200 steps.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        k = (ratio / dt) ** 2
-        slide = f'<body><joint name="slide" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="1" {GHOST}/></body>'
-        drive = f'<actuator><position joint="slide" kp="{k!r}" kv="{2 * math.sqrt(k)!r}"/></actuator>'
-        world = engine.start(document(slide, gravity=(0, 0, 0), after=drive), dt)
-        world.step(HELD, [0.1])
-        return abs(float(world.qpos[0, 0]) / 0.1 - 1.0)
-
-    return measure
+    k = (ratio / dt) ** 2
+    slide = f'<body><joint name="slide" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="1" {GHOST}/></body>'
+    drive = f'<actuator><position joint="slide" kp="{k!r}" kv="{2 * math.sqrt(k)!r}"/></actuator>'
+    world = engine.start(document(slide, gravity=(0, 0, 0), after=drive), dt)
+    world.step(HELD, [0.1])
+    return abs(float(world.qpos[0, 0]) / 0.1 - 1.0)
 
 
 # Scene 23: loops. A parallelogram passes through the position in which all links are in line; a ring of eight links swings.
@@ -97,35 +94,26 @@ def four_bar() -> str:
     return document(crank + rocker, gravity=(0, 0, 0), after=loop)
 
 
-def _turning(engine: Engine, dt: float) -> tuple[float, float]:
-    """Largest gap of scene 23's parallelogram (m) and largest relative error of its energy in ten seconds.
+def turning(engine: Engine, dt: float, of: str) -> float:
+    """Error of scene 23, a turning parallelogram, in ten seconds: largest "gap" of the loop (m), or relative error of the "energy".
 
     The parallelogram passes six times through the singularity in which all links are in line.
     """
     world = engine.start(four_bar(), dt)
     # All angles are zero when the links are in line; the loop is closed at any common angle of the cranks.
     world.set([1.0, -1.0, 1.0], [-SPIN, SPIN, -SPIN])
-    start, gap, drift = float(world.energy()[0]), 0.0, 0.0
-    for _ in range(500):
-        world.run(0.02)
-        d = world.at()
-        ends = [
-            d.xpos[world.body(name)] + d.xmat[world.body(name)].reshape(3, 3)[:, 0] * length
-            for name, length in (("coupler", BASE), ("rocker", CRANK))
-        ]
-        gap = max(gap, float(np.linalg.norm(ends[0] - ends[1])))
-        drift = max(drift, abs(float(d.energy.sum()) / start - 1.0))
-    return gap, drift
+    start = float(world.energy()[0])
+
+    def gap() -> float:
+        return float(np.linalg.norm(_end(world, "coupler", BASE) - _end(world, "rocker", CRANK)))
+
+    return world.worst(gap if of == "gap" else lambda: abs(world.energy()[0] / start - 1.0), 500, 0.02)
 
 
-def loop_gap(engine: Engine, dt: float) -> float:
-    """Error of scene 23, a turning parallelogram: largest gap of the loop, m."""
-    return _turning(engine, dt)[0]
-
-
-def loop_energy(engine: Engine, dt: float) -> float:
-    """Error of scene 23, a turning parallelogram: largest relative error of the energy."""
-    return _turning(engine, dt)[1]
+def _end(world: World, link: str, length: float) -> Array:
+    """Position of the far end of a link of a length, (3,) m."""
+    d, body = world.at(), world.body(link)
+    return np.asarray(d.xpos[body] + length * d.xmat[body].reshape(3, 3)[:, 0])
 
 
 RING = 8
@@ -150,13 +138,7 @@ def ring() -> str:
 def ring_gap(engine: Engine, dt: float) -> float:
     """Error of scene 23, a hanging ring of links: largest gap in five seconds of swinging, m."""
     world = engine.start(ring(), dt)
-    gap = 0.0
-    for _ in range(100):
-        world.run(0.05)
-        d = world.at()
-        last = world.body(f"link{RING - 1}")
-        gap = max(gap, float(np.linalg.norm(d.xpos[last] + 0.2 * d.xmat[last].reshape(3, 3)[:, 0])))
-    return gap
+    return world.worst(lambda: float(np.linalg.norm(_end(world, f"link{RING - 1}", 0.2))), 100, 0.05)
 
 
 # Scene 24: a chain swings against its joint limits, which are its only dissipation.
@@ -216,12 +198,21 @@ SCENES = (
             "1",
             flat(1e-3),
             LEFT,
-            servo(r),
+            partial(servo, ratio=r),
             (1e-4, 2e-3, 2e-2),
         )
         for r in (0.5, 2, 10, 100)
     ),
-    Scene("23", "four-bar through its singularity: gap", "the loop stays closed", "rigid links", "m", flat(1e-5), GAP, loop_gap),
+    Scene(
+        "23",
+        "four-bar through its singularity: gap",
+        "the loop stays closed",
+        "rigid links",
+        "m",
+        flat(1e-5),
+        GAP,
+        partial(turning, of="gap"),
+    ),
     Scene(
         "23",
         "four-bar through its singularity: energy",
@@ -230,7 +221,7 @@ SCENES = (
         "1",
         second_order(SPIN),
         "(spin h)^2: a second-order integrator",
-        loop_energy,
+        partial(turning, of="energy"),
     ),
     Scene("23", "ring of eight links: gap", "the loop stays closed", "rigid links", "m", flat(1e-5), GAP, ring_gap),
     Scene(

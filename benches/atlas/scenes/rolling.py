@@ -97,12 +97,12 @@ def caster(engine: Engine, dt: float) -> float:
     press = f'<body>{lift}<geom type="sphere" size=".01" pos="0 0 .2" mass="20" contype="0" conaffinity="0"/>{fork}</body>'
     world = engine.start(document(FLOOR + f'<body name="cart" pos="0 0 .05">{slides}{cart}{press}</body>', friction=1.0), dt)
     world.set([0, 0, SWUNG, 0], [SPEED, 0, -SPEED / TRAIL * math.sin(SWUNG), SPEED * math.cos(SWUNG) / 0.05])
-    worst = 0.0
-    for _ in range(50):
-        world.run(0.02)
+
+    def error() -> float:
         q = world.qpos[0]
-        worst = max(worst, abs(math.tan(q[2] / 2) - math.tan(SWUNG / 2) * math.exp(-q[0] / TRAIL)))
-    return worst
+        return abs(math.tan(q[2] / 2) - math.tan(SWUNG / 2) * math.exp(-q[0] / TRAIL))
+
+    return world.worst(error, 50, 0.02)
 
 
 BOLLARD, BEADS, ROPE_MU, TURN = 0.2, 16, 0.3, math.pi

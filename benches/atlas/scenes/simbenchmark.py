@@ -65,12 +65,8 @@ def rolling(engine: Engine, dt: float) -> float:
 
 def _energy_error(world: World, seconds: float) -> float:
     """Mean squared deviation of the energy of an environment from its initial value over some time, J^2."""
-    start, errors = float(world.energy()[0]), []
-    every = max(SAMPLE, world.dt)
-    for _ in range(round(seconds / every)):
-        world.run(every)
-        errors.append((float(world.energy()[0]) - start) ** 2)
-    return float(np.mean(errors))
+    start = float(world.energy()[0])
+    return world.mean(lambda: (float(world.energy()[0]) - start) ** 2, seconds, SAMPLE)
 
 
 def bouncing(engine: Engine, dt: float) -> float:
@@ -97,15 +93,15 @@ def spheres(height: float) -> str:
 def falling_cube(engine: Engine, dt: float) -> float:
     """Error of scene S3, a falling cube of spheres: mean over 10 s of the sum of squared overlaps, m^2."""
     world = engine.start(spheres(0.101), dt, restitution=0.0)
-    errors, every = [], max(10 * SAMPLE, dt)
     upper = np.triu_indices(216, 1)
-    for _ in range(round(10.0 / every)):
-        world.run(every)
+
+    def overlaps() -> float:
         centres = world.qpos[0].reshape(216, 7)[:, :3]
         squares = (centres**2).sum(axis=1)
         apart = np.sqrt(np.maximum(squares[:, None] + squares - 2 * centres @ centres.T, 0.0))[upper]
-        errors.append((np.maximum(0.2 - apart, 0.0) ** 2).sum() + (np.maximum(0.1 - centres[:, 2], 0.0) ** 2).sum())
-    return float(np.mean(errors))
+        return float((np.maximum(0.2 - apart, 0.0) ** 2).sum() + (np.maximum(0.1 - centres[:, 2], 0.0) ** 2).sum())
+
+    return world.mean(overlaps, 10.0, 10 * SAMPLE)
 
 
 def elastic_cube(engine: Engine, dt: float) -> float:
@@ -130,11 +126,7 @@ def momentum(engine: Engine, dt: float) -> float:
     qvel = np.zeros(world.model.nv)
     qvel[1] = 5.0
     world.set(_posed(world, 2.0), qvel)
-    errors, every = [], max(SAMPLE, dt)
-    for _ in range(round(10.0 / every)):
-        world.run(every)
-        errors.append(((world.momentum()[0] - [0, 50.0, 0]) ** 2).sum())
-    return float(np.mean(errors))
+    return world.mean(lambda: float(np.square(world.momentum()[0] - [0, 50.0, 0]).sum()), 10.0, SAMPLE)
 
 
 def energy(engine: Engine, dt: float) -> float:

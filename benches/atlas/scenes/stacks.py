@@ -1,6 +1,7 @@
 """Scenes 12, 14, 15 and 17: stacks of boxes, a table with four legs, and a pyramid of overlapping boxes."""
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -23,24 +24,20 @@ def tower(top: float) -> str:
     return document(FLOOR + "".join(boxes), friction=0.5)
 
 
-def weights(top: float):
-    """Create the function that measures scene 12, a stack of ten boxes with a top box of `top` kg.
+def weights(engine: Engine, dt: float, top: float) -> float:
+    """Error of scene 12, a stack of ten boxes with a top box of `top` kg.
 
-    The created function returns the largest relative error of a force after two seconds: that between two boxes, or on the floor. The right
-    force is the weight of the boxes above.
+    The error is the largest relative error of a force after two seconds: that between two boxes, or on the floor. The right force is the
+    weight of the boxes above.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = engine.start(tower(top), dt)
-        world.run(2.0)
-        names = ["world"] + [f"box{k}" for k in range(COUNT)]
-        worst = 0.0
-        for k in range(COUNT):
-            above = (COUNT - 1 - k + top) * G
-            worst = max(worst, abs(world.normal_force((names[k], names[k + 1])) / above - 1.0))
-        return worst
-
-    return measure
+    world = engine.start(tower(top), dt)
+    world.run(2.0)
+    names = ["world"] + [f"box{k}" for k in range(COUNT)]
+    worst = 0.0
+    for k in range(COUNT):
+        above = (COUNT - 1 - k + top) * G
+        worst = max(worst, abs(world.normal_force((names[k], names[k + 1])) / above - 1.0))
+    return worst
 
 
 def stands_a_minute(engine: Engine, dt: float) -> float:
@@ -186,7 +183,7 @@ SCENES = (
             "1",
             share,
             SHARE,
-            weights(r),
+            partial(weights, top=r),
             SWEEP,
             (2e-3,),
         )

@@ -1,7 +1,9 @@
 """Scene 41: a tall box tips over its edge iff the applied torque about the edge exceeds the torque of its weight."""
 
 import math
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
+from typing import TypeAlias
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -10,6 +12,7 @@ from atlas.mjcf import FLOOR, G, box, document, free, incline
 from atlas.scene import Engine, Scene
 from atlas.world import World
 
+Start: TypeAlias = Callable[[float, Engine, float], World]
 WIDE, TALL, MASS = 0.1, 0.2, 2.0
 """Half width and half height, m, and mass, kg."""
 BOX = box((WIDE, 0.15, TALL), MASS)
@@ -49,18 +52,14 @@ def _upright(world: World) -> np.ndarray:
     return np.array(world.at().xmat[1].reshape(3, 3)[:, 2])
 
 
-def stays(start):
-    """Create the function that measures scene 41, a box at 0.999 of the threshold at which it tips: its tilt in two seconds, rad.
+def stays(engine: Engine, dt: float, start: Start) -> float:
+    """Error of scene 41, a box at 0.999 of the threshold at which it tips: its tilt in two seconds, rad.
 
     `start` makes the environment: `_pushed` or `_leaning`.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = start(BELOW, engine, dt)
-        upright = _upright(world)
-        return world.worst(lambda: _tilt(world, upright), 20, SECONDS / 20)
-
-    return measure
+    world = start(BELOW, engine, dt)
+    upright = _upright(world)
+    return world.worst(lambda: _tilt(world, upright), 20, SECONDS / 20)
 
 
 @cache
@@ -86,21 +85,17 @@ def _fall(kind: str) -> float:
     return float(found.t_events[0][0])
 
 
-def tips(start, kind: str):
-    """Create the function that measures scene 41, a box at 1.001 of the threshold at which it tips.
+def tips(engine: Engine, dt: float, start: Start, kind: str) -> float:
+    """Error of scene 41, a box at 1.001 of the threshold at which it tips: relative error of the tilt.
 
-    The created function returns the relative error of the tilt at the time at which the exact tilt is `TILT`.
+    The tilt is measured at the time at which the exact tilt is `TILT`.
     """
-
-    def measure(engine: Engine, dt: float) -> float:
-        world = start(ABOVE, engine, dt)
-        upright = _upright(world)
-        world.run(_fall(kind))
-        # The simulation ends after a whole number of steps; the right tilt is extrapolated to that time with the rate of the fall.
-        right = TILT * math.exp(RATE * (world.seconds - _fall(kind)))
-        return abs(_tilt(world, upright) / right - 1.0)
-
-    return measure
+    world = start(ABOVE, engine, dt)
+    upright = _upright(world)
+    world.run(_fall(kind))
+    # The simulation ends after a whole number of steps; the right tilt is extrapolated to that time with the rate of the fall.
+    right = TILT * math.exp(RATE * (world.seconds - _fall(kind)))
+    return abs(_tilt(world, upright) / right - 1.0)
 
 
 RATE = math.sqrt(MASS * G * ARM**2 / TALL / INERTIA)
@@ -115,7 +110,16 @@ SCENES = tuple(
     scene
     for start, kind in ((_pushed, "pushed"), (_leaning, "leaning"))
     for scene in (
-        Scene("41", f"{kind} box at 0.999 of tipping", "stands for two seconds", "statics", "rad", lambda dt: 1e-6, HELD, stays(start)),
+        Scene(
+            "41",
+            f"{kind} box at 0.999 of tipping",
+            "stands for two seconds",
+            "statics",
+            "rad",
+            lambda dt: 1e-6,
+            HELD,
+            partial(stays, start=start),
+        ),
         Scene(
             "41",
             f"{kind} box at 1.001 of tipping",
@@ -124,7 +128,7 @@ SCENES = tuple(
             "1",
             lambda dt: math.expm1(RATE * dt) + 1e-3,
             LATE,
-            tips(start, kind),
+            partial(tips, start=start, kind=kind),
         ),
     )
 )

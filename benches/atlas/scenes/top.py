@@ -1,6 +1,7 @@
 """Scene 40: heavy symmetric top with a fixed point. Landau & Lifshitz, Mechanics, section 35; Goldstein, section 5.7."""
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -45,50 +46,33 @@ def steady(engine: Engine, dt: float) -> float:
     """
     rate, world = precession(), engine.start(TOP, dt)
     world.set(about_y(TILT), [-rate * math.sin(TILT), 0.0, SPIN])
-    worst = 0.0
-    for _ in range(100):
-        world.run(SECONDS / 100)
-        turn = rate * world.seconds
+
+    def angle() -> float:
+        turn, axis = rate * world.seconds, _axes(world)[:, 2]
         right = [math.sin(TILT) * math.cos(turn), math.sin(TILT) * math.sin(turn), math.cos(TILT)]
-        axis = _axes(world)[:, 2]
-        worst = max(worst, math.atan2(float(np.linalg.norm(np.cross(axis, right))), float(axis @ right)))
-    return worst
+        return math.atan2(float(np.linalg.norm(np.cross(axis, right))), float(axis @ right))
+
+    return world.worst(angle, 100, SECONDS / 100)
 
 
-def _nutation(engine: Engine, dt: float) -> tuple[float, float]:
-    """Largest errors of a nutating top: that of the energy, and that of the angular momenta about the vertical and about its axis.
+def nutation(engine: Engine, dt: float, of: str) -> float:
+    """Error of scene 40, a nutating top: largest deviation in five seconds of its "energy", or of its constant "momenta".
 
-    The first is relative to `WEIGHT`, the second to the angular momentum about the axis.
+    The energy is relative to `WEIGHT`. The momenta are the angular momenta about the vertical and about the axis, relative to the latter.
     """
     world = engine.start(TOP, dt)
     world.set(about_y(TILT), [0.0, 0.0, SPIN])
-    energy, momentum = 0.0, 0.0
     about_axis = ABOUT_POINT[2] * SPIN
-    about_vertical = about_axis * math.cos(TILT)
     first = AXIAL * SPIN**2 / 2 + WEIGHT * math.cos(TILT)
-    for _ in range(250):
-        world.run(SECONDS / 250)
+
+    def deviation() -> float:
         axes, omega = _axes(world), world.qvel[0]
         spin = ABOUT_POINT * omega
-        energy = max(energy, abs(float(spin @ omega) / 2 + WEIGHT * float(axes[2, 2]) - first))
-        momentum = max(momentum, abs(float(axes[2] @ spin) - about_vertical), abs(float(spin[2]) - about_axis))
-    return energy / WEIGHT, momentum / about_axis
+        if of == "energy":
+            return abs(float(spin @ omega) / 2 + WEIGHT * float(axes[2, 2]) - first) / WEIGHT
+        return max(abs(float(axes[2] @ spin) / about_axis - math.cos(TILT)), abs(float(spin[2]) / about_axis - 1.0))
 
-
-def energy(engine: Engine, dt: float) -> float:
-    """Error of scene 40, a nutating top: largest deviation of the energy in five seconds, relative to m g l.
-
-    m g is the weight of the top, and l the distance of its centre of mass from the fixed point.
-    """
-    return _nutation(engine, dt)[0]
-
-
-def momentum(engine: Engine, dt: float) -> float:
-    """Error of scene 40, a nutating top: largest deviation of its constant angular momenta about the vertical and about its axis.
-
-    Both are relative to the angular momentum about the axis.
-    """
-    return _nutation(engine, dt)[1]
+    return world.worst(deviation, 250, SECONDS / 250)
 
 
 NUTATION = AXIAL * SPIN / ABOUT_POINT[0]
@@ -106,7 +90,16 @@ SCENES = (
         BECAUSE,
         steady,
     ),
-    Scene("40", "heavy top: energy", "constant while it nutates", "conservation laws", "1", second_order(NUTATION), BECAUSE, energy),
+    Scene(
+        "40",
+        "heavy top: energy",
+        "constant while it nutates",
+        "conservation laws",
+        "1",
+        second_order(NUTATION),
+        BECAUSE,
+        partial(nutation, of="energy"),
+    ),
     Scene(
         "40",
         "heavy top: angular momenta",
@@ -115,6 +108,6 @@ SCENES = (
         "1",
         second_order(NUTATION),
         BECAUSE,
-        momentum,
+        partial(nutation, of="momenta"),
     ),
 )

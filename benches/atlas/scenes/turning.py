@@ -30,13 +30,12 @@ def rolling(engine: Engine, dt: float) -> float:
     slip = np.array([0.0, TURN * START]) - velocity
     spin = np.array([slip[1], -slip[0]]) / RADIUS
     world.set(qvel=[TURN, *velocity, 0, *spin, 0])
-    worst, every = 0.0, 0.1
-    for k in range(1, round(SECONDS / every) + 1):
-        world.run(every)
-        angle = RATE * round(k * every / dt) * dt
-        exact = SPEED * np.array([-np.sin(angle), np.cos(angle)])
-        worst = max(worst, float(np.linalg.norm(world.qvel[0, 1:3] - exact)) / SPEED)
-    return worst
+
+    def error() -> float:
+        exact = [-np.sin(RATE * world.seconds), np.cos(RATE * world.seconds)]
+        return float(np.linalg.norm(world.qvel[0, 1:3] / SPEED - exact))
+
+    return world.worst(error, round(SECONDS / 0.1), 0.1)
 
 
 DTS = (1e-4, 5e-4, 2e-3, 5e-3, 1e-2)

@@ -115,7 +115,7 @@ studies: build
 	$(BIN)/stepper chart benches/studies/g1.py --quick --horizon "0.2 s"
 	$(BIN)/stepper tune benches/studies/g1.py --error "5 mm" --horizon "0.2 s"
 
-# Policies as ONNX files, studies over Ray, and with robots of packages. In the environment of `make adapters`, which has torch and Ray.
+# Policies as ONNX files, and studies with robots of packages. In the environment of `make adapters`, which has torch.
 study-libraries: build $(LIBRARIES)/study.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(wildcard tests/study_libraries/test_*.py)
 

@@ -15,7 +15,6 @@ from stepper.cli.options import (
     RECORDING,
     STUDY,
     Out,
-    Ray,
     Seed,
     Setting,
     Source,
@@ -108,7 +107,6 @@ def sweep(
         float, typer.Option(min=1e-12, max=0.5, help="Precision of a cliff's value, as a fraction of the parameter's range.")
     ] = 1e-3,
     seed: Seed = None,
-    ray: Ray = False,
 ) -> None:
     """Varies the parameters of a study over their ranges, one parameter at a time, and prints success rates and cliffs.
 
@@ -122,7 +120,7 @@ def sweep(
 
     Example: stepper sweep examples/studies/tray.toml --parameter friction --values push=1.5 --values 'gravity[2]=-3.7'
     """
-    own = study_of_file(study, ray=ray, seed=seed)
+    own = study_of_file(study, seed)
     # A selector of --values becomes a parameter of the study, which the sweep does not vary.
     names = parameter or (list(own.parameters) if values else None)
     with progress_kept_in(out) as progress:
@@ -140,7 +138,6 @@ def rank(
     parameter: Varied = None,
     setting: Setting = USUAL,
     seed: Seed = None,
-    ray: Ray = False,
 ) -> None:
     """Ranks the parameters of a study by their influence on an outcome: Sobol indices with confidence intervals.
 
@@ -149,12 +146,12 @@ def rank(
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """
     with progress_kept_in(out) as progress:
-        own = study_of_file(study, ray=ray, seed=seed)
+        own = study_of_file(study, seed)
         found = lab.rank(own, out, samples=samples, parameters=parameter or None, setting=setting, progress=progress)
     show(found)
 
 
-def report(source: Annotated[Path, typer.Argument(help=f"{STUDY} Or: {RECORDING}")], out: Out = Path("out"), ray: Ray = False) -> None:
+def report(source: Annotated[Path, typer.Argument(help=f"{STUDY} Or: {RECORDING}")], out: Out = Path("out")) -> None:
     """Writes the simulator report of a study: state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
 
     For a recording, the command prints the settings, and where it ends if it was cut off.
@@ -165,7 +162,7 @@ def report(source: Annotated[Path, typer.Argument(help=f"{STUDY} Or: {RECORDING}
         report_recording(source)
         return
     with progress_kept_in(out) as progress:
-        found = lab.report(study_of_file(source, ray=ray), out, progress=progress)
+        found = lab.report(study_of_file(source), out, progress=progress)
     show(found)
 
 
@@ -218,7 +215,6 @@ def calibrate(
     parameter: Varied = None,
     setting: Setting = USUAL,
     seed: Seed = None,
-    ray: Ray = False,
 ) -> None:
     """Finds the smallest set of parameters that must be measured, so that the outcome is that of the true world to within a margin.
 
@@ -232,7 +228,7 @@ def calibrate(
     """
     found: lab.Calibration | lab.RecordedCalibration
     with progress_kept_in(out) as progress:
-        own, names = study_of_file(study, ray=ray, seed=seed), parameter or None
+        own, names = study_of_file(study, seed), parameter or None
         if recordings is not None:
             found = lab.calibrate_on_recordings(
                 own, out, fitted=recordings, margin=margin, parameters=names, setting=setting, progress=progress

@@ -112,8 +112,6 @@ class Study:
         batch: Largest number of episodes that are stepped together. With a sensor model all episodes of a point are stepped together,
             because sensor errors depend on the index in a batch.
         threads: Number of threads that step environments; 0 uses all cores.
-        ray: Whether to run batches as tasks of Ray, on all machines of its cluster. The results are the same. `chart` and `tune` do not
-            use Ray.
     """
 
     model: Any
@@ -137,7 +135,6 @@ class Study:
     actuators: ActuatorModel | None = None
     batch: int = 256
     threads: int = 1
-    ray: bool = False
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def _check_functions(self) -> None:

@@ -67,7 +67,7 @@ def test_readings_that_are_absent_say_nothing():
 
 
 def test_a_box_that_falls_takes_a_bounded_number_of_predictions(monkeypatch):
-    """The box is too heavy for its friction. When it falls, trackers of shifted readings had doubled the work of an update."""
+    """The box is too heavy for its friction. When it falls, its contacts take long to solve, and further hypotheses start."""
     counts = []
     predict = Problem.predict
 

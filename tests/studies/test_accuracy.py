@@ -354,14 +354,13 @@ def test_the_commands_run(tmp_path, monkeypatch):
     told = CliRunner().invoke(application(), ["explain", "scene.xml"])
     assert told.exit_code == 0
     assert not (tmp_path / "out/scene/explain.md").exists()
-    told = CliRunner().invoke(application(), ["explain", "scene.xml", "--run", "--out", "out"])
+    told = CliRunner().invoke(application(), ["explain", "scene.xml", "--out", "out"])
     assert told.exit_code == 0, told.output
     written = {ending: (tmp_path / f"out/scene/explain.{ending}").read_text() for ending in ("html", "md", "json")}
     assert "<pre>" in written["html"]
-    assert "| sensors that are read | 1 | 0 |" in written["md"]
     kept = json.loads(written["json"], parse_constant=pytest.fail)
     assert kept["model"] in told.output
-    assert {part["name"] for part in kept["parts"]} >= {"all", "motion of the bodies"}
+    assert kept["model"].rstrip() in written["md"]
     for arguments in (["tune", "scene.xml", "--error", "5", "--horizon", "1 s"], ["chart", "scene.xm"], ["sweep", "scene.xml"]):
         told = CliRunner().invoke(application(), arguments)
         assert isinstance(told.exception, ValueError)

@@ -285,7 +285,6 @@ def test_progress_has_an_estimate_of_the_remaining_time(capfd, monkeypatch):
 
 @pytest.mark.parametrize(("command", "words"), [
     (["compare", "{model}", "--seconds", "0.02", "--num-envs", "2"], ["hard: 100 %", "MuJoCo's law: 100 %"]),
-    (["explain", "{model}", "--run"], ["run: 100 %", "costs: 100 %"]),
     (["evaluate", "{policy}", "stepper/Hopper-v5", "--episodes", "2"], ["stepper/Hopper-v5: 100 %"]),
     (["replay", "{recording}"], ["replay: 100 %"]),
 ])  # fmt: skip

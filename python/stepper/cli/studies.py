@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import warnings
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -262,19 +261,11 @@ def compare(
 
 def explain(
     source: Source,
-    run: Annotated[
-        bool,
-        typer.Option(
-            "--run", help="Also run the model or study (a model with random controls), and list the parts that were used and their cost."
-        ),
-    ] = False,
     out: Annotated[Path | None, typer.Option("--out", help="Output folder. Without it, no files are written.")] = None,
 ) -> None:
     """Lists the parts of a model that are simulated, those that are left out, and effects that rigid bodies cannot model.
 
-    With --run, the command also lists the parts that a run used and the time that they took.
-
-    Example: stepper explain robot.xml --run
+    Example: stepper explain robot.xml
     """
     if out is not None:
         check_pages()
@@ -284,25 +275,10 @@ def explain(
         warnings.simplefilter("ignore", ModelWarning)
         text = explained(study.loaded[0])
     print(text)
-    found = _profile(study) if run else None
-    if found is not None:
-        print(found.document.markdown())
     if out is not None:
+        document = Document(f"Simulated parts of {study.name}", [Section("The model", text=text)])
+        plain = {"model": text, "resolved_settings": study.resolved_settings(), "provenance": provenance()}
         with locked(out / study.name) as folder:
-            files = _save(study, text, found, folder)
+            numbers = write_text(folder / "explain.json", json.dumps(plain, indent=2, default=str, allow_nan=False) + "\n")
+            files = [*document.save(folder, "explain"), numbers]
         show_files(files)
-
-
-def _profile(study: lab.Study) -> lab.CostProfile:
-    """Runs a study with a progress display. Returns the parts of the scene that the run used, with the computing cost of each part."""
-    with show_progress() as progress:
-        return lab.profile(study, progress=progress)
-
-
-def _save(study: lab.Study, text: str, found: lab.CostProfile | None, folder: Path) -> list[Path]:
-    """Writes the printed report as explain.html, explain.md and explain.json."""
-    document = Document(f"Simulated parts of {study.name}", [Section("The model", text=text), *(found.document.sections if found else [])])
-    numbers = {"uses": [asdict(use) for use in found.uses], "parts": [asdict(part) for part in found.parts]} if found else {}
-    plain = {"model": text, **numbers, "resolved_settings": study.resolved_settings(), "provenance": provenance()}
-    text = json.dumps(plain, indent=2, default=str, allow_nan=False) + "\n"
-    return [*document.save(folder, "explain"), write_text(folder / "explain.json", text)]

@@ -10,7 +10,6 @@ docs/reference/studies.md explains studies.
 
 from stepper.lab.accuracy.chart import Chart, chart
 from stepper.lab.accuracy.dots import Dot
-from stepper.lab.accuracy.profile import CostProfile, profile
 from stepper.lab.accuracy.tune import Candidate, Tuning, tune
 from stepper.lab.calibration.calibrate import Calibration, MeasuredParameter, calibrate
 from stepper.lab.calibration.certificate import Certificate
@@ -31,7 +30,6 @@ __all__ = [
     "Certificate",
     "Chart",
     "Cliff",
-    "CostProfile",
     "Course",
     "Dot",
     "Fit",
@@ -58,7 +56,6 @@ __all__ = [
     "calibrate_on_recordings",
     "chart",
     "compare",
-    "profile",
     "rank",
     "report",
     "sweep",

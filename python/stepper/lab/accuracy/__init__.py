@@ -9,11 +9,9 @@
 - `dots`, `tables`, `draw`: numbers with differences of outcomes, documents and picture of a chart
 - `tune`: the cheapest settings within an error budget
 - `needs`: parts of a scene that can be removed
-- `profile`: parts of a scene that a run used, and their cost
 """
 
 from stepper.lab.accuracy.chart import Chart, chart
-from stepper.lab.accuracy.profile import CostProfile, profile
 from stepper.lab.accuracy.tune import Tuning, tune
 
-__all__ = ["Chart", "CostProfile", "Tuning", "chart", "profile", "tune"]
+__all__ = ["Chart", "Tuning", "chart", "tune"]

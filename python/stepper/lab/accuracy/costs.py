@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import Any
@@ -32,29 +31,7 @@ _PAIRS, _PAIR_SECONDS = 8, 0.01
 """Number of rounds in which two settings are compared, and shortest duration of a round, s of processor time."""
 
 
-class Timed(ABC):
-    """Run that is repeated for timing. Abstract.
-
-    Attributes:
-        times: Mean processor time of the run in each round so far, s.
-    """
-
-    times: list[float]
-
-    @abstractmethod
-    def once(self) -> float:
-        """Execute this run once from its start, and return the processor time, s."""
-
-    def measure(self, seconds: float) -> None:
-        """Measures one round: repeats the run for at least `seconds`, and appends the mean processor time to `times`."""
-        runs, total = 0, 0.0
-        while total < seconds:
-            total += self.once()
-            runs += 1
-        self.times.append(total / runs)
-
-
-class _Case(Timed):
+class _Case:
     """Timed run of some settings with the controls and forces of a recorded run, so that only the steps are timed.
 
     Args:
@@ -63,6 +40,9 @@ class _Case(Timed):
         trace: Recorded run.
         num_envs: Number of environments that are stepped together.
         stage: Stage of the time budget; None sets no time limit.
+
+    Attributes:
+        times: Mean processor time of the run in each round so far, s.
     """
 
     def __init__(self, study: Study, settings: Mapping[str, Any], trace: Trace, num_envs: int, stage: Stage | None = None):
@@ -91,6 +71,14 @@ class _Case(Timed):
             world.step(given, self._nstep)
             total += time.process_time() - begin
         return total
+
+    def measure(self, seconds: float) -> None:
+        """Measures one round: repeats the run for at least `seconds`, and appends the mean processor time to `times`."""
+        runs, total = 0, 0.0
+        while total < seconds:
+            total += self.once()
+            runs += 1
+        self.times.append(total / runs)
 
     @property
     def cost(self) -> float:

@@ -40,9 +40,7 @@ def chart(
     scene: Source,
     *,
     out: Out = Path("out"),
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer repeats, settings and time steps; at most two minutes of processor time.")
-    ] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer repeats, settings and time steps.")] = False,
     horizon: Annotated[
         str | None,
         typer.Option(
@@ -51,9 +49,6 @@ def chart(
     ] = None,
     angle: Annotated[bool, typer.Option("--angle", help="Measure errors as angles in rad, not distances in m.")] = False,
     episodes: Annotated[int, typer.Option(min=1, help="Number of episodes; the chart shows their medians.")] = 8,
-    budget: Annotated[
-        str | None, typer.Option(help='Limit of the processor time, "60 s"; the report lists runs that were left out.')
-    ] = None,
     values: Values = None,
 ) -> None:
     """Draws charts of simulation error against computing time, to compare time steps, integrators, solvers, contact laws and engines.
@@ -68,7 +63,7 @@ def chart(
     with show_progress() as progress:
         source = source_with(scene, values)
         unit = "rad" if angle else "m"
-        found = lab.chart(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, progress=progress)
+        found = lab.chart(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, progress=progress)
     show(found)
 
 

@@ -4,7 +4,7 @@
 - `reference`: converged or exact runs, from which errors are measured
 - `candidates`: settings that are compared
 - `costs`: processor time of settings
-- `chart`, `measure`, `budget`: error against cost, within a time budget
+- `chart`, `measure`: error against cost
 - `invariants`: errors that stay meaningful in chaotic motion
 - `dots`, `tables`, `draw`: numbers with differences of outcomes, documents and picture of a chart
 - `tune`: the cheapest settings within an error budget

@@ -28,7 +28,7 @@ class Shift:
 
     Attributes:
         name: "mean NAME" (of an outcome) or "successes" (fraction of successful episodes).
-        value: Value with the settings minus the value in the reference; NaN if the time budget stopped one of the two runs.
+        value: Value with the settings minus the value in the reference; NaN if the run was stopped.
         low: Lower end of the 95 % interval of the difference; NaN with a single episode.
         high: Upper end of the interval.
         count: Number of compared episodes: for a mean those that were finite in both runs, for "successes" all.
@@ -60,7 +60,7 @@ def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
     (R. G. Newcombe's tenth method, Statistics in Medicine 17, 1998). This interval assumes independent samples, and is too wide if the two
     runs correlate. An episode that was not finite counts as a failure.
     """
-    if own.stopped or converged.stopped:
+    if own.stopped:
         return [Shift(name, math.nan, math.nan, math.nan, 0) for name in names(study)]
     found = []
     for outcome in study.all_outcomes:
@@ -90,8 +90,8 @@ class Dot:
         engine: "stepper" or "MuJoCo".
         setting: Name of the settings.
         timestep: Time step, s.
-        error: Largest distance of the run from the reference up to the horizon. It is infinite if the run is not finite, and NaN if the
-            time budget stopped it before the horizon.
+        error: Largest distance of the run from the reference up to the horizon. It is infinite if the run is not finite, and NaN if
+            it was stopped before the horizon.
         min_error: Smallest error of all episodes.
         max_error: Largest error of all episodes.
         solver: Error from the solver: distance of the run from the same run with a tight tolerance (1e-9 m/s) and precision "f64". NaN for

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,7 +54,7 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     note = f"{came_from['cpu']}, one core, {came_from['utc']}"
     picture = draw(study, distance, reference, found.dots, path=folder / "chart.png", note=note)
     table = folder / "chart.csv"
-    header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": basis.budget.seconds}
+    header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit}
     header |= study.resolved_settings() | came_from
     notes = [f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n" for key, value in header.items()]
     columns = list(dict.fromkeys(name for dot in found.dots for name in dot.row))
@@ -69,7 +68,6 @@ def _episodes(found: ChartData, path: Path) -> Path:
 
     The arrays "label" and "timestep" name the settings and time step of each point.
     """
-    nothing = np.full(len(found.basis.episodes), np.nan)
     kept: dict[str, Any] = {
         "label": np.array([dot.label for dot in found.dots]),
         "timestep": np.array([dot.timestep for dot in found.dots]),
@@ -78,9 +76,7 @@ def _episodes(found: ChartData, path: Path) -> Path:
     for name in ("total", "solver", "step", "model"):
         kept[f"error_{name}"] = np.array([point.errors[name] for point in found.points])
     for outcome in found.basis.study.all_outcomes:
-        kept[f"outcome_{outcome.name}"] = np.array(
-            [nothing if point.trace is None else point.trace.outcomes[outcome.name] for point in found.points]
-        )
+        kept[f"outcome_{outcome.name}"] = np.array([point.trace.outcomes[outcome.name] for point in found.points])
         kept[f"reference_{outcome.name}"] = found.basis.reference.trace.outcomes[outcome.name]
     return write_arrays(path, kept, compressed=True)
 
@@ -139,11 +135,8 @@ def _words(found: ChartData) -> list[str]:
         "The reference has hard contact, unless the study's options have MuJoCo's law."
         + (f" Uncertainty of the converged runs, {unit} (median): {'; '.join(laws)}." if laws else ""),
     ]
-    if math.isfinite(basis.budget.seconds):
-        words.append(
-            f"The budget was {basis.budget.seconds:g} s of processor time. "
-            + (f"{stopped} of {len(found.dots)} rows have a note on what was stopped or not finite." if stopped else "Nothing was stopped.")
-        )
+    if stopped:
+        words.append(f"{stopped} of {len(found.dots)} rows have a note on what was stopped or not finite.")
     return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
 
 
@@ -167,8 +160,6 @@ def _distributions(found: ChartData) -> Section:
     title = "Distributions of outcomes"
     if not study.all_outcomes:
         return Section(title, ["Left out: the study has no outcome. Give it one to compare outcomes where motions are chaotic."])
-    if reference.trace.stopped:
-        return Section(title, [f"Left out: the budget stopped the converged runs at {reference.trace.reached:.3g} of {study.seconds:g} s."])
     count = counted(len(reference.uncertainty), "episode")
     words = [
         f"Differences of means, and of shares of successes, from those of the converged runs, over {count}, with 95 % intervals (Student's "

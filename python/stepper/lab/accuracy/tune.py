@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from stepper._options import Options
 from stepper._stepper import Model
-from stepper.lab.accuracy.budget import Stage
 from stepper.lab.accuracy.candidates import hard_lines, timesteps
 from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.needs import Bench, Spare, spares
@@ -417,8 +416,8 @@ def _held_out(candidate: Candidate, distance: Distance, budget: float, study: St
     All errors are infinite if the run was stopped.
     """
     reference = reference_of(study, episodes, distance, target=_REFERENCE_SHARE * budget)
-    stage = Stage().within(patience(study, reference.trace, candidate.settings["timestep"]))
-    trace = run(study, episodes, stage=stage, **candidate.settings)
+    patient = patience(study, reference.trace, candidate.settings["timestep"])
+    trace = run(study, episodes, patience=patient, **candidate.settings)
     return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, reference.trace), reference.uncertainty
 
 

@@ -7,7 +7,6 @@ import sys
 import time
 from pathlib import Path
 
-import matplotlib.text
 import numpy as np
 import pytest
 import stepper
@@ -384,34 +383,3 @@ def test_a_row_without_a_cliff_says_whether_outcomes_changed(successes, told):
         for value, count in zip([0.3, 0.2, 0.1], successes, strict=True)
     ]
     assert _no_cliff(levels) == [["stepper", "p", told, None, successes[-1] / 4, successes[0] / 4]]
-
-
-@pytest.mark.parametrize("fails_left", [True, False])
-@pytest.mark.parametrize("place", [0.12, 0.28, 0.5, 0.74, 0.97])
-def test_values_of_cliffs_cover_no_point_and_stay_in_their_panel(place, fails_left):
-    names = ["MuJoCo's law", "MuJoCo", "5 iterations"]
-    # With three panels in a row, which are the narrowest.
-    parameters = ["friction", "b", "c"]
-    own, levels, cliffs = study(parameters, names), [level("stepper", name, 0.1) for name in parameters[1:]], []
-    for k, setting in enumerate(("stepper", *names)):
-        cliff = place + 0.002 * k
-        cliffs.append(Cliff(setting, "friction", cliff, cliff + 1e-4, *((0.0, 1.0) if fails_left else (1.0, 0.0))))
-        for value in np.linspace(0.1, 1.0, 5):
-            succeeds = (value > cliff) == fails_left
-            # Wilson's interval of 4 of 4 begins at 0.51.
-            interval = (0.51, 1.0) if succeeds else (0.0, 0.49)
-            levels.append(Level(setting, "friction", value, 4, 4 * succeeds, 4, interval, 0.1, 0.0, (0.0, 0.0), 0, 0))
-    figure = figure_of(Sweep(own, tuple(levels), tuple(cliffs), Table([]), ()))
-    figure.canvas.draw()
-    panel = figure.axes[0]
-    texts = [child for child in panel.get_children() if isinstance(child, matplotlib.text.Annotation)]
-    assert [text.get_text() for text in texts] == [f"{(cliff.low + cliff.high) / 2:.4g}" for cliff in cliffs]
-    boxes = [text.get_window_extent() for text in texts]
-    frame = panel.get_window_extent()
-    points = panel.transData.transform([(level.value, level.share) for level in levels if level.parameter == "friction"])
-    for k, box in enumerate(boxes):
-        assert not any(box.contains(*point) for point in points)
-        assert frame.x0 <= box.x0 < box.x1 <= frame.x1
-        assert frame.y0 <= box.y0 < box.y1 <= frame.y1
-        # A pixel, because lines of 8 points are 9 points apart and boxes have a margin.
-        assert not any(box.padded(-1).overlaps(other.padded(-1)) for other in boxes[:k])

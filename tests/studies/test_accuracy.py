@@ -167,7 +167,7 @@ def test_time_steps_divide_the_time_of_a_control_and_fronts_are_pareto():
 
 def test_a_chart_of_a_model_of_ones_own(tmp_path):
     found = stepper.lab.chart(scene(), tmp_path, quick=True, episodes=3, horizon=0.1)
-    for name in ("chart.png", "chart.csv", "chart.npz", "chart.html", "chart.md"):
+    for name in ("chart.png", "chart.csv", "chart.html", "chart.md"):
         assert (tmp_path / "scene" / name).stat().st_size > 500
     assert found.skipped == ()
     engines = {dot.engine for dot in found.dots}

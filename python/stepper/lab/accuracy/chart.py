@@ -1,7 +1,7 @@
 """Chart of error against cost on the user's model, with errors split into parts due to the solver, the time step and the model.
 
 Errors of single trajectories are meaningful up to the time at which the reference is converged. For longer times the chart also has errors
-of invariants, and distributions of outcomes.
+of invariants, and means of outcomes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stepper.lab.accuracy.candidates import lines, timesteps
 from stepper.lab.accuracy.costs import costs
-from stepper.lab.accuracy.dots import Dot, shifts
+from stepper.lab.accuracy.dots import Dot
 from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point, chart_reference, measure
 from stepper.lab.accuracy.reference import Reference, check_moves
@@ -87,7 +87,7 @@ def chart(
         progress: Progress callback with a text and the fraction done.
 
     Returns:
-        The chart. OUT/NAME has chart.html, chart.md, chart.png, chart.csv, chart.npz.
+        The chart. OUT/NAME has chart.html, chart.md, chart.png, chart.csv.
 
     Raises:
         ValueError: The model has no joints, or the horizon is longer than an episode.
@@ -173,7 +173,6 @@ def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float], kept: dict[
         outcome=_mean(values),
         share=float(outcome.succeeds(values).mean()) if whole and outcome is not None else math.nan,
         invariants={name: _largest(own) for name, own in kept.items()},
-        shifts=tuple(shifts(study, trace, basis.reference.trace)),
         notes=point.notes,
     )
 

@@ -1,4 +1,4 @@
-"""Output files of a chart: document, table, and numbers of every episode."""
+"""Output files of a chart: document and table."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.accuracy.dots import CAUSES, Dot, front, names
+from stepper.lab.accuracy.dots import CAUSES, Dot, front
 from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.study.document import Document, Section, counted
-from stepper.shared.files import write_arrays, write_csv
+from stepper.shared.files import write_csv
 from stepper.shared.machine import provenance
 
 
@@ -42,7 +42,7 @@ class ChartData:
 
 
 def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
-    """Writes the files of a chart: chart.png, .csv, .npz, .html and .md.
+    """Writes the files of a chart: chart.png, .csv, .html and .md.
 
     Returns:
         The document, and the paths of all files.
@@ -60,25 +60,7 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     columns = list(dict.fromkeys(name for dot in found.dots for name in dot.row))
     write_csv(table, [columns, *([dot.row.get(name, "") for name in columns] for dot in found.dots)], "".join(notes))
     document = Document(f"Error against cost: {study.name}", _sections(found, picture))
-    return document, [picture, table, _episodes(found, folder / "chart.npz"), *document.save(folder, "chart")]
-
-
-def _episodes(found: ChartData, path: Path) -> Path:
-    """Writes errors and outcomes of every episode to an .npz file, as arrays (points, episodes), and returns its path.
-
-    The arrays "label" and "timestep" name the settings and time step of each point.
-    """
-    kept: dict[str, Any] = {
-        "label": np.array([dot.label for dot in found.dots]),
-        "timestep": np.array([dot.timestep for dot in found.dots]),
-        "episode": np.array(list(found.basis.episodes)),
-    }
-    for name in ("total", "solver", "step", "model"):
-        kept[f"error_{name}"] = np.array([point.errors[name] for point in found.points])
-    for outcome in found.basis.study.all_outcomes:
-        kept[f"outcome_{outcome.name}"] = np.array([point.trace.outcomes[outcome.name] for point in found.points])
-        kept[f"reference_{outcome.name}"] = found.basis.reference.trace.outcomes[outcome.name]
-    return write_arrays(path, kept, compressed=True)
+    return document, [picture, table, *document.save(folder, "chart")]
 
 
 def _sections(found: ChartData, picture: Path) -> list[Section]:
@@ -107,7 +89,6 @@ def _sections(found: ChartData, picture: Path) -> list[Section]:
         ),
         Section("All points", [], (*head, *more), list(map(row, dots))),
         _invariants(found),
-        _distributions(found),
     ]
 
 
@@ -152,21 +133,3 @@ def _invariants(found: ChartData) -> Section:
     words += [f"Left out: {reason}." for reason in left]
     rows = [[dot.label, 1e3 * dot.timestep, *dot.invariants.values(), "; ".join(dot.notes)] for dot in found.dots] if kinds else []
     return Section("Invariants", words, ("settings", "time step, ms", *kinds, "notes"), rows)
-
-
-def _distributions(found: ChartData) -> Section:
-    """Section of the document of a chart with differences of outcomes from those of the reference."""
-    study, reference = found.basis.study, found.basis.reference
-    title = "Distributions of outcomes"
-    if not study.all_outcomes:
-        return Section(title, ["Left out: the study has no outcome. Give it one to compare outcomes where motions are chaotic."])
-    count = counted(len(reference.uncertainty), "episode")
-    words = [
-        f"Differences of means, and of shares of successes, from those of the converged runs, over {count}, with 95 % intervals (Student's "
-        "for pairs, Newcombe's for shares). If the interval contains 0, these episodes do not distinguish the settings from the reference; "
-        "more --episodes make it narrower."
-    ]
-    rows = [
-        [dot.label, 1e3 * dot.timestep, *(shift.words for shift in dot.shifts), "; ".join(dot.notes)] for dot in found.dots if dot.shifts
-    ]
-    return Section(title, words, ("settings", "time step, ms", *names(study), "notes"), rows)

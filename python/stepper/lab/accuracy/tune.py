@@ -451,7 +451,6 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
             f"`{words_of(found.options, found.precision)}`",
             f"It takes {getattr(found.chosen, cost):.4g} us of one core for a simulated second of one environment. "
             f"{_compared(found, cost)}",
-            _cheaper(found),
             f"{trial.held} of {trial.episodes} held-out episodes are within the budget: with {trial.confidence:.1%} confidence at least "
             f"{trial.share:.1%} of episodes are (required: {coverage:.0%}, with {confidence:.0%} over all trials). The largest "
             f"error is {trial.worst:.2g} {unit}.",
@@ -512,28 +511,16 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
 
 
 def _compared(found: Tuning, cost: str) -> str:
-    """Sentence that compares the chosen settings with the study's settings.
-
-    It has the ratio of their costs, and whether the study's settings are within the error budget.
-    """
+    """Sentence that compares the chosen settings with the study's settings: the ratio of their costs, and the error of the latter."""
     assert found.chosen is not None
-    unit, usual = found.distance.unit, found.usual
+    usual = found.usual
     if found.chosen is usual:
         return "These are the study's own settings."
     if not math.isfinite(usual.error):
-        return f"{_usual_error(usual, unit)} They miss the budget, and what they cost was not measured."
-    ratio = getattr(found.chosen, cost) / getattr(usual, cost)
-    spent = f"{ratio:.2f} times what the study's own settings cost ({getattr(usual, cost):.4g} us)"
-    if usual.error > found.budget:
-        return (
-            f"That is {spent}, which miss the budget by {usual.error - found.budget:.2g} {unit}: their error is {usual.error:.2g} {unit}."
-        )
-    if ratio > 1:
-        return f"That is {spent}, which keep the budget in the training episodes ({usual.error:.2g} {unit}), but were not tested on others."
-    return (
-        f"The study's own settings take {getattr(usual, cost):.4g}, {1 / ratio:.2f} times as much, and keep the budget too: their error "
-        f"is {usual.error:.2g} {unit}."
-    )
+        return _usual_error(usual, found.distance.unit)
+    spent = getattr(usual, cost)
+    times = spent / getattr(found.chosen, cost)
+    return f"The study's own settings take {spent:.4g} us, {times:.2f} times as much; their error is {usual.error:.2g} {found.distance.unit}."
 
 
 def _usual_error(usual: Candidate, unit: str) -> str:
@@ -543,19 +530,6 @@ def _usual_error(usual: Candidate, unit: str) -> str:
     if not math.isfinite(usual.error):
         return "With the study's own settings, an episode diverges."
     return f"The study's own settings have an error of {usual.error:.2g} {unit}."
-
-
-def _cheaper(found: Tuning) -> str:
-    """Sentence on candidates that are cheaper than the chosen one, with the reason why none of them was chosen."""
-    assert found.chosen is not None
-    kept = [own for own in found.candidates if own.error <= found.budget]
-    before = kept.index(found.chosen)
-    tested = len(found.trials) - 1
-    within = f"{len(kept)} of {counted(len(found.candidates), 'candidate')} keep the budget in the training episodes"
-    if not before:
-        return f"{within}, and none of them is cheaper."
-    left = "" if tested == before else f"; {before - tested} not tested, because their errors are similar to that of one that failed"
-    return f"{within}. {before} of them are cheaper but not chosen: {tested} failed on held-out episodes{left}."
 
 
 def _removal(own: Spare, budget: float) -> str:

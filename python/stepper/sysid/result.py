@@ -23,7 +23,7 @@ from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, 
 from stepper.sysid.roots import RIDGE, root_of
 
 Mask: TypeAlias = np.ndarray[Any, np.dtype[np.bool_]]
-FORMAT = 3
+FORMAT = 4
 """Version of the file format of `Identification.save`."""
 
 

@@ -520,7 +520,8 @@ def _compared(found: Tuning, cost: str) -> str:
         return _usual_error(usual, found.distance.unit)
     spent = getattr(usual, cost)
     times = spent / getattr(found.chosen, cost)
-    return f"The study's own settings take {spent:.4g} us, {times:.2f} times as much; their error is {usual.error:.2g} {found.distance.unit}."
+    error = f"{usual.error:.2g} {found.distance.unit}"
+    return f"The study's own settings take {spent:.4g} us, {times:.2f} times as much; their error is {error}."
 
 
 def _usual_error(usual: Candidate, unit: str) -> str:

@@ -191,7 +191,6 @@ def test_causes_are_among_what_the_study_has(tmp_path, controller, cause):
     (rules,) = [section for section in found.document.sections if section.title == "Causes of failures"]
     assert ("controller:" in rules.words[1]) == (cause == "controller")
     assert "perception:" not in rules.words[1]
-    assert "declares" not in rules.words[1]
 
 
 def test_intervals_and_units_do_not_break_in_tables():

@@ -753,8 +753,6 @@ def test_whose_a_failure_is(tmp_path):
     assert judged(tmp_path / "senses", controller=blind, sensors=biased) == {("perception", "success with ideal sensors")}
     nothing = Outcome(name="angle", measure=lambda now: np.full(now.num_envs, np.nan), success=">= 0")
     assert {cause for cause, _ in judged(tmp_path / "nan", outcomes=nothing)} == {"evaluation"}
-    declared = Outcome(name="angle", measure="joint hinge", success=">= 1.0", cause="evaluation")
-    assert judged(tmp_path / "declared", outcomes=declared) == {("evaluation", "the study declares the cause of failures of this outcome")}
 
 
 def test_a_time_step_that_decides_is_physics(tmp_path):

@@ -72,7 +72,6 @@ def identify(
     actuators: ActuatorModel | None = None,
     noise: Mapping[str, ArrayLike] | None = None,
     loss: Loss = "linear",
-    f_scale: float = 1.0,
     starts: int = 4,
     step: float = 1e-5,
     max_evaluations: int = 50,
@@ -98,8 +97,8 @@ def identify(
         actuators: Actuator model of the robot, with the known attributes of its drives.
         noise: Standard deviations of channels by name, each a number or (dim,), in the channel's unit. The noise of other channels is
             estimated from the residuals.
-        loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give outliers less weight.
-        f_scale: Residual, in units of the noise, above which a robust loss reduces the weight.
+        loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give less weight to
+            readings whose residuals are above their noise.
         starts: Number of first searches. One starts at the start values of the parameters (`FitParameter.start`, by default the model's
             values). The others start at the best points of a Sobol sequence around these values. The sequence has at least eight points
             for each of the other searches.
@@ -127,8 +126,7 @@ def identify(
     qmc = require("scipy.stats.qmc", "to identify parameters")
     for name, count in (("starts", starts), ("max_evaluations", max_evaluations)):
         check_whole(name, count, least=1)
-    for name, number in (("step", step), ("f_scale", f_scale)):
-        check_number(name, number, above=0.0)
+    check_number("step", step, above=0.0)
     check_whole("seed", seed, least=0)
     if noise is not None:
         check_mapping("noise", noise, '{"wrist_force": 0.3}')
@@ -148,7 +146,7 @@ def identify(
     known = _given_noise(simulator, noise or {})
     first = _first_noise(simulator)
     residuals.sigma = np.where(np.isnan(known), first, known)
-    solver = _Solver(optimize, residuals, loss=loss, f_scale=f_scale, most=max_evaluations, progress=progress or silent)
+    solver = _Solver(optimize, residuals, loss=loss, most=max_evaluations, progress=progress or silent)
     searches = solver.search(_starts(qmc, residuals, starts, seed))
     for attempt in range(BETTER):
         searches = _with_noise(solver, residuals, searches, known)
@@ -230,23 +228,23 @@ class _Solver:
     Args:
         optimize: Module `scipy.optimize`.
         residuals: Residuals to minimise.
-        loss, f_scale: Arguments of `identify`.
+        loss: Argument of `identify`.
         most: Largest number of points that each search evaluates.
         progress: Progress callback, called with a text and the completed fraction.
 
     Attributes:
-        loss, f_scale: Arguments of `identify`.
+        loss: Argument of `identify`.
         evaluations: Number of evaluated points so far.
     """
 
-    def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, f_scale: float, most: int, progress: ProgressCallback):
-        self._optimize, self._residuals, self.loss, self.f_scale, self._most = optimize, residuals, loss, f_scale, most
+    def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, most: int, progress: ProgressCallback):
+        self._optimize, self._residuals, self.loss, self._most = optimize, residuals, loss, most
         self._report, self._searches = progress, 0
         self.evaluations = 0
 
     def with_residuals(self, residuals: Residuals) -> _Solver:
         """New solver for other residuals, with the settings of this solver. Its count of evaluations starts at 0."""
-        return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, progress=self._report)
+        return _Solver(self._optimize, residuals, loss=self.loss, most=self._most, progress=self._report)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE, known: Sequence[_Found] = ()) -> list[_Found]:
         """Runs least-squares searches concurrently, one from each start point, and returns where they ended, in the same order.
@@ -317,7 +315,7 @@ class _Solver:
         try:
             found = self._optimize.least_squares(
                 lambda x: at(x).residual, np.clip(x0, low, high), lambda x: at(x).jacobian, bounds=(low, high), method="trf", x_scale="jac",
-                loss=self.loss, f_scale=self.f_scale, ftol=tolerance**1.5, xtol=tolerance, gtol=1e-10, max_nfev=self._most,
+                loss=self.loss, ftol=tolerance**1.5, xtol=tolerance, gtol=1e-10, max_nfev=self._most,
             )  # fmt: skip
             return _Found(found.x, float(found.cost), at(found.x), found.status > 0)
         except _LeftOutError:
@@ -452,19 +450,17 @@ def _concluded(
         solver: Solver that ran the searches.
         seconds: Elapsed time, s.
     """
-    n, simulator, loss, f_scale = residuals.n, residuals.simulator, solver.loss, solver.f_scale
+    n, simulator, loss = residuals.n, residuals.simulator, solver.loss
     best, *rivals = minima
     weights = np.ones(len(best.at.residual))
-    weights[: best.at.data] = weights_of(loss, (best.at.residual[: best.at.data] / f_scale) ** 2)
+    weights[: best.at.data] = weights_of(loss, best.at.residual[: best.at.data] ** 2)
     flat = FlatSet(residuals, best.x, best.at, weights, [rival.x for rival in rivals])
     first = flat.points[0]
     if first.x is not best.x:
         best = replace(best, x=first.x, at=first.at, converged=True)
     span = (residuals.high - residuals.low)[:n] / 2
     reach = np.where(np.isfinite(span), span, 100.0)
-    sure = outside_null_space(
-        best.at.jacobian, best.at.residual, residuals.reading_indices(), reach, first.null, loss=loss, f_scale=f_scale
-    )
+    sure = outside_null_space(best.at.jacobian, best.at.residual, residuals.reading_indices(), reach, first.null, loss=loss)
     theta, scale = best.x[:n] * residuals.scale, residuals.scale
     covariance = (sure.covariance + flat.widening) * np.outer(scale, scale)
     values = np.stack([natural(residuals.blocks, point.x[:n] * scale) for point in flat.points])

@@ -48,7 +48,7 @@ class Uncertainty:
 
 
 def weights_of(loss: str, z: Array) -> Array:
-    """Weights of residuals, (m,): derivative of SciPy's loss rho at z = (r / f_scale)^2."""
+    """Weights of residuals, (m,): derivative of SciPy's loss rho at z = r^2."""
     if loss == "linear":
         return np.ones_like(z)
     if loss == "soft_l1":
@@ -72,7 +72,7 @@ def slopes_of(loss: str, r: Array) -> Array:
     return np.maximum((up * weights_of(loss, up**2) - down * weights_of(loss, down**2)) / (2 * step), 1e-3)
 
 
-def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, *, loss: str, f_scale: float) -> Uncertainty:
+def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, *, loss: str) -> Uncertainty:
     """Uncertainty of the n parameters, which are the first n columns of a Jacobian.
 
     Args:
@@ -81,12 +81,11 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
         times: Indices of the episode, control period and column of each of the k readings, (k, 3).
         reach: Half widths of the bounds, (n,), which are the standard deviations of undetermined parameters.
         loss: Loss function of `least_squares`.
-        f_scale: Residual above which a robust loss reduces the weight.
     """
     n = len(reach)
     k = len(times)
     bread, weight = np.ones(len(r)), np.ones(len(r))
-    bread[:k], weight[:k] = slopes_of(loss, r[:k] / f_scale), weights_of(loss, (r[:k] / f_scale) ** 2)
+    bread[:k], weight[:k] = slopes_of(loss, r[:k]), weights_of(loss, r[:k] ** 2)
     if J.shape[1] > n:
         own, other = J[:, :n], J[:, n:]
         coupling = np.linalg.lstsq(np.sqrt(bread)[:, None] * other, np.sqrt(bread)[:, None] * own, rcond=None)[0]
@@ -107,7 +106,7 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
 
 
 def outside_null_space(
-    J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, null: Array, *, loss: str, f_scale: float
+    J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, null: Array, *, loss: str
 ) -> Uncertainty:
     """Uncertainty in which the bounds determine the covariance along a null space, and the data determine it in all other directions.
 
@@ -118,15 +117,14 @@ def outside_null_space(
         reach: Half widths of the bounds, (n,), in the units of the parameters.
         null: Orthonormal basis of the null space of the parameters, (n, q), no unit.
         loss: Loss function of `least_squares`.
-        f_scale: Residual above which a robust loss reduces the weight.
     """
     n, q = null.shape
     if not q:
-        return uncertainty(J, r, times, reach, loss=loss, f_scale=f_scale)
+        return uncertainty(J, r, times, reach, loss=loss)
     basis = np.linalg.svd(null)[0]
     along, across = basis[:, :q], basis[:, q:]
     within = np.concatenate([J[:, :n] @ across, J[:, n:]], axis=1)
-    known = uncertainty(within, r, times, (across.T**2 @ reach**-2.0) ** -0.5, loss=loss, f_scale=f_scale)
+    known = uncertainty(within, r, times, (across.T**2 @ reach**-2.0) ** -0.5, loss=loss)
     covariance = across @ known.covariance @ across.T + along @ np.linalg.inv((along.T * reach**-2.0) @ along) @ along.T
     return Uncertainty(covariance, across @ known.information @ across.T, known.inflation)
 

@@ -329,7 +329,7 @@ class Study:
         model, _ = self.loaded
         measured = [
             {
-                **{f.name: getattr(o, f.name) for f in fields(o) if f.name not in ("measure", "cause")},
+                **{f.name: getattr(o, f.name) for f in fields(o) if f.name != "measure"},
                 "measure": controllers.name_of(o.measure),
                 "sha256": controllers.digest_of(o.measure),
             }

@@ -248,7 +248,6 @@ FUNCTIONS = {
     "controller is drive(now, dt), must take 1 argument, now: write def drive(now)": {"controller": lambda now, dt: 0.0},
     "controller is drive(), must take 1 argument, now: write def drive(now)": {"controller": lambda: 0.0},
     "start is drive(now), must take 2 arguments, now, rngs: write def drive(now, rngs)": {"start": lambda now: None},
-    "exact is drive(now), must take 2 arguments, now, times: write def drive(now, times)": {"exact": lambda now: None},
     "model is drive(name), must take no arguments: write def drive()": {"model": lambda name: PENDULUM},
 }
 

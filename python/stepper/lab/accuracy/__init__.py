@@ -1,7 +1,7 @@
 """Accuracy of a simulation: error against cost, settings for an error budget, and parts of a scene that can be removed.
 
 - `traces`: runs of episodes, and distances between runs
-- `reference`: converged or exact runs, from which errors are measured
+- `reference`: converged runs, from which errors are measured
 - `candidates`: settings that are compared
 - `costs`: processor time of settings
 - `chart`, `measure`: error against cost

@@ -42,7 +42,7 @@ class Chart:
     Attributes:
         study: The study.
         distance: Definition of errors: unit and horizon.
-        reference: Converged run or closed form, relative to which errors are measured.
+        reference: Converged run, relative to which errors are measured.
         dots: Points of the chart, ordered by settings, then time step.
         skipped: Settings that could not be run, with the reasons.
         document: The chart as a document.
@@ -73,8 +73,7 @@ def chart(
 ) -> Chart:
     """Charts error against cost for time steps, integrators, solvers, precisions, contact laws and MuJoCo.
 
-    The reference is the study's closed form (`Study.exact`), or a run that is converged by halving the time step
-    (`stepper.lab.accuracy.reference`). Sensors are ideal.
+    The reference is a run that is converged by halving the time step (`stepper.lab.accuracy.reference`). Sensors are ideal.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.lab.accuracy.candidates import Line
-from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience, reference_of
+from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience
 from stepper.lab.accuracy.traces import Distance, Trace, run
 from stepper.lab.study.study import Study
 
@@ -83,12 +83,12 @@ def chart_reference(
 ) -> tuple[Distance, Reference]:
     """Reference of a chart, and the definition of errors, which includes the horizon.
 
-    If `horizon` is None, errors are measured up to the time to which the reference of the median episode is converged. For a closed form,
-    that is the whole episode. The horizon is shorter if all episodes diverge earlier.
+    If `horizon` is None, errors are measured up to the time to which the reference of the median episode is converged. The horizon is
+    shorter if all episodes diverge earlier.
     """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
     distance = Distance(unit, horizon or study.seconds)
-    reference = reference_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, progress=progress)
+    reference = converge(study, episodes, distance, target=TARGET[unit], most=most, law=law, progress=progress)
     # Runs end where no episode is finite any more.
     reached = min(trace.reached for trace in (*reference.runs, *reference.second))
     if horizon is None or horizon > reached * (1 + 1e-9):

@@ -1,4 +1,4 @@
-"""Reference of a study: its closed-form solution, or a run that is converged by halving the time step, with its uncertainty.
+"""Reference of a study: a run that is converged by halving the time step, with its uncertainty.
 
 The first method is the midpoint rule, with the time steps h, h/2, h/4 and so on. Three runs x(h), x(h/2), x(h/4) give an observed order
 p = log2(|x(h) - x(h/2)| / |x(h/2) - x(h/4)|), where |...| is the distance between two runs (`Distance`). In smooth motion p is the
@@ -21,12 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.accuracy.traces import Distance, Trace, TraceRecorder, run
-from stepper.lab.study import controllers
-from stepper.lab.study.batches import begin, steps_of, world_of
-from stepper.lab.study.points import USUAL
+from stepper.lab.accuracy.traces import Distance, Trace, run
+from stepper.lab.study.batches import steps_of
 from stepper.lab.study.study import Study
-from stepper.lab.study.worlds import StepperWorld
 
 Array = NDArray[np.float64]
 _FIRST_METHOD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
@@ -45,22 +42,19 @@ _MAX_SLOWDOWN = 3.0
 """Largest ratio of the duration of a run with the second method to that of the run with the first method."""
 _ROUNDING = 1e-11
 """Largest difference of two runs that counts as a rounding error, m or rad."""
-_INITIAL_DIFFERENCE = 1e-9
-"""Largest accepted difference between the initial state of a closed-form solution and that of an episode, m, rad, m/s, rad/s."""
 _SMOOTH_ORDERS = (1.6, 2.6)
 """Range of observed orders of the midpoint rule in smooth motion."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Converged run or closed form, relative to which errors are measured, and its uncertainty.
+    """Converged run, relative to which errors are measured, and its uncertainty.
 
     With hard contact, a converged run is computed by two methods: the midpoint rule at ever smaller time steps, and a rule of first order
     as a check. With another contact law, it is computed by the integrator of that law's settings alone.
 
     Attributes:
-        runs: The three finest runs with the first method (the midpoint rule, or the integrator of another law), the finest last; a closed
-            form is a single run.
+        runs: The three finest runs with the first method (the midpoint rule, or the integrator of another law), the finest last.
         second: Runs with the rule of first order at the two finest time steps; empty if there is no second method.
         target: Target of the uncertainty, m or rad.
         uncertainty: Uncertainty of every episode up to the horizon, (episodes,), m or rad.
@@ -70,7 +64,6 @@ class Reference:
         known: Time up to which the last two runs of an episode agree to the target, (episodes,), s.
         rule: Name of the rule of first order, such as "Euler's rule".
         without: Names of integrators of first order that diverged or took too long.
-        exact: Name of the closed form; empty for converged runs.
     """
 
     runs: tuple[Trace, ...]
@@ -83,11 +76,10 @@ class Reference:
     known: Array
     rule: str = _SECOND_METHODS["euler"]
     without: tuple[str, ...] = ()
-    exact: str = ""
 
     @property
     def trace(self) -> Trace:
-        """Recorded run with the smallest time step, or the closed-form solution."""
+        """Recorded run with the smallest time step."""
         return self.runs[-1]
 
     @property
@@ -97,16 +89,12 @@ class Reference:
 
     def with_distance(self, distance: Distance) -> Reference:
         """Reference with the same runs, and the uncertainty for another definition of errors or another horizon."""
-        if self.exact:
-            return self
         found = _assessed(self.runs, self.second, distance, self.target)
         return replace(found, rule=self.rule, without=self.without)
 
     @property
     def words(self) -> str:
         """Description of the reference as a sentence: time step, observed order, second method and uncertainty."""
-        if self.exact:
-            return f"the closed form {self.exact}"
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
         sentences = [
@@ -200,81 +188,6 @@ def converge(
     if progress:
         progress(1.0)
     return replace(_assessed(runs, second, distance, target), rule=rule, without=tuple(without))
-
-
-def reference_of(
-    study: Study,
-    episodes: Sequence[int],
-    distance: Distance,
-    *,
-    target: float,
-    most: int = 7,
-    law: dict[str, Any] | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Reference:
-    """Reference of some episodes: the study's closed form if it has one, otherwise a run that is converged by halving the time step.
-
-    Args:
-        study: The study.
-        episodes: Numbers of the episodes.
-        distance: Definition of the difference of two runs.
-        target: Target of the uncertainty, m or rad.
-        most: Largest number of halvings of the study's time step, at least 2.
-        law: Settings of the converged run, such as those of MuJoCo's contact law. None selects hard contact and the midpoint rule.
-        progress: Progress callback with the fraction done.
-    """
-    if study.exact is None:
-        return converge(study, episodes, distance, target=target, most=most, law=law, progress=progress)
-    trace = closed_form(study, episodes)
-    if progress:
-        progress(1.0)
-    count = len(episodes)
-    return Reference(
-        runs=(trace,),
-        second=(),
-        target=target,
-        uncertainty=np.zeros(count),
-        orders=np.full(count, np.nan),
-        extrapolates=np.ones(count, np.bool_),
-        methods=np.full(count, np.nan),
-        known=np.full(count, trace.reached),
-        exact=controllers.name_of(study.exact) or "a function",
-    )
-
-
-def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
-    """Trace of episodes from the study's closed form, after every control period, with outcomes."""
-    assert study.exact is not None
-    world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
-    assert isinstance(world, StepperWorld)
-    begin(study, world, episodes)
-    name = controllers.name_of(study.exact)
-    times: Array = study.control_period * np.arange(study.num_control_steps + 1, dtype=np.float64)
-    found = study.exact(world, times)
-    if not isinstance(found, tuple | list) or len(found) != 2:
-        raise ValueError(f"{study.name}: exact, {name}, gives {type(found).__name__}, must give two arrays, qpos and qvel")
-    start = (world.qpos.copy(), world.qvel.copy())
-    rows = []
-    for what, given, own in zip(("qpos", "qvel"), found, start, strict=True):
-        made, shape = np.asarray(given, float), (len(times), *own.shape)
-        if made.shape != shape:
-            raise ValueError(f"{study.name}: exact, {name}, gives {what} of shape {made.shape}, must be (T, num_envs, n{what[0]}): {shape}")
-        if not np.isfinite(made).all():
-            raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite: it must be finite at all times")
-        if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _INITIAL_DIFFERENCE:
-            raise ValueError(
-                f"{study.name}: exact, {name}, begins {apart:.2g} away from the initial {what} of the episodes: at time 0 it must "
-                "return the world's qpos and qvel, with their noise"
-            )
-        rows.append(made)
-    seen = TraceRecorder(study, world)
-    seen.record(world)
-    for k, time in enumerate(times[1:], start=1):
-        world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])
-        world.time = np.full(world.num_envs, time)
-        seen.record(world)
-    # The duration of the reference is infinite, so that no run counts as much slower than the reference.
-    return replace(seen.trace(world, study.num_control_steps, math.inf), settings={"exact": name}, timestep=math.nan)
 
 
 def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], study: Study) -> list[Trace] | None:

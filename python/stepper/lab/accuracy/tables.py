@@ -102,12 +102,8 @@ def _words(found: ChartData) -> list[str]:
     words = [
         f"Errors are the {what} from the reference up to {horizon:.3g} s, in {unit}, medians over "
         f"{counted(len(reference.uncertainty), 'episode')}. Reference: {reference.words}."
-        + (
-            ""
-            if reference.exact
-            else f" Its last two runs agree to {TARGET[unit]:g} {unit} up to {np.median(reference.known):.3g} s (median; at least "
-            f"{reference.known.min():.3g} s). After this time, compare invariants and outcomes instead of single motions."
-        ),
+        f" Its last two runs agree to {TARGET[unit]:g} {unit} up to {np.median(reference.known):.3g} s (median; at least "
+        f"{reference.known.min():.3g} s). After this time, compare invariants and outcomes instead of single motions.",
         f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
         "batch, with recorded controls. MuJoCo steps one environment after the other in both.",
         "An error has three causes, each with its part. solver: distance from the same run solved to 1e-9 m/s in 64 bits. time step: "

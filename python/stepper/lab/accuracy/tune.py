@@ -20,7 +20,7 @@ from stepper._stepper import Model
 from stepper.lab.accuracy.candidates import hard_lines, timesteps
 from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.needs import Bench, Spare, spares
-from stepper.lab.accuracy.reference import Reference, check_moves, patience, reference_of
+from stepper.lab.accuracy.reference import Reference, check_moves, converge, patience
 from stepper.lab.accuracy.traces import Distance, Trace, quantity, run, runs
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.document import Document, Section, check_pages, counted
@@ -150,8 +150,8 @@ def tune(
     """Finds the cheapest settings of hard contact within an error budget, and parts of the scene that can be removed.
 
     Settings are chosen on some episodes and tested on others (held out). With the given confidence, at least the fraction `coverage` of
-    episodes is within the budget. Errors are those of time step, solver and precision. They are measured relative to the study's closed
-    form (`Study.exact`), or to a reference with the same contact law that is converged to a tenth of the budget.
+    episodes is within the budget. Errors are those of time step, solver and precision. They are measured relative to a
+    reference with the same contact law that is converged to a tenth of the budget.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
@@ -197,7 +197,7 @@ def tune(
             "or lower coverage or confidence"
         )
     with locked(path_of("out", out) / study.name) as folder:
-        reference = reference_of(
+        reference = converge(
             study, range(episodes), distance, target=_REFERENCE_SHARE * budget, progress=lambda done: report_progress("reference", done)
         )
         usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, report_progress=report_progress)
@@ -415,7 +415,7 @@ def _held_out(candidate: Candidate, distance: Distance, budget: float, study: St
 
     All errors are infinite if the run was stopped.
     """
-    reference = reference_of(study, episodes, distance, target=_REFERENCE_SHARE * budget)
+    reference = converge(study, episodes, distance, target=_REFERENCE_SHARE * budget)
     patient = patience(study, reference.trace, candidate.settings["timestep"])
     trace = run(study, episodes, patience=patient, **candidate.settings)
     return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, reference.trace), reference.uncertainty

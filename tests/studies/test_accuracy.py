@@ -289,25 +289,19 @@ def saves(monkeypatch):
     return told
 
 
-def test_what_a_scene_does_not_need(tmp_path, saves):
-    motor = stepper.lab.Parameter("controller", nominal=0.01, low=0.0, high=0.02)
-    study = scene(controller=lambda now: now.parameters["motor"][:, None], parameters={"motor": motor})
-    found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
-    spare = {own.part: own for own in found.spare}
+def test_pairs_that_a_scene_does_not_need(tmp_path, saves):
+    found = stepper.lab.tune(scene(), tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
     # Balls and arm meet one another nowhere, nor does the arm the floor; both balls lie on the floor.
-    assert "4 of 6 pairs of bodies" in spare
-    assert "1 sensors" in spare
-    assert all(own.removed and own.error == 0.0 for own in found.spare)
-    smaller = stepper.load(tmp_path / "scene/smaller.stepper")
-    assert (smaller.nsensordata, smaller.nv) == (0, study.loaded[0].nv)
+    assert (found.unused.count, found.unused.of, found.unused.error) == (4, 6, 0.0)
+    assert stepper.load(tmp_path / "scene/smaller.stepper").nv == found.study.loaded[0].nv
+    assert "smaller.stepper excludes them" in str(found)
     # What saves nothing, or perhaps nothing, stays.
     saves["share"] = (0.02, -0.01)
-    found = stepper.lab.tune(study, tmp_path / "nothing", error="1 mm", horizon="0.1 s", coverage=0.5)
-    assert {own.part for own in found.spare} >= spare.keys() - {"all removed parts together"}
-    assert not any(own.removed for own in found.spare)
+    found = stepper.lab.tune(scene(), tmp_path / "nothing", error="1 mm", horizon="0.1 s", coverage=0.5)
+    assert found.unused.count == 4
     assert found.smaller is None
     assert not (tmp_path / "nothing/scene/smaller.stepper").exists()
-    assert "no: it saves nothing" in str(found)
+    assert "They stay, because that saves nothing" in str(found)
 
 
 def test_a_saving_is_timed():
@@ -320,13 +314,6 @@ def test_a_saving_is_timed():
     assert median >= least > 0.2
     median, least = saving((falling, {}), (touching, {}), trace)
     assert least <= median < 0
-
-
-def test_what_is_used_stays(tmp_path):
-    """A drive that reads the sensor."""
-    study = scene(controller=lambda now: 0.02 - 0.0 * now.read("sensordata", "angle"))
-    found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
-    assert "sensors" not in " ".join(own.part for own in found.spare)
 
 
 def test_the_commands_run(tmp_path, monkeypatch):

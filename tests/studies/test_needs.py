@@ -1,11 +1,12 @@
-"""Friction that a heap uses, pairs of bodies that may touch, and parts of a scene that can be taken out."""
+"""Friction that a heap uses, and pairs of bodies that may touch, or need no contact."""
 
 import numpy as np
 import pytest
 import stepper
-from stepper.lab.accuracy.needs import Bench, spares
-from stepper.lab.accuracy.traces import Distance, run
-from stepper.lab.study.touching import pairs_of_bodies, pairs_that_may_touch, touching
+from stepper.lab.accuracy import needs
+from stepper.lab.accuracy.needs import pairs_that_may_touch, unused_pairs
+from stepper.lab.accuracy.traces import Distance
+from stepper.lab.study.touching import touching
 
 MASS, G = 8.0, 9.81
 BOXES = "".join(
@@ -20,7 +21,7 @@ HEAP = f"""<mujoco><option timestep=".005"/><worldbody><geom name="floor" type="
 @pytest.fixture(autouse=True)
 def saves(monkeypatch):
     """Everything that is taken out saves a tenth, whatever the clock says."""
-    monkeypatch.setattr(Bench, "saved", lambda self, smaller: (0.1, 0.05))
+    monkeypatch.setattr(needs, "saving", lambda own, less, trace: (0.1, 0.05))
 
 
 def push(now):
@@ -36,13 +37,9 @@ def heap(more=""):
     )
 
 
-def bench(study):
-    return Bench(study, range(1), {}, Distance("m", study.seconds), run(study, range(1)))
-
-
 def test_the_used_part_of_a_cone_is_that_of_statics():
     study = heap()
-    pairs = {pair.names: pair for pair in touching(study, range(1)).pairs}
+    pairs = {pair.names: pair for pair in touching(study, range(1))}
     # Of all contacts together the push over the weight.
     assert pairs["low", "top"].used == pytest.approx(1 / 8, rel=1e-6)
     assert pairs["floor", "low"].used == pytest.approx(1 / 16, rel=1e-6)
@@ -54,7 +51,7 @@ def test_the_used_part_of_a_cone_is_that_of_statics():
 def test_an_explicit_pair_has_its_own_cone():
     more = '<contact><pair geom1="low" geom2="top" friction=".5 .5 .005 .0001 .0001"/></contact>'
     study = heap(more)
-    pairs = {pair.names: pair for pair in touching(study, range(1)).pairs}
+    pairs = {pair.names: pair for pair in touching(study, range(1))}
     assert pairs["low", "top"].friction == 0.5
 
 
@@ -64,12 +61,6 @@ def contacts(model, qpos):
     sim.reset(qpos=qpos)
     sim.step()
     return len(sim.contacts()["force"]) > 0
-
-
-def without(study, start):
-    """Entries of what is not needed whose words begin so, and the model without it."""
-    found, smaller = spares(bench(study), 1e-4, lambda _: None)
-    return [own for own in found if start in own.part], smaller
 
 
 FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
@@ -82,9 +73,8 @@ FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
 @pytest.mark.parametrize("more", ["", '<exclude body1="a" body2="b"/>'])
 def test_explicit_pairs_that_never_come_near_are_taken_out(tmp_path, masks, more):
     study = stepper.lab.Study(model=FAR.format(masks=masks, more=more, place=3, pair="a"), seconds=0.1, episodes=1, control=0.02)
-    (found,), smaller = without(study, "1 of 1 pairs of bodies")
-    assert found.removed
-    assert found.error == 0.0
+    found, smaller = unused_pairs(study, range(1), {}, Distance("m", study.seconds), 1e-4)
+    assert (found.count, found.of, found.error) == (1, 1, 0.0)
     smaller.save(tmp_path / "smaller.stepper")
     near = np.array(study.loaded[0].qpos0)
     near[7] = 0.15
@@ -108,7 +98,7 @@ def test_pairs_of_bodies_are_those_whose_masks_meet():
       <body pos="1 0 0"><joint/><geom size=".1"/><body pos="1 0 0"><joint/><geom size=".1" contype="0" conaffinity="2"/>
       </body></body></body></worldbody></mujoco>"""
     # The world with two links; parent and child never, and the last link's mask meets nobody's.
-    assert pairs_of_bodies(stepper.load(arm)) == {(0, 1), (0, 2)}
+    assert pairs_that_may_touch(*stepper.lab.Study.from_model(arm).loaded) == {(0, 1), (0, 2)}
 
 
 def test_bodies_without_joints_belong_to_their_parent():
@@ -117,8 +107,8 @@ def test_bodies_without_joints_belong_to_their_parent():
       <body name="one" pos="0 0 1"><joint axis="0 1 0"/><geom size=".1"/><body name="two" pos="1 0 0"><joint axis="0 1 0"/><geom size=".1"/>
       <body name="hand" pos="1 0 0"><geom size=".1"/><body name="camera" pos="0 .3 0"><geom size=".1"/></body></body></body></body>
       </worldbody></mujoco>"""
-    model = stepper.load(arm)
-    names = {frozenset(model.body_names[k] for k in pair) for pair in pairs_of_bodies(model)}
+    model, compiled = stepper.lab.Study.from_model(arm).loaded
+    names = {frozenset(model.body_names[k] for k in pair) for pair in pairs_that_may_touch(model, compiled)}
     # Neither what is rigid nor a link and the next one, with all that is on them: the floor and the lamp with four bodies each.
     assert names == {frozenset((one, other)) for one in ("world", "lamp") for other in ("one", "two", "hand", "camera")}
     assert "8 of" in str(model.explain())

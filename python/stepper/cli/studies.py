@@ -75,12 +75,12 @@ def tune(
     out: Out = Path("out"),
     coverage: Annotated[float, typer.Option(help="Fraction of episodes that must stay within the budget, with 95 % confidence.")] = 0.9,
     alone: Annotated[bool, typer.Option("--alone", help="Minimise the cost of a single environment, not of a batch.")] = False,
-    reduce: Annotated[bool, typer.Option(help="Search for parts of the scene that can be removed.")] = True,
+    reduce: Annotated[bool, typer.Option(help="Search for pairs of bodies that never come near each other.")] = True,
     values: Values = None,
 ) -> None:
     """Finds the cheapest settings within an error budget, tests them on further episodes, and prints them as Options(...).
 
-    The command also lists parts of the scene that can be removed within the budget.
+    The command also excludes pairs of bodies that never came near each other from contact, if that saves time within the budget.
 
     Example: stepper tune robot.xml --error "1 mm" --horizon "0.5 s"
     """

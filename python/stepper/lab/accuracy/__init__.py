@@ -1,4 +1,4 @@
-"""Accuracy of a simulation: error against cost, settings for an error budget, and parts of a scene that can be removed.
+"""Accuracy of a simulation: error against cost, settings for an error budget, and pairs of bodies that need no contact.
 
 - `traces`: runs of episodes, and distances between runs
 - `reference`: converged runs, from which errors are measured
@@ -8,7 +8,7 @@
 - `invariants`: errors that stay meaningful in chaotic motion
 - `dots`, `tables`, `draw`: numbers, documents and picture of a chart
 - `tune`: the cheapest settings within an error budget
-- `needs`: parts of a scene that can be removed
+- `needs`: pairs of bodies that need no contact
 """
 
 from stepper.lab.accuracy.chart import Chart, chart

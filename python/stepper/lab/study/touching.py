@@ -46,23 +46,10 @@ class Pair:
     slides: float
 
 
-@dataclass(frozen=True)
-class Touching:
-    """Statistics of contacts over episodes.
-
-    Attributes:
-        pairs: Pairs of geoms, the largest impulse first.
-        senses: Whether the controller or an outcome read a sensor.
-    """
-
-    pairs: tuple[Pair, ...]
-    senses: bool
-
-    @property
-    def deciding(self) -> tuple[Pair, ...]:
-        """Pairs of geoms with at least a hundredth of the total impulse of all pairs, or a tenth of the largest force of any pair."""
-        total, peak = sum(pair.impulse for pair in self.pairs), max((pair.peak for pair in self.pairs), default=0.0)
-        return tuple(pair for pair in self.pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak)
+def deciding(pairs: Sequence[Pair]) -> list[Pair]:
+    """Pairs of geoms with at least a hundredth of the total impulse of all pairs, or a tenth of the largest force of any pair."""
+    total, peak = sum(pair.impulse for pair in pairs), max((pair.peak for pair in pairs), default=0.0)
+    return [pair for pair in pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak]
 
 
 def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], float]:
@@ -97,42 +84,6 @@ def pair_friction(model: Model, friction: Array, first: int, second: int, explic
     if one.priority != other.priority:
         return float(friction[first if one.priority > other.priority else second, 0])
     return float(max(friction[first, 0], friction[second, 0]))
-
-
-def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
-    """Pairs of bodies that may collide, the lower index first.
-
-    The masks of the two bodies' geoms (contype, conaffinity) match. The bodies can move relative to each other, and are not parent and
-    child. Bodies without joints count as parts of their parents. The world can collide with its children. `pairs_that_may_touch` also
-    applies explicit pairs and exclusions.
-    """
-    rigid = [0] * model.nbody
-    for k in range(1, model.nbody):
-        rigid[k] = k if model.body(k).jntnum else rigid[model.body(k).parentid]
-    below = [rigid[model.body(k).parentid] for k in rigid]
-    geoms = [model.geom(g) for g in range(model.ngeom)]
-    kinds = {(g.bodyid, g.contype, g.conaffinity) for g in geoms}
-    return {
-        (min(a, b), max(a, b))
-        for a, ones, takes in kinds
-        for b, others, gives in kinds
-        if ((ones & gives) or (others & takes))
-        and rigid[a] != rigid[b]
-        and not (rigid[a] and rigid[b] and (below[a] == rigid[b] or below[b] == rigid[a]))
-    }
-
-
-def pairs_that_may_touch(model: Model, compiled: Any) -> set[tuple[int, int]]:
-    """Pairs of bodies that may collide, with the exclusions and explicit pairs of an `MjModel`.
-
-    Args:
-        model: Model of the scene.
-        compiled: `mujoco.MjModel` of the scene.
-    """
-    # A signature has one body in its upper 16 bits and the other in its lower.
-    excluded = {(min(s >> 16, s & 0xFFFF), max(s >> 16, s & 0xFFFF)) for s in map(int, compiled.exclude_signature)}
-    explicit = [[model.geom(g).bodyid for g in (pair.geom1, pair.geom2)] for pair in map(model.pair, range(model.npair))]
-    return (pairs_of_bodies(model) - excluded) | {(min(a, b), max(a, b)) for a, b in explicit}
 
 
 class _Ledger:
@@ -182,8 +133,8 @@ class _Ledger:
             book["used"] = max(book["used"], float((side[firm] / force[firm]).max(initial=0.0)))
             book["slides"] += timestep * force[side >= _SLIDING_SHARE * mu * force].sum()
 
-    def result(self, *, senses: bool) -> Touching:
-        """Statistics of all steps so far. `senses` is whether the controller or an outcome has read a sensor."""
+    def result(self) -> list[Pair]:
+        """Statistics of all steps so far, the pair with the largest impulse first."""
         names = [name or f"#{k}" for k, name in enumerate(self.model.geom_names)]
         pairs = [
             Pair(
@@ -198,11 +149,11 @@ class _Ledger:
             )
             for key, book in self.found.items()
         ]
-        return Touching(tuple(sorted(pairs, key=lambda pair: (-pair.impulse, pair.geoms))), senses)
+        return sorted(pairs, key=lambda pair: (-pair.impulse, pair.geoms))
 
 
-def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
-    """Runs episodes with nominal parameters, and returns statistics of the contacts in every step.
+def touching(study: Study, episodes: Sequence[int], **changed: Any) -> list[Pair]:
+    """Runs episodes with nominal parameters, and returns statistics of all pairs of geoms that had contacts, the largest impulse first.
 
     Args:
         study: The study.
@@ -215,6 +166,5 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     own = world.sim.randomized
     geoms, pairs = (own[name][0] if name in own else getattr(world.model, name) for name in ("geom_friction", "pair_friction"))
     ledger = _Ledger(world.model, len(episodes), np.asarray(geoms, np.float64), _friction_of_pairs(world.model, np.asarray(pairs)))
-    # Outcomes are measured too, to record whether they read sensors.
     run_batch(study, world, episodes, ledger.record)
-    return ledger.result(senses=world.senses)
+    return ledger.result()

@@ -93,7 +93,6 @@ class World(BatchView):
         num_envs: Number of environments.
         timestep: Time step, s.
         time: Time since the start of the episode, (num_envs,) s.
-        senses: Whether a sensor was read.
         ideal: Whether this run has ideal sensors even if the study has a sensor model, as in charts, tuning and diagnoses of failures.
             Controllers that simulate sensor errors themselves, such as a field of view, must then leave them out.
         last_ctrl: Last return value of the controller: controls (num_envs, nu) or (nu,), or None if it kept the previous controls.
@@ -109,7 +108,7 @@ class World(BatchView):
         self.episodes: NDArray[np.int64] = np.arange(num_envs)
         self.timestep = 0.0
         self.last_ctrl: Any = None
-        self.senses = self.ideal = False
+        self.ideal = False
         self._streams, self._period = Streams(num_envs, 0), 1.0
         self.default_qpos: Array = np.asarray(plan.model.qpos0, np.float64)
         self._stored: dict[str, Any] = {}
@@ -221,7 +220,6 @@ class StepperWorld(World):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "sim" or name in CHANGING or not hasattr(Stepper, name):
             return super().__getattr__(name)
-        self.senses |= name in ("sensordata", "sensordata_ideal")
         value = getattr(self.sim, name)
         return np.asarray(value, np.float64) if isinstance(value, np.ndarray) and value.dtype == np.float32 else value
 

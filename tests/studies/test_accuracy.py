@@ -100,7 +100,6 @@ def test_a_rule_that_takes_too_long_is_no_judge(monkeypatch):
     monkeypatch.setattr(sys.modules["stepper.lab.accuracy.reference"], "patience", lambda *_: 0.0)
     found = converge(pendulum(seconds=0.1), range(2), Distance("m", 0.1), target=1e-5, most=2)
     assert found.second == ()
-    assert not found.stopped
     assert "Euler's rule and the implicit rule cannot check it" in found.words
     assert "and there is no other method" in found.words
     assert np.isfinite(found.uncertainty).all()

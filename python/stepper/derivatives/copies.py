@@ -199,18 +199,19 @@ def _displace(
     Returns:
         Controls of the copies, (copies, nu).
     """
-    column, offsets = (np.pad(part, ((0, 0), (1, 0)), constant_values=-1).reshape(-1) for part in (column, offsets))
+    # The first copy of a group belongs to no column.
+    columns, moves = np.insert(column, 0, -1, axis=1).reshape(-1), np.insert(offsets, 0, 0.0, axis=1).reshape(-1)
     flat = {name: value[index] for name, value in nominal.fields.items()}
     place = 0
     for block in blocks:
-        moved = np.flatnonzero((column >= place) & (column < place + block.count))
-        at = block.places[column[moved] - place]
+        moved = np.flatnonzero((columns >= place) & (columns < place + block.count))
+        at = block.places[columns[moved] - place]
         if block.field == "qpos":
             displacement = np.zeros((len(moved), sim.model.nv))
-            displacement[np.arange(len(moved)), at] = offsets[moved]
+            displacement[np.arange(len(moved)), at] = moves[moved]
             flat["qpos"][moved] = sim.model.integrate_pos(flat["qpos"][moved], displacement)
         else:
-            flat[block.field][moved, at] += offsets[moved]
+            flat[block.field][moved, at] += moves[moved]
         place += block.count
     _randomize(copies, nominal, blocks, flat, index)
     _restore(sim, copies, index)

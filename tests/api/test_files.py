@@ -215,7 +215,7 @@ def test_a_study_in_python_is_named_when_it_is_no_text(tmp_path):
 
 
 @pytest.mark.parametrize("words", [
-    ["explain", "m.xml"], ["compare", "m.xml"], ["chart", "m.xml"], ["view", "m.xml"],
+    ["explain", "m.xml"], ["chart", "m.xml"], ["view", "m.xml"],
     ["tune", "m.xml", "--error", "1 mm", "--horizon", "1 s"], ["sweep", "study.toml"], ["rank", "study.toml"], ["report", "study.toml"],
     ["view", "study.toml"],
     ["replay", "run"], ["report", "run"], ["view", "run"],
@@ -325,7 +325,6 @@ def folders_of_commands():
         "chart": ["chart", "study.toml"],
         "explain": ["explain", "study.toml"],
         "calibrate": ["calibrate", "study.toml", "--margin", "0.1"],
-        "compare": ["compare", "m.xml"],
         "identify": ["identify", "m.xml", "log.csv", "-p", "dof_damping[my hinge]"],
         "demo": ["demo", "--num-envs", "1"],
     }

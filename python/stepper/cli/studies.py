@@ -1,4 +1,4 @@
-"""Commands of studies: `stepper chart`, `tune`, `sweep`, `rank`, `report`, `calibrate`, `compare` and `explain`."""
+"""Commands of studies: `stepper chart`, `tune`, `sweep`, `rank`, `report`, `calibrate` and `explain`."""
 
 from __future__ import annotations
 
@@ -232,26 +232,6 @@ def calibrate(
                 own, out, margin=margin, samples=samples, worlds=worlds, tries=tries, parameters=names, setting=setting, progress=progress
             )
     show(found)
-
-
-def compare(
-    model: Annotated[str, typer.Argument(help="MJCF, URDF or a saved model.")],
-    out: Out = Path("out"),
-    seconds: Annotated[float, typer.Option(help="Length of an episode, s.")] = 2.0,
-    num_envs: Annotated[int, typer.Option(min=1, help="Number of episodes.")] = 8,
-    seed: Annotated[int, typer.Option(help="Seed of the random controls.")] = 0,
-) -> None:
-    """Compares hard contact, MuJoCo's contact law in stepper, and MuJoCo, on a model with random controls.
-
-    The command prints a table and draws a picture.
-
-    Example: stepper compare humanoid.xml --seconds 3
-    """
-    with locked(out):
-        with show_progress() as progress:
-            found = lab.compare(model, seconds=seconds, num_envs=num_envs, seed=seed, progress=progress)
-        print(found.table())
-        show_files([found.draw(out / "compare.png")])
 
 
 def explain(

@@ -444,28 +444,6 @@ class MujocoWorld(World):
             np.add.at(out, at, sign * np.concatenate([force, torque + np.cross(contacts["pos"] - xipos[at], force)], axis=1))
         return out
 
-    def energy(self) -> tuple[Array, Array]:
-        """Potential and kinetic energy, (num_envs,) each, J. Bodies that are fixed to the world do not count, as in `Stepper.energy`."""
-        found = []
-        for data, model in zip(self._now(), self._models, strict=True):
-            self._mujoco.mj_energyPos(model, data)
-            self._mujoco.mj_energyVel(model, data)
-            fixed = model.body_weldid == 0
-            height = data.xipos[fixed] @ model.opt.gravity
-            found.append(data.energy + np.array([model.body_mass[fixed] @ height, 0.0]))
-        potential, kinetic = np.array(found).T
-        return potential, kinetic
-
-    @property
-    def max_limit_violation(self) -> Array:
-        """Largest violation of a hinge's or slide's range in the current state, (num_envs,), rad or m."""
-        m, joints = self._models[0], self._mujoco.mjtJoint
-        one = (m.jnt_limited != 0) & np.isin(m.jnt_type, [joints.mjJNT_HINGE, joints.mjJNT_SLIDE])
-        q = self.qpos[:, m.jnt_qposadr[one]]
-        low, high = np.array([model.jnt_range[one] for model in self._models]).transpose(2, 0, 1)
-        beyond: Array = np.max(np.maximum(low - q, q - high), axis=1, initial=0.0)
-        return beyond
-
     def contacts(self) -> NDArray[np.void]:
         """Contacts of the last step, a structured array (ncontact,) with the units of `Stepper.contacts`."""
         rows, wrench = [], np.zeros(6)

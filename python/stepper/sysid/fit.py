@@ -479,7 +479,6 @@ def _concluded(
         parameters=tuple(block.parameter for block in residuals.blocks),
         theta=theta,
         covariance=covariance,
-        information=sure.information / np.outer(scale, scale),
         scale=scale,
         determined=known,
         combinations=together,

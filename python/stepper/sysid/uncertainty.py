@@ -38,12 +38,10 @@ class Uncertainty:
 
     Attributes:
         covariance: Covariance of x, (n, n). It is finite, because the bounds limit the variance of undetermined parameters.
-        information: Information matrix H of the data and the priors, (n, n), without bounds.
         inflation: Ratios of the standard deviations to those for white noise, (n,).
     """
 
     covariance: Array
-    information: Array
     inflation: Array
 
 
@@ -102,7 +100,7 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
     covariance = _at_least(np.asarray(inverse @ (coloured + known) @ inverse), plain)
     covariance = _at_least(covariance, np.asarray(inverse @ (_long_run(scores) + known) @ inverse))
     inflation = np.sqrt(np.diag(covariance) / np.diag(inverse))
-    return Uncertainty((covariance + covariance.T) / 2, H, inflation)
+    return Uncertainty((covariance + covariance.T) / 2, inflation)
 
 
 def outside_null_space(
@@ -126,7 +124,7 @@ def outside_null_space(
     within = np.concatenate([J[:, :n] @ across, J[:, n:]], axis=1)
     known = uncertainty(within, r, times, (across.T**2 @ reach**-2.0) ** -0.5, loss=loss)
     covariance = across @ known.covariance @ across.T + along @ np.linalg.inv((along.T * reach**-2.0) @ along) @ along.T
-    return Uncertainty(covariance, across @ known.information @ across.T, known.inflation)
+    return Uncertainty(covariance, known.inflation)
 
 
 def _at_least(covariance: Array, other: Array) -> Array:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import warnings
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from stepper import lab
 from stepper.cli.options import (
-    RECORDING,
-    STUDY,
     Out,
     Seed,
     Setting,
@@ -30,7 +28,6 @@ from stepper.lab.study.document import Document, Section, check_pages
 from stepper.lab.study.points import USUAL
 from stepper.loading import ModelWarning
 from stepper.loading.findings import explained
-from stepper.recording.format import HEADER, end_of, find_blocks, read_header, reading
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import provenance
 from stepper.shared.progress import show_files, show_progress
@@ -145,41 +142,14 @@ def rank(
     show(found)
 
 
-def report(source: Annotated[Path, typer.Argument(help=f"{STUDY} Or: {RECORDING}")], out: Out = Path("out")) -> None:
+def report(study: StudyFile, out: Out = Path("out")) -> None:
     """Writes the simulator report of a study: state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
-
-    For a recording, the command prints the settings, and where it ends if it was cut off.
 
     Example: stepper report examples/studies/tray.toml
     """
-    if source.is_dir():
-        report_recording(source)
-        return
     with progress_kept_in(out) as progress:
-        found = lab.report(study_of_file(source), out, progress=progress)
+        found = lab.report(study_of_file(study), out, progress=progress)
     show(found)
-
-
-def report_recording(recording: Path) -> None:
-    """Prints the settings of a recording, and where it ends if it was cut off."""
-    head = read_header(recording)
-    rows = sum(block.rows for block in find_blocks(recording, head))
-    end = end_of(recording, head)
-    with reading(recording / HEADER):
-        _report(recording, head | {"rows": rows}, end)
-
-
-def _report(recording: Path, head: dict[str, Any], end: str) -> None:
-    """Prints the contents of a recording's header."""
-    envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
-    print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}')
-    if end:
-        print(end)
-    print(f"model {head['model']['sha256']}")
-    if head["note"]:
-        print(f"note: {head['note']}")
-    settings = head["options"] | {"tolerance": head["tolerance"], "seed": head["seed"]}
-    print(", ".join(f"{name} {value}" for name, value in settings.items() if value is not None))
 
 
 def calibrate(

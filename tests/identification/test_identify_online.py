@@ -157,7 +157,7 @@ def test_intervals_of_a_line_under_coloured_noise(colour, spacing):
         for k in range(1, T):
             noise[k] = colour * noise[k - 1] + np.sqrt(1 - colour**2) * noise[k]
         error = inverse @ J.T @ noise
-        std = np.sqrt(np.diag(uncertainty(J, noise - J @ error, times, np.full(2, 100.0), loss="linear").covariance))
+        std = np.sqrt(np.diag(uncertainty(J, noise - J @ error, times, np.full(2, 100.0)).covariance))
         stds.append(std)
         inside.append(np.abs(error) < 1.96 * std)
     # Of 400 intervals of 95 %, three standard deviations are 3 %; short series make those of coloured noise a little too narrow.

@@ -33,7 +33,7 @@ class Search:
 
     Attributes:
         theta: Parameter vector at the end of the search, (n,).
-        cost: Half the sum of the losses of all residuals.
+        cost: Half the sum of the squares of all residuals.
         converged: Whether the search converged within `max_evaluations`.
     """
 

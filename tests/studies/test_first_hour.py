@@ -151,12 +151,6 @@ def test_a_misspelt_field_is_corrected(capsys, monkeypatch, text, hint):
     assert hint in failed(capsys, monkeypatch, "sweep", "reach.toml", "--parameter", text)
 
 
-@pytest.mark.usefixtures("reach")
-def test_a_misspelt_field_of_a_value_is_corrected(capsys, monkeypatch):
-    told = failed(capsys, monkeypatch, "view", "reach.toml", "--values", "body_mas[arm]=1")
-    assert "did you mean body_mass" in told
-
-
 @pytest.mark.parametrize(
     ("values", "told"),
     [
@@ -303,13 +297,6 @@ def test_controls_in_the_wrong_orientation_get_the_remedy(reach, capsys, monkeyp
     (reach / "control.py").write_text(f"import numpy as np\n\ndef control(now):\n    return np.zeros({shape})\n")
     (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)
     assert failed(capsys, monkeypatch, "sweep", "reach.toml", "--no-cliffs").endswith(f"or None; {remedy} has this shape\n")
-
-
-def test_the_command_names_a_controller_with_other_arguments_in_one_line(reach, capsys, monkeypatch):
-    (reach / "control.py").write_text("def control(now, dt):\n    return 0.0\n")
-    (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)
-    told = failed(capsys, monkeypatch, "sweep", "reach.toml")
-    assert told == "reach.toml: controller is control(now, dt), must take 1 argument, now: write def control(now)\n"
 
 
 def test_environments_of_a_batch_share_the_options_of_the_step():

@@ -110,11 +110,6 @@ def test_a_page_without_a_search_for_cliffs_says_so(tmp_path):
     assert "nowhere" not in str(found)
 
 
-def test_a_missing_file_is_named_before_its_ending(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"tray\.tml"):
-        stepper.lab.sweep(tmp_path / "tray.tml", tmp_path)
-
-
 def test_cliffs_of_values_in_any_order_and_of_any_width(tmp_path):
     friction = Parameter("geom_friction[*][0]", values=(1.2, 0.2))
     push_alone = {"push": tray().parameters["push"]}

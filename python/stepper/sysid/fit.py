@@ -245,8 +245,8 @@ class _Solver:
             starts: Start points x, (n + starts,) each: n parameters in units of their scales, then uncertain initial coordinates. There may
                 be none.
             tolerance: Relative change of x below which a search ends.
-            known: Known minima. If there are any, searches use one-sided differences. Those that reach one of these, or parameters with
-                which the simulation diverges, are left out, and so are those that end high above the known minima.
+            known: Known minima. If there are any, searches use one-sided differences. Those that reach one of these, or end high above
+                them, are left out. So are those that reach parameters with which the simulation diverges.
         """
         together = Together(self._residuals, len(starts), sides=1 if known else 2)
         self._searches += 1

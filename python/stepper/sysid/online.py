@@ -48,11 +48,11 @@ class TrackedParameter:
         labels: Names of the parameters.
         values: Estimates in their units, (n,): weighted means over the tracker's hypotheses about friction.
         interval: 95 % intervals in the same units, (n, 2).
-        determined: Whether the readings so far determine each parameter, (n,). All are False if the estimate has not converged, or if the
-            mean squared prediction error of the last 15 samples is three times its variance or more: then the model is wrong, or readings
-            and controls are shifted by a sample (`identify` tells which). The interval of an undetermined value is infinite: from 0 for a
-            positive quantity, otherwise from minus infinity. That of an undetermined friction begins at the largest value that the readings
-            exclude.
+        determined: Whether the readings so far determine each parameter, (n,). All are False if the estimate has not converged. They
+            are also False if the mean squared prediction error of the last 15 samples is at least three times its variance. The model is
+            then wrong, or readings and controls are shifted by a sample: `identify` tells which. The interval of an undetermined value is
+            infinite: from 0 for a positive quantity, otherwise from minus infinity. That of an undetermined friction begins at the largest
+            value that the readings exclude.
         covariance: Covariance of the parameter vector theta, which has the logarithms of positive quantities, (n, n).
         surprise: Mean square of the prediction errors of this sample, each divided by its noise: about 1 for a correct model, much more
             for a wrong one.

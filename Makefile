@@ -108,12 +108,11 @@ studies: build
 	$(BIN)/python examples/studies/encoders.py out/encoders.png
 	$(BIN)/stepper chart examples/studies/tray.toml --quick
 	hopper=$$($(BIN)/python -c 'import gymnasium, pathlib; print(pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml")') \
-	  && $(BIN)/stepper explain $$hopper --run && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"
-	$(BIN)/stepper explain benches/studies/g1.py --run
+	  && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"
 	$(BIN)/stepper chart benches/studies/g1.py --quick --horizon "0.2 s"
 	$(BIN)/stepper tune benches/studies/g1.py --error "5 mm" --horizon "0.2 s"
 
-# Policies as ONNX files, studies over Ray, and with robots of packages. In the environment of `make adapters`, which has torch and Ray.
+# Policies as ONNX files, and studies with robots of packages. In the environment of `make adapters`, which has torch.
 study-libraries: build $(LIBRARIES)/study.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(wildcard tests/study_libraries/test_*.py)
 

@@ -1,4 +1,4 @@
-"""Study of a box that slides until friction stops it, 30 degrees off the axes, with its closed form: `stepper chart` compares engines."""
+"""Study of a box that slides until friction stops it, 30 degrees off the axes: `stepper chart` compares engines."""
 
 import math
 from typing import Any
@@ -17,25 +17,12 @@ def start(world: stepper.lab.World, _rngs: object) -> tuple[NDArray[Any], NDArra
     return np.tile(world.model.qpos0, (world.num_envs, 1)), np.tile(qvel, (world.num_envs, 1))
 
 
-def exact(world: stepper.lab.World, times: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Positions (T, num_envs, 7), m, and velocities (T, num_envs, 6), m/s, of uniform deceleration to rest."""
-    slowing = FRICTION * GRAVITY
-    until = np.minimum(times, SPEED / slowing)[:, None, None]
-    along = np.array([math.cos(ANGLE), math.sin(ANGLE)])
-    qpos = np.repeat(world.qpos[None], len(times), axis=0)
-    qvel = np.zeros((len(times), *world.qvel.shape))
-    qpos[..., :2] += (SPEED * until - 0.5 * slowing * until**2) * along
-    qvel[..., :2] = (SPEED - slowing * until) * along
-    return qpos, qvel
-
-
 study = stepper.lab.Study(
     name="slide",
     model=f"""<mujoco><option gravity="0 0 -{GRAVITY}"/><default><geom friction="{FRICTION} 0 0"/></default>
       <worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 .05"><freejoint/><geom type="box" size=".1 .1 .05" mass="1"/></body>
       </worldbody></mujoco>""",
     start=start,
-    exact=exact,
     seconds=1.0,
     episodes=1,
 )

@@ -124,14 +124,6 @@ def test_a_recording_that_lost_what_its_header_counts_is_refused(unclosed):
             stepper.recording.verify(unclosed)
 
 
-def test_a_report_says_where_a_recording_was_cut(unclosed, capsys):
-    from stepper.cli.studies import report
-
-    report(unclosed)
-    assert "31 rows" in (said := capsys.readouterr().out)
-    assert "not closed: it ends after 31 rows" in said
-
-
 def test_a_full_disk_ends_a_recording_that_is_read_up_to_there(model, tmp_path):
     sim = stepper.Stepper(model, 2)
     with sim.record(tmp_path / "run", chunk=1) as recording:

@@ -114,12 +114,6 @@ def replayed(path, _):
     return stepper.recording.verify(path.parent)
 
 
-def reported(path, _):
-    from stepper.cli.studies import report_recording
-
-    return report_recording(path.parent)
-
-
 def from_file(path, _):
     return stepper.Model.from_file(path)
 
@@ -140,7 +134,6 @@ READERS = [
     ("p.npz", lambda path, _: stepper.policies.load(path)),
     ("i.json", Identification.load),
     *[(f"run/{name}", read) for name in ("run.json", "model.stepper", "rows.bin") for read in (replayed, segments, viewed)],
-    *[(f"run/{name}", reported) for name in ("run.json", "rows.bin")],
     ("out/study/journal.sqlite", swept),
     ("out/study/resolved_settings.json", swept),
 ]
@@ -169,11 +162,11 @@ def refuse(path, read, model, *, may_pass=False):
 def test_files_that_are_missing_empty_or_of_another_kind_are_named(work, model, name, read):
     path = work / name
     whole = path.read_bytes()
-    # A study without a journal begins anew, empty tables are those of ideal sensors, and a report reads no rows.
-    new, tables, short = name.startswith("out"), Path(name).suffix == ".toml" and name != "study.toml", read is reported
+    # A study without a journal begins anew, and empty tables are those of ideal sensors.
+    new, tables = name.startswith("out"), Path(name).suffix == ".toml" and name != "study.toml"
     for content in (b"", bytes(100), b"hello\n", bytes(range(256)), whole.replace(b"e", b"\xe9", 3)):
         path.write_bytes(content)
-        refuse(path, read, model, may_pass=new or content == whole or (tables and not content) or (short and len(content) == len(whole)))
+        refuse(path, read, model, may_pass=new or content == whole or (tables and not content))
     path.write_bytes(whole)
     read(path, model)
     path.unlink()
@@ -215,10 +208,10 @@ def test_a_study_in_python_is_named_when_it_is_no_text(tmp_path):
 
 
 @pytest.mark.parametrize("words", [
-    ["explain", "m.xml"], ["compare", "m.xml"], ["chart", "m.xml"], ["view", "m.xml"],
+    ["explain", "m.xml"], ["chart", "m.xml"], ["view", "m.xml"],
     ["tune", "m.xml", "--error", "1 mm", "--horizon", "1 s"], ["sweep", "study.toml"], ["rank", "study.toml"], ["report", "study.toml"],
     ["view", "study.toml"],
-    ["replay", "run"], ["report", "run"], ["view", "run"],
+    ["replay", "run"], ["view", "run"],
     ["evaluate", "p.npz", "stepper/Hopper-v5"], ["identify", "m.xml", "log.csv", "-p", "body_mass[pole]"],
 ])  # fmt: skip
 @pytest.mark.parametrize("content", [b"\xff\xfe\0{", None], ids=["damaged", "missing"])
@@ -325,7 +318,6 @@ def folders_of_commands():
         "chart": ["chart", "study.toml"],
         "explain": ["explain", "study.toml"],
         "calibrate": ["calibrate", "study.toml", "--margin", "0.1"],
-        "compare": ["compare", "m.xml"],
         "identify": ["identify", "m.xml", "log.csv", "-p", "dof_damping[my hinge]"],
         "demo": ["demo", "--num-envs", "1"],
     }

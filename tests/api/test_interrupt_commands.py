@@ -45,7 +45,6 @@ def files(tmp_path_factory) -> dict[str, Path]:
 @pytest.mark.parametrize("command", [
     ["chart", "{model}", "--episodes", "64"],
     ["tune", "{model}", "--error", "1 mm", "--horizon", "1 s"],
-    ["compare", "{model}", "--seconds", "100"],
     ["identify", "{model}", "{recording}", "-p", "body_mass[torso]=0.1..10", "-p", "dof_damping[hip_1]=0.1..10", "--channel", "qpos",
      "--starts", "8"],
 ], ids=lambda command: command[0])  # fmt: skip

@@ -12,7 +12,6 @@ IN_TOML = {
     "model": 'a path beside the file, MJCF, or "file.py:function"',
     "controller": '"file.py:function" or class, "module:function", "random"',
     "start": '"file.py:function"',
-    "exact": '"file.py:function"',
     "outcomes": "tables `[[outcomes]]`, below",
     "parameters": "tables `[parameters.NAME]`, below",
     "settings": "tables `[settings.NAME]`",

@@ -110,22 +110,6 @@ def test_a_search_that_begins_where_friction_never_slides():
     assert any("not determined" in text for text in alone.warnings)
 
 
-def test_outliers_with_and_without_a_robust_loss():
-    scene = pushed()
-    readings = noisy(scene.readings(HARD), scene, 1)
-    rng = np.random.default_rng(0)
-    hit = rng.random(100) < 0.05
-    readings["wrist_force"][hit, 0] += 40.0
-    readings["box_x"][hit] += 0.05
-    episode = stepper.sysid.Episode(scene.ctrl, readings, scene.period)
-    plain, robust = (
-        stepper.sysid.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2, loss=loss) for loss in ("linear", "cauchy")
-    )
-    error, robust_error = (np.abs(found.values / scene.truth - 1).max() for found in (plain, robust))
-    assert robust_error < 0.05 < error
-    assert any("outliers" in text for text in robust.warnings)
-
-
 ARM = """<mujoco><option timestep=".002"/><worldbody><body name="upper"><joint name="shoulder" axis="0 1 0" damping=".4" armature=".02"/>
   <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/>
   <body name="fore" pos=".3 0 0"><joint name="elbow" axis="0 1 0" damping=".2" frictionloss=".1" stiffness="1.5"/>

@@ -1,14 +1,12 @@
-"""Friction that a heap uses, what happened in a run beside what could, and what the parts of a scene cost."""
+"""Friction that a heap uses, and pairs of bodies that may touch, or need no contact."""
 
 import numpy as np
 import pytest
 import stepper
-from stepper.lab import profile
-from stepper.lab.accuracy.needs import Bench, spares
-from stepper.lab.accuracy.traces import Distance, run
-from stepper.lab.study.touching import pairs_of_bodies, pairs_that_may_touch, touching
-from stepper.loading import describe
-from typer.testing import CliRunner
+from stepper.lab.accuracy import needs
+from stepper.lab.accuracy.needs import pairs_that_may_touch, unused_pairs
+from stepper.lab.accuracy.traces import Distance
+from stepper.lab.study.touching import touching
 
 MASS, G = 8.0, 9.81
 BOXES = "".join(
@@ -23,7 +21,7 @@ HEAP = f"""<mujoco><option timestep=".005"/><worldbody><geom name="floor" type="
 @pytest.fixture(autouse=True)
 def saves(monkeypatch):
     """Everything that is taken out saves a tenth, whatever the clock says."""
-    monkeypatch.setattr(Bench, "saved", lambda self, smaller: (0.1, 0.05))
+    monkeypatch.setattr(needs, "saving", lambda own, less, trace: (0.1, 0.05))
 
 
 def push(now):
@@ -39,27 +37,22 @@ def heap(more=""):
     )
 
 
-def bench(study):
-    return Bench(study, range(1), {}, Distance("m", study.seconds), run(study, range(1)))
-
-
 def test_the_used_part_of_a_cone_is_that_of_statics():
     study = heap()
-    pairs = {pair.names: pair for pair in touching(study, range(1)).pairs}
-    # Of all contacts together the push over the weight. The edge that bears less has (W - F) / 2, and what is carried there is at most all.
+    pairs = {pair.names: pair for pair in touching(study, range(1))}
+    # Of all contacts together the push over the weight.
     assert pairs["low", "top"].used == pytest.approx(1 / 8, rel=1e-6)
-    assert 1 / 8 <= pairs["low", "top"].cone <= 2 / 7
     assert pairs["floor", "low"].used == pytest.approx(1 / 16, rel=1e-6)
     # A contact that slides is on its cone, to the solver's tolerance.
-    assert pairs["ice", "slides"].cone == pytest.approx(1.0, rel=1e-4)
+    assert pairs["ice", "slides"].used == pytest.approx(pairs["ice", "slides"].friction, rel=1e-4)
+    assert pairs["ice", "slides"].slides == pytest.approx(1.0)
 
 
 def test_an_explicit_pair_has_its_own_cone():
     more = '<contact><pair geom1="low" geom2="top" friction=".5 .5 .005 .0001 .0001"/></contact>'
     study = heap(more)
-    pairs = {pair.names: pair for pair in touching(study, range(1)).pairs}
+    pairs = {pair.names: pair for pair in touching(study, range(1))}
     assert pairs["low", "top"].friction == 0.5
-    assert 1 / 4 <= pairs["low", "top"].cone <= 4 / 7
 
 
 def contacts(model, qpos):
@@ -68,12 +61,6 @@ def contacts(model, qpos):
     sim.reset(qpos=qpos)
     sim.step()
     return len(sim.contacts()["force"]) > 0
-
-
-def without(study, start):
-    """Entries of what is not needed whose words begin so, and the model without it."""
-    found, smaller = spares(bench(study), 1e-4, lambda _: None)
-    return [own for own in found if start in own.part], smaller
 
 
 FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
@@ -86,43 +73,14 @@ FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
 @pytest.mark.parametrize("more", ["", '<exclude body1="a" body2="b"/>'])
 def test_explicit_pairs_that_never_come_near_are_taken_out(tmp_path, masks, more):
     study = stepper.lab.Study(model=FAR.format(masks=masks, more=more, place=3, pair="a"), seconds=0.1, episodes=1, control=0.02)
-    (found,), smaller = without(study, "1 of 1 pairs of bodies")
-    assert found.removed
-    assert found.error == 0.0
+    found, smaller = unused_pairs(study, range(1), {}, Distance("m", study.seconds), 1e-4)
+    assert (found.count, found.of, found.error) == (1, 1, 0.0)
     smaller.save(tmp_path / "smaller.stepper")
     near = np.array(study.loaded[0].qpos0)
     near[7] = 0.15
     assert contacts(study.loaded[0], near)
     # Neither the explicit pair nor, without it, the masks of its geoms give a contact.
     assert not contacts(stepper.load(tmp_path / "smaller.stepper"), near)
-
-
-def test_what_happened_beside_what_could():
-    sensor = '<sensor><framepos objtype="body" objname="top"/></sensor>'
-    found = profile(heap(sensor), episodes=2)
-    told = {use.name: (use.could, use.did) for use in found.uses}
-    # Three boxes and the world; the heap touches the floor by one of its boxes.
-    assert told["pairs of bodies within reach of a step"] == (6, 3)
-    assert told["pairs of geoms that press on each other, of those within reach"] == (3, 3)
-    assert told["pairs of geoms with a sliding contact, of those with friction"] == (3, 1)
-    assert told["contacts of an environment at once"] == (None, 12)
-    assert told["sensors that are read"] == (1, 0)
-    assert told["kinds of flags that steps set"] == (len(stepper.Status), 0)
-    whole, *parts = found.parts
-    assert [part.name for part in parts] == [
-        "sensors",
-        "friction of contacts",
-        "contacts: to find them, and their normals",
-        "motion of the bodies",
-    ]
-    assert whole.time > 0
-    # Shares are differences of neighbours, down to nothing.
-    assert sum(part.share for part in parts) == pytest.approx(1.0)
-    assert sum(part.memory for part in parts) == whole.memory
-    assert all(part.memory >= 0 for part in parts)
-    # Three times four contacts are nearly all of the work of three free bodies.
-    assert parts[1].share + parts[2].share > 0.3
-    assert "| motion of the bodies |" in str(found)
 
 
 def test_explicit_pairs_may_touch_and_excluded_ones_do_not():
@@ -133,8 +91,6 @@ def test_explicit_pairs_may_touch_and_excluded_ones_do_not():
     scene = f'<mujoco><worldbody>{balls}</worldbody><contact><pair geom1="b" geom2="a"/><exclude body1="c" body2="d"/></contact></mujoco>'
     study = stepper.lab.Study.from_model(scene)
     assert pairs_that_may_touch(*study.loaded) == {(1, 2)}
-    (use,) = [use for use in profile(scene, episodes=1).uses if use.name == "pairs of bodies within reach of a step"]
-    assert (use.could, use.did) == (1, 1)
 
 
 def test_pairs_of_bodies_are_those_whose_masks_meet():
@@ -142,7 +98,7 @@ def test_pairs_of_bodies_are_those_whose_masks_meet():
       <body pos="1 0 0"><joint/><geom size=".1"/><body pos="1 0 0"><joint/><geom size=".1" contype="0" conaffinity="2"/>
       </body></body></body></worldbody></mujoco>"""
     # The world with two links; parent and child never, and the last link's mask meets nobody's.
-    assert pairs_of_bodies(stepper.load(arm)) == {(0, 1), (0, 2)}
+    assert pairs_that_may_touch(*stepper.lab.Study.from_model(arm).loaded) == {(0, 1), (0, 2)}
 
 
 def test_bodies_without_joints_belong_to_their_parent():
@@ -151,45 +107,11 @@ def test_bodies_without_joints_belong_to_their_parent():
       <body name="one" pos="0 0 1"><joint axis="0 1 0"/><geom size=".1"/><body name="two" pos="1 0 0"><joint axis="0 1 0"/><geom size=".1"/>
       <body name="hand" pos="1 0 0"><geom size=".1"/><body name="camera" pos="0 .3 0"><geom size=".1"/></body></body></body></body>
       </worldbody></mujoco>"""
-    model = stepper.load(arm)
-    names = {frozenset(model.body_names[k] for k in pair) for pair in pairs_of_bodies(model)}
+    model, compiled = stepper.lab.Study.from_model(arm).loaded
+    names = {frozenset(model.body_names[k] for k in pair) for pair in pairs_that_may_touch(model, compiled)}
     # Neither what is rigid nor a link and the next one, with all that is on them: the floor and the lamp with four bodies each.
     assert names == {frozenset((one, other)) for one in ("world", "lamp") for other in ("one", "two", "hand", "camera")}
     assert "8 of" in str(model.explain())
-
-
-def test_a_saved_model_has_events_and_no_costs(tmp_path):
-    stepper.load(HEAP.format(more="")).save(tmp_path / "heap.stepper")
-    found = profile(tmp_path / "heap.stepper", episodes=1)
-    assert found.parts == ()
-    assert "no source" in str(found)
-    with pytest.raises(ValueError, match="episodes is 0"):
-        profile(tmp_path / "heap.stepper", episodes=0)
-
-
-def test_the_parts_are_all_that_a_model_has():
-    """Every entry of a description that makes a step slower is taken out by a part, or belongs to the bodies."""
-    parts = {"sensors", "geoms", "pairs", "joints", "tendons", "equalities", "medium", "actuators", "keyframes"}
-    bodies = {"name", "timestep", "gravity", "magnetic", "explicit_damping", "bodies", "meshes", "height_fields", "excludes", "sites"}
-    rest = {"qpos0", "qpos_spring", "omitted", "soft", "requested"}
-    assert set(describe(stepper.loading.compile_source(stepper.loading.Origin(HEAP.format(more=""))))) == parts | bodies | rest
-
-
-def test_explain_of_a_run(tmp_path, monkeypatch):
-    from stepper.cli.app import application
-
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "heap.xml").write_text(HEAP.format(more=""))
-    short = CliRunner().invoke(application(), ["explain", "heap.xml"])
-    assert short.exit_code == 0, short.output
-    assert "What happened" not in short.output
-    (tmp_path / "heap.toml").write_text('model = "heap.xml"\nseconds = 0.1\n')
-    told = CliRunner().invoke(application(), ["explain", "heap.toml", "--run"])
-    assert told.exit_code == 0, told.output
-    assert short.output.splitlines()[0] in told.output
-    assert "## Used parts of the scene" in told.output
-    assert "friction of contacts" in told.output
-    assert told.output.count("| motion of the bodies |") == 1
 
 
 @pytest.mark.parametrize("command", ["chart", "tune"])

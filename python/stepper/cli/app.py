@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "demo": "demo",
-    **dict.fromkeys(("chart", "compare", "explain", "report", "sweep", "rank", "calibrate", "tune"), "studies"),
+    **dict.fromkeys(("chart", "explain", "report", "sweep", "rank", "calibrate", "tune"), "studies"),
     **{name: name for name in ("train", "evaluate", "identify", "replay", "view", "doctor")},
 }
 """Module of this folder with the function of each command, by name of the command."""

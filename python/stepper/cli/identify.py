@@ -36,7 +36,6 @@ def identify(
         list[str] | None, typer.Option(help="Channel to use; without this option, all are used. Repeat the option for more.")
     ] = None,
     keyframe: Annotated[str | None, typer.Option(help="Keyframe of the initial state, for logs without the initial qpos and qvel.")] = None,
-    loss: Annotated[str, typer.Option(help="Loss function, as in SciPy: linear, soft_l1, huber, cauchy or arctan.")] = "linear",
     starts: Annotated[int, typer.Option(min=1, help="Number of starting points of the search.")] = 4,
     contact: Annotated[str, typer.Option(help="Contact law: hard, or mujoco with the settings of the model's file.")] = "hard",
     timestep: Annotated[float | None, typer.Option(help="Time step, s; the default is that of the model.")] = None,
@@ -56,7 +55,7 @@ def identify(
         raise ValueError(f"--contact is {contact!r}, must be hard or mujoco")
     elif timestep is not None:
         options = Options(timestep=timestep)
-    settings: dict[str, Any] = {"options": options, "loss": loss, "starts": starts, "seed": seed, "channels": channel or None}
+    settings: dict[str, Any] = {"options": options, "starts": starts, "seed": seed, "channels": channel or None}
     columns = dict(map(_pair, column or ()))
     with locked(out):
         with show_progress() as progress:

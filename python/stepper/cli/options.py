@@ -29,7 +29,6 @@ ARGUMENTS = (
 Out = Annotated[Path, typer.Option("--out", help="Output folder.")]
 StudyFile = Annotated[Path, typer.Argument(help=STUDY)]
 Source = Annotated[str, typer.Argument(help="Model (MJCF, URDF, saved) or study (.toml, .py).")]
-Ray = Annotated[bool, typer.Option("--ray", help="Run batches as tasks of Ray, on all machines of its cluster.")]
 Varied = Annotated[
     list[str] | None,
     typer.Option(
@@ -62,12 +61,11 @@ def show(found: Any) -> None:
     show_files(found.files)
 
 
-def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
-    """Reads a study from a file, and prints its seed. `ray` and `seed` replace values of the study, unless they are False and None."""
+def study_of_file(path: Path, seed: int | None = None) -> Study:
+    """Reads a study from a file, and prints its seed. `seed` replaces the study's seed, unless it is None."""
     study = Study.from_file(path)
     print(f"{study.name}: seed {study.seed}, of the study" if seed is None else f"{study.name}: seed {seed}", file=sys.stderr, flush=True)
-    changed: dict[str, Any] = ({"ray": True} if ray else {}) | ({} if seed is None else {"seed": seed})
-    return replace(study, **changed) if changed else study
+    return study if seed is None else replace(study, seed=seed)
 
 
 def source_with(source: str, values: Sequence[str] | None) -> Any:

@@ -1,21 +1,17 @@
-"""Commands of studies: `stepper chart`, `tune`, `sweep`, `rank`, `report`, `calibrate`, `compare` and `explain`."""
+"""Commands of studies: `stepper chart`, `tune`, `sweep`, `rank`, `report`, `calibrate` and `explain`."""
 
 from __future__ import annotations
 
 import json
 import warnings
-from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from stepper import lab
 from stepper.cli.options import (
-    RECORDING,
-    STUDY,
     Out,
-    Ray,
     Seed,
     Setting,
     Source,
@@ -32,7 +28,6 @@ from stepper.lab.study.document import Document, Section, check_pages
 from stepper.lab.study.points import USUAL
 from stepper.loading import ModelWarning
 from stepper.loading.findings import explained
-from stepper.recording.format import HEADER, end_of, find_blocks, read_header, reading
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import provenance
 from stepper.shared.progress import show_files, show_progress
@@ -42,9 +37,7 @@ def chart(
     scene: Source,
     *,
     out: Out = Path("out"),
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer repeats, settings and time steps; at most two minutes of processor time.")
-    ] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer repeats, settings and time steps.")] = False,
     horizon: Annotated[
         str | None,
         typer.Option(
@@ -53,9 +46,6 @@ def chart(
     ] = None,
     angle: Annotated[bool, typer.Option("--angle", help="Measure errors as angles in rad, not distances in m.")] = False,
     episodes: Annotated[int, typer.Option(min=1, help="Number of episodes; the chart shows their medians.")] = 8,
-    budget: Annotated[
-        str | None, typer.Option(help='Limit of the processor time, "60 s"; the report lists runs that were left out.')
-    ] = None,
     values: Values = None,
 ) -> None:
     """Draws charts of simulation error against computing time, to compare time steps, integrators, solvers, contact laws and engines.
@@ -70,7 +60,7 @@ def chart(
     with show_progress() as progress:
         source = source_with(scene, values)
         unit = "rad" if angle else "m"
-        found = lab.chart(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, progress=progress)
+        found = lab.chart(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, progress=progress)
     show(found)
 
 
@@ -82,12 +72,12 @@ def tune(
     out: Out = Path("out"),
     coverage: Annotated[float, typer.Option(help="Fraction of episodes that must stay within the budget, with 95 % confidence.")] = 0.9,
     alone: Annotated[bool, typer.Option("--alone", help="Minimise the cost of a single environment, not of a batch.")] = False,
-    reduce: Annotated[bool, typer.Option(help="Search for parts of the scene that can be removed.")] = True,
+    reduce: Annotated[bool, typer.Option(help="Search for pairs of bodies that never come near each other.")] = True,
     values: Values = None,
 ) -> None:
     """Finds the cheapest settings within an error budget, tests them on further episodes, and prints them as Options(...).
 
-    The command also lists parts of the scene that can be removed within the budget.
+    The command also excludes pairs of bodies that never came near each other from contact, if that saves time within the budget.
 
     Example: stepper tune robot.xml --error "1 mm" --horizon "0.5 s"
     """
@@ -108,7 +98,6 @@ def sweep(
         float, typer.Option(min=1e-12, max=0.5, help="Precision of a cliff's value, as a fraction of the parameter's range.")
     ] = 1e-3,
     seed: Seed = None,
-    ray: Ray = False,
 ) -> None:
     """Varies the parameters of a study over their ranges, one parameter at a time, and prints success rates and cliffs.
 
@@ -122,7 +111,7 @@ def sweep(
 
     Example: stepper sweep examples/studies/tray.toml --parameter friction --values push=1.5 --values 'gravity[2]=-3.7'
     """
-    own = study_of_file(study, ray=ray, seed=seed)
+    own = study_of_file(study, seed)
     # A selector of --values becomes a parameter of the study, which the sweep does not vary.
     names = parameter or (list(own.parameters) if values else None)
     with progress_kept_in(out) as progress:
@@ -140,7 +129,6 @@ def rank(
     parameter: Varied = None,
     setting: Setting = USUAL,
     seed: Seed = None,
-    ray: Ray = False,
 ) -> None:
     """Ranks the parameters of a study by their influence on an outcome: Sobol indices with confidence intervals.
 
@@ -149,46 +137,19 @@ def rank(
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """
     with progress_kept_in(out) as progress:
-        own = study_of_file(study, ray=ray, seed=seed)
+        own = study_of_file(study, seed)
         found = lab.rank(own, out, samples=samples, parameters=parameter or None, setting=setting, progress=progress)
     show(found)
 
 
-def report(source: Annotated[Path, typer.Argument(help=f"{STUDY} Or: {RECORDING}")], out: Out = Path("out"), ray: Ray = False) -> None:
+def report(study: StudyFile, out: Out = Path("out")) -> None:
     """Writes the simulator report of a study: state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
-
-    For a recording, the command prints the settings, and where it ends if it was cut off.
 
     Example: stepper report examples/studies/tray.toml
     """
-    if source.is_dir():
-        report_recording(source)
-        return
     with progress_kept_in(out) as progress:
-        found = lab.report(study_of_file(source, ray=ray), out, progress=progress)
+        found = lab.report(study_of_file(study), out, progress=progress)
     show(found)
-
-
-def report_recording(recording: Path) -> None:
-    """Prints the settings of a recording, and where it ends if it was cut off."""
-    head = read_header(recording)
-    rows = sum(block.rows for block in find_blocks(recording, head))
-    end = end_of(recording, head)
-    with reading(recording / HEADER):
-        _report(recording, head | {"rows": rows}, end)
-
-
-def _report(recording: Path, head: dict[str, Any], end: str) -> None:
-    """Prints the contents of a recording's header."""
-    envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
-    print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}')
-    if end:
-        print(end)
-    print(f"model {head['model']['sha256']}")
-    if head["note"]:
-        print(f"note: {head['note']}")
-    settings = head["options"] | {"tolerance": head["tolerance"], "seed": head["seed"]}
-    print(", ".join(f"{name} {value}" for name, value in settings.items() if value is not None))
 
 
 def calibrate(
@@ -218,7 +179,6 @@ def calibrate(
     parameter: Varied = None,
     setting: Setting = USUAL,
     seed: Seed = None,
-    ray: Ray = False,
 ) -> None:
     """Finds the smallest set of parameters that must be measured, so that the outcome is that of the true world to within a margin.
 
@@ -232,7 +192,7 @@ def calibrate(
     """
     found: lab.Calibration | lab.RecordedCalibration
     with progress_kept_in(out) as progress:
-        own, names = study_of_file(study, ray=ray, seed=seed), parameter or None
+        own, names = study_of_file(study, seed), parameter or None
         if recordings is not None:
             found = lab.calibrate_on_recordings(
                 own, out, fitted=recordings, margin=margin, parameters=names, setting=setting, progress=progress
@@ -244,41 +204,13 @@ def calibrate(
     show(found)
 
 
-def compare(
-    model: Annotated[str, typer.Argument(help="MJCF, URDF or a saved model.")],
-    out: Out = Path("out"),
-    seconds: Annotated[float, typer.Option(help="Length of an episode, s.")] = 2.0,
-    num_envs: Annotated[int, typer.Option(min=1, help="Number of episodes.")] = 8,
-    seed: Annotated[int, typer.Option(help="Seed of the random controls.")] = 0,
-) -> None:
-    """Compares hard contact, MuJoCo's contact law in stepper, and MuJoCo, on a model with random controls.
-
-    The command prints a table and draws a picture.
-
-    Example: stepper compare humanoid.xml --seconds 3
-    """
-    with locked(out):
-        with show_progress() as progress:
-            found = lab.compare(model, seconds=seconds, num_envs=num_envs, seed=seed, progress=progress)
-        print(found.table())
-        show_files([found.draw(out / "compare.png")])
-
-
 def explain(
     source: Source,
-    run: Annotated[
-        bool,
-        typer.Option(
-            "--run", help="Also run the model or study (a model with random controls), and list the parts that were used and their cost."
-        ),
-    ] = False,
     out: Annotated[Path | None, typer.Option("--out", help="Output folder. Without it, no files are written.")] = None,
 ) -> None:
     """Lists the parts of a model that are simulated, those that are left out, and effects that rigid bodies cannot model.
 
-    With --run, the command also lists the parts that a run used and the time that they took.
-
-    Example: stepper explain robot.xml --run
+    Example: stepper explain robot.xml
     """
     if out is not None:
         check_pages()
@@ -288,25 +220,10 @@ def explain(
         warnings.simplefilter("ignore", ModelWarning)
         text = explained(study.loaded[0])
     print(text)
-    found = _profile(study) if run else None
-    if found is not None:
-        print(found.document.markdown())
     if out is not None:
+        document = Document(f"Simulated parts of {study.name}", [Section("The model", text=text)])
+        plain = {"model": text, "resolved_settings": study.resolved_settings(), "provenance": provenance()}
         with locked(out / study.name) as folder:
-            files = _save(study, text, found, folder)
+            numbers = write_text(folder / "explain.json", json.dumps(plain, indent=2, default=str, allow_nan=False) + "\n")
+            files = [*document.save(folder, "explain"), numbers]
         show_files(files)
-
-
-def _profile(study: lab.Study) -> lab.CostProfile:
-    """Runs a study with a progress display. Returns the parts of the scene that the run used, with the computing cost of each part."""
-    with show_progress() as progress:
-        return lab.profile(study, progress=progress)
-
-
-def _save(study: lab.Study, text: str, found: lab.CostProfile | None, folder: Path) -> list[Path]:
-    """Writes the printed report as explain.html, explain.md and explain.json."""
-    document = Document(f"Simulated parts of {study.name}", [Section("The model", text=text), *(found.document.sections if found else [])])
-    numbers = {"uses": [asdict(use) for use in found.uses], "parts": [asdict(part) for part in found.parts]} if found else {}
-    plain = {"model": text, **numbers, "resolved_settings": study.resolved_settings(), "provenance": provenance()}
-    text = json.dumps(plain, indent=2, default=str, allow_nan=False) + "\n"
-    return [*document.save(folder, "explain"), write_text(folder / "explain.json", text)]

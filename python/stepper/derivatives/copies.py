@@ -7,7 +7,7 @@ forces and mocap poses. They also have the per-environment parameters, the solve
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stepper._arrays import array_of
 from stepper._options import Options
-from stepper._stepper import Model, ModelError, Stepper
+from stepper._stepper import ModelError, Stepper
 from stepper.derivatives.nominal_mode import Pairs
 from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
 from stepper.shared.fields import APPLIED, RANDOMIZED
@@ -147,52 +147,17 @@ def parts_of(
     used: dict[tuple[int, float], Stepper] = {}
     for first in range(begin, end, size):
         own = slice(first, min(first + size, end))
-        part = _part(sim, nominal, blocks, stencil.offsets[own], envs=own, tolerance=tolerance, kept={**kept, **used})
-        yield part
+        offsets = stencil.offsets[own].reshape(own.stop - first, -1)
+        index = np.repeat(np.arange(first, own.stop), 1 + offsets.shape[1])
+        key = len(index), tolerance
+        copies = used.get(key) or kept.get(key) or _stepper(sim, index, replace(sim.options, tolerance=tolerance))
+        column = np.tile(np.arange(columns), (len(offsets), levels * points))
+        ctrl = _displace(sim, copies, nominal, blocks, index=index, column=column, offsets=offsets)
+        yield Part(own, 1 + offsets.shape[1], copies, ctrl)
         if reusable:
-            used[len(part.ctrl), tolerance] = part.sim
+            used[key] = copies
     if reusable:
         _kept[sim] = used
-
-
-def _part(
-    sim: Stepper,
-    nominal: Nominal,
-    blocks: Sequence[Block],
-    offsets: Array,
-    *,
-    envs: slice,
-    tolerance: float,
-    kept: Mapping[tuple[int, float], Stepper],
-) -> Part:
-    """Batch of perturbed copies of the environments `envs`.
-
-    Args:
-        sim: The original stepper.
-        nominal: State of all its environments.
-        blocks: Quantities to perturb.
-        offsets: Displacements of the columns (perturbed numbers), (environments, levels, points, columns), as in `Stencil.offsets`. Each
-            displacement gives one copy.
-        envs: Slice of the environments.
-        tolerance: Residual at which the solver of the copies stops, m/s.
-        kept: Steppers to reuse, by number of copies and tolerance.
-    """
-    n, levels, points, columns = offsets.shape
-    count = 1 + levels * points * columns
-    index = np.repeat(np.arange(envs.start, envs.stop), count)
-    copies = kept.get((len(index), tolerance)) or _stepper(sim, index, replace(sim.options, tolerance=tolerance))
-    fields = {name: np.repeat(value[envs], count, axis=0).reshape(n, count, value.shape[1]) for name, value in nominal.fields.items()}
-    place = 0
-    for block in blocks:
-        # Indices of the copies that displace the block's columns, and their displacements.
-        copy = 1 + np.arange(levels * points * columns).reshape(levels, points, columns)[..., place : place + block.count].reshape(-1)
-        moved = offsets[..., place : place + block.count].reshape(n, -1)
-        _move(sim.model, fields, block, copy, moved)
-        place += block.count
-    flat = {name: value.reshape(n * count, value.shape[2]) for name, value in fields.items()}
-    _randomize(copies, nominal, blocks, flat, index)
-    _begin(sim, copies, nominal, flat, index)
-    return Part(envs, count, copies, flat["ctrl"])
 
 
 def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pairs, options: Options) -> tuple[Stepper, Array]:
@@ -203,26 +168,57 @@ def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pa
     Returns:
         Stepper of the copies, and the controls of the copies, (copies, nu).
     """
-    env, column, offsets = pairs.env, pairs.column, pairs.offsets.reshape(len(pairs), -1)
-    count = 1 + offsets.shape[1]
-    index = np.repeat(env, count)
-    fields = {name: np.repeat(value[env], count, axis=0).reshape(len(env), count, value.shape[1]) for name, value in nominal.fields.items()}
+    offsets = pairs.offsets.reshape(len(pairs), -1)
+    index = np.repeat(pairs.env, 1 + offsets.shape[1])
+    copies = _stepper(sim, index, options)
+    column = np.repeat(pairs.column[:, None], offsets.shape[1], axis=1)
+    return copies, _displace(sim, copies, nominal, blocks, index=index, column=column, offsets=offsets)
+
+
+def _displace(
+    sim: Stepper,
+    copies: Stepper,
+    nominal: Nominal,
+    blocks: Sequence[Block],
+    *,
+    index: NDArray[np.int64],
+    column: NDArray[np.int64],
+    offsets: Array,
+) -> Array:
+    """Sets the full state of copies to that of their environments, with one displaced number in each copy except the first of a group.
+
+    Args:
+        sim: The original stepper.
+        copies: Stepper of the copies, in groups of equal size.
+        nominal: State of the original environments.
+        blocks: Quantities to perturb.
+        index: Environment of each copy, (copies,).
+        column: Column (perturbed number) that each copy after the first of its group displaces, (groups, copies of a group - 1).
+        offsets: Displacements, in the same format, in the unit of the column.
+
+    Returns:
+        Controls of the copies, (copies, nu).
+    """
+    # The first copy of a group belongs to no column.
+    columns, moves = np.insert(column, 0, -1, axis=1).reshape(-1), np.insert(offsets, 0, 0.0, axis=1).reshape(-1)
+    flat = {name: value[index] for name, value in nominal.fields.items()}
     place = 0
     for block in blocks:
-        own = np.flatnonzero((column >= place) & (column < place + block.count))
-        field, at = fields[block.field], block.places[column[own] - place]
+        moved = np.flatnonzero((columns >= place) & (columns < place + block.count))
+        at = block.places[columns[moved] - place]
         if block.field == "qpos":
-            displacement = np.zeros((len(own), count, sim.model.nv))
-            displacement[np.arange(len(own)), 1:, at] = offsets[own]
-            field[own] = sim.model.integrate_pos(field[own], displacement)
+            displacement = np.zeros((len(moved), sim.model.nv))
+            displacement[np.arange(len(moved)), at] = moves[moved]
+            flat["qpos"][moved] = sim.model.integrate_pos(flat["qpos"][moved], displacement)
         else:
-            field[own, 1:, at] += offsets[own]
+            flat[block.field][moved, at] += moves[moved]
         place += block.count
-    flat = {name: value.reshape(len(index), value.shape[2]) for name, value in fields.items()}
-    copies = _stepper(sim, index, options)
     _randomize(copies, nominal, blocks, flat, index)
-    _begin(sim, copies, nominal, flat, index)
-    return copies, flat["ctrl"]
+    _restore(sim, copies, index)
+    for name, value in nominal.applied.items():
+        getattr(copies, name)[...] = value[index]
+    copies.set_state(flat["qpos"], flat["qvel"], act=flat["act"], keep_warmstart=True)
+    return flat["ctrl"]
 
 
 def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array], Array]:
@@ -262,28 +258,6 @@ def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | N
     for name, value in nominal.applied.items():
         getattr(copies, name)[...] = value[index]
     return copies
-
-
-def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np.int64], moved: Array) -> None:
-    """Displaces the numbers of one perturbed quantity in some copies of every environment; arrays in `fields` change in place.
-
-    Args:
-        model: The model.
-        fields: Arrays (environments, copies, size) by name of the quantity.
-        block: The perturbed quantity, with the indices of its numbers.
-        copy: Index of the copy for each displacement, (n,).
-        moved: Displacements, (environments, n), in tangent coordinates for qpos.
-    """
-    field = fields[block.field]
-    if not len(copy):
-        return
-    place = np.tile(block.places, len(copy) // block.count)
-    if block.field == "qpos":
-        displacement = np.zeros((len(field), len(copy), model.nv))
-        displacement[:, np.arange(len(copy)), place] = moved
-        field[:, copy] = model.integrate_pos(field[:, copy], displacement)
-    else:
-        field[:, copy, place] += moved
 
 
 def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Stepper:
@@ -367,22 +341,6 @@ def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat:
             raise ModelError(
                 f"a parameter cannot be perturbed: {message}; list only perturbable elements in wrt, for example 'dof_damping[knee]'"
             ) from None
-
-
-def _begin(sim: Stepper, copies: Stepper, nominal: Nominal, flat: dict[str, Array], index: NDArray[np.int64]) -> None:
-    """Sets the full state of copies to that of their environments, and then positions, velocities and activations to the perturbed ones.
-
-    Args:
-        sim: The original stepper.
-        copies: Stepper of the copies.
-        nominal: State of the original environments.
-        flat: Perturbed arrays by field, one row per copy.
-        index: Environment of each copy, (copies,).
-    """
-    _restore(sim, copies, index)
-    for name, value in nominal.applied.items():
-        getattr(copies, name)[...] = value[index]
-    copies.set_state(flat["qpos"], flat["qvel"], act=flat["act"], keep_warmstart=True)
 
 
 def _restore(sim: Stepper, copies: Stepper, index: NDArray[np.int64]) -> None:

@@ -4,20 +4,18 @@
     stepper.lab.report("tray.toml")  # a sweep of every parameter, with the causes of failures
 
 The folder `study` has the definition of a study (`Study`, `Parameter`, `Outcome`) with sweep, rank and report; `accuracy` has chart and
-tune; `calibration` has calibrate. `comparison` compares the contact laws; `demo` compares stepper with MuJoCo.
+tune; `calibration` has calibrate. `demo` compares stepper with MuJoCo.
 docs/reference/studies.md explains studies.
 """
 
 from stepper.lab.accuracy.chart import Chart, chart
 from stepper.lab.accuracy.dots import Dot
-from stepper.lab.accuracy.profile import CostProfile, profile
 from stepper.lab.accuracy.tune import Candidate, Tuning, tune
 from stepper.lab.calibration.calibrate import Calibration, MeasuredParameter, calibrate
 from stepper.lab.calibration.certificate import Certificate
 from stepper.lab.calibration.fit import Fit
 from stepper.lab.calibration.recordings import FittedSet, RecordedCalibration, calibrate_on_recordings
 from stepper.lab.calibration.search import Trial
-from stepper.lab.comparison import Course, LawComparison, compare
 from stepper.lab.study import Outcome, Parameter, PolicyController, Study, World
 from stepper.lab.study.failure_causes import Verdict
 from stepper.lab.study.ranking import Rank, Ranking, rank
@@ -31,12 +29,9 @@ __all__ = [
     "Certificate",
     "Chart",
     "Cliff",
-    "CostProfile",
-    "Course",
     "Dot",
     "Fit",
     "FittedSet",
-    "LawComparison",
     "Level",
     "MeasuredParameter",
     "Outcome",
@@ -57,8 +52,6 @@ __all__ = [
     "calibrate",
     "calibrate_on_recordings",
     "chart",
-    "compare",
-    "profile",
     "rank",
     "report",
     "sweep",

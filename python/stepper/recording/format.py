@@ -270,15 +270,9 @@ def _read_block(place: str, archive: bytes, block: Block) -> tuple[list[str], Ar
     return kinds, arrays
 
 
-def end_of(folder: Path, head: Header) -> str:
-    """Text on the end of a recording that was not closed: its number of rows, and the reason; "" for a closed one."""
-    if head["closed"]:
-        return ""
-    rows = sum(block.rows for block in find_blocks(folder, head))
-    return f"not closed: it ends after {rows} rows, because its process was stopped or is still running"
-
-
 def warn_of_end(folder: Path, head: Header) -> None:
     """Issues a `RecordingWarning` if a recording was not closed."""
-    if end := end_of(folder, head):
-        warnings.warn(f"{folder} was {end}", RecordingWarning, stacklevel=3)
+    if not head["closed"]:
+        rows = sum(block.rows for block in find_blocks(folder, head))
+        message = f"{folder} was not closed: it ends after {rows} rows, because its process was stopped or is still running"
+        warnings.warn(message, RecordingWarning, stacklevel=3)

@@ -9,19 +9,18 @@ from typing import Any
 from stepper.shared.machine import require
 
 
-def running_ray(purpose: str, *, log_to_driver: bool = True) -> ModuleType:
+def running_ray(purpose: str) -> ModuleType:
     """Module `ray`, after `ray.init` if Ray is not running.
 
     Args:
         purpose: Purpose of Ray for the error message; see `stepper.shared.machine.require`.
-        log_to_driver: Whether this process prints the output of the workers, if this call starts Ray.
 
     Raises:
         MissingPackageError: Ray is not installed.
     """
     ray = require("ray", purpose)
     if not ray.is_initialized():
-        ray.init(include_dashboard=False, log_to_driver=log_to_driver)
+        ray.init(include_dashboard=False)
     return ray
 
 

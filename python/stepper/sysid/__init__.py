@@ -11,7 +11,6 @@ Identification from recordings:
 - `combinations`: combinations of parameters that the data determine nevertheless
 - `uncertainty`, `findings`: covariance of the estimate, and warnings about it
 - `result`: the estimate
-- `design`: ranking of experiments by the information that they would give
 - `shift`: detection of readings that are one sample early or late
 
 Online identification, with an estimate after every sample:
@@ -29,7 +28,6 @@ from typing import Any
 from stepper._hints import no_name
 from stepper.sysid.combinations import Combination
 from stepper.sysid.data import Episode, episodes_of
-from stepper.sysid.design import ExperimentScore, design
 from stepper.sysid.fit import identify
 from stepper.sysid.online import TrackedParameter, Tracker
 from stepper.sysid.parameters import KINDS, FitParameter
@@ -39,13 +37,11 @@ __all__ = [
     "KINDS",
     "Combination",
     "Episode",
-    "ExperimentScore",
     "FitParameter",
     "Identification",
     "Search",
     "TrackedParameter",
     "Tracker",
-    "design",
     "episodes_of",
     "identify",
 ]  # fmt: skip

@@ -19,7 +19,7 @@ from stepper.shared.rotations import matrices
 from stepper.sysid.findings import VAGUE
 from stepper.sysid.inertia import Array
 from stepper.sysid.nullspace import FlatSet
-from stepper.sysid.parameters import Block, derivatives, natural, split, value_slopes, write
+from stepper.sysid.parameters import Block, derivatives, split, value_slopes, write
 
 LARGEST = 4
 """Largest number of features in a sum or product."""
@@ -29,8 +29,6 @@ INTEGER = 0.02
 """Largest distance of an exponent from a whole number."""
 SMALL = 0.01
 """Coefficient below which a feature does not belong to a sum, relative to the largest one."""
-MOST_NEAR = 4
-"""Largest number of parameters in a combination that is determined near the estimate only."""
 NEW = 0.03
 """Part of a candidate's derivative that other combinations do not have already, above which it is a new combination."""
 
@@ -44,18 +42,15 @@ class Combination:
         value: Its value, in the units of its parameters.
         std: Its standard deviation, in the same units.
         interval: Its 95 % interval, (low, high).
-        exact: Whether the combination is the same for all equally good estimates; otherwise only for those near this one.
     """
 
     text: str
     value: float
     std: float
     interval: tuple[float, float]
-    exact: bool = True
 
     def __str__(self) -> str:
-        near = "" if self.exact else ", near this estimate"
-        return f"{self.text} = {self.value:.5g} ({self.interval[0]:.5g} to {self.interval[1]:.5g}{near})"
+        return f"{self.text} = {self.value:.5g} ({self.interval[0]:.5g} to {self.interval[1]:.5g})"
 
 
 def combinations_of(
@@ -92,15 +87,6 @@ def combinations_of(
             continue
         if span.add(derivative[0]):
             out.append(candidate.combination(features, float(values[0]), std, quantile))
-    values = natural(blocks, first.x[:n] * scale)
-    labels = [label for block in blocks for label in block.labels]
-    for row in span.rest(slopes):
-        chosen = np.flatnonzero(row)
-        if 1 < len(chosen) <= MOST_NEAR:
-            value, std = float(row @ values), float(np.linalg.norm(row @ slopes @ root))
-            text = _sum([labels[j] for j in chosen], row[chosen] / row[chosen[0]])
-            ends = sorted((value + sign * quantile * std) / row[chosen[0]] for sign in (-1, 1))
-            out.append(Combination(text, value / row[chosen[0]], std / abs(row[chosen[0]]), (ends[0], ends[1]), exact=False))
     return tuple(out)
 
 
@@ -130,25 +116,6 @@ class _Span:
             return False
         self._basis.append(unit / size)
         return True
-
-    def rest(self, slopes: Array) -> list[Array]:
-        """Coefficients of the values, (n,), for the directions without a combination, with as many zeros as possible.
-
-        Args:
-            slopes: Derivatives of the values with respect to x, (n, n).
-        """
-        r = self._certain.shape[1]
-        left = np.eye(r) - sum((np.outer(row, row) for row in self._basis), np.zeros((r, r)))
-        rows = np.linalg.svd(left)[2][: max(r - len(self._basis), 0)] @ self._certain.T
-        sizes = np.linalg.norm(slopes, axis=1)
-        rows = np.linalg.lstsq(slopes.T / sizes, rows.T, rcond=None)[0].T
-        for k in range(len(rows)):  # Gauss-Jordan elimination with the largest pivot of each row.
-            pivot = int(np.abs(rows[k]).argmax())
-            rows[k] /= rows[k, pivot]
-            for other in range(len(rows)):
-                if other != k:
-                    rows[other] -= rows[other, pivot] * rows[k]
-        return [np.where(np.abs(row) > SMALL * np.abs(row).max(), row, 0.0) / sizes for row in rows]
 
 
 class _Features:

@@ -47,9 +47,7 @@ def undetermined(blocks: Sequence[Block], std: Array, reach: Array) -> np.ndarra
     return found
 
 
-def warnings_of(
-    residuals: Residuals, found: Any, sure: Uncertainty, *, slopes: Array, first: Point, converged: bool, weights: Array
-) -> tuple[str, ...]:
+def warnings_of(residuals: Residuals, found: Any, sure: Uncertainty, *, slopes: Array, first: Point, converged: bool) -> tuple[str, ...]:
     """Warnings about an estimate, the most serious first.
 
     Args:
@@ -59,7 +57,6 @@ def warnings_of(
         slopes: Derivatives of the values with respect to the parameters in units of their scales, (n, n).
         first: Estimate, with the effect of each parameter on the readings and the roughness of this effect.
         converged: Whether the best search converged.
-        weights: Weight of each reading in the robust loss, (m,), 0 to 1.
     """
     blocks, simulator = residuals.blocks, residuals.simulator
     labels, known = found.labels, [int(j) for j in np.flatnonzero(found.determined)]
@@ -100,7 +97,11 @@ def warnings_of(
             )
     if not converged:
         out.append("the search ran out of evaluations; raise max_evaluations")
-    out += _fit_warnings(residuals, found, sure, weights=weights)
+    if found.determined.any() and (widest := float(sure.inflation.max())) > 1.5:
+        out.append(
+            f"residuals are correlated in time or larger than the noise that was given: intervals are up to {widest:.1f} times as wide as "
+            "those of white noise; the model may lack something"
+        )
     if simulator.untrusted > 0.001:
         out.append(f"{100 * simulator.untrusted:.2g} % of the steps were not solved, or left contacts out; see Stepper.status")
     return (*out, *dict.fromkeys(note for episode in simulator.episodes for note in episode.notes))
@@ -120,25 +121,4 @@ def _other_values(residuals: Residuals, found: Any, std: Array) -> Array:
         values = natural(residuals.blocks, search.theta)
         if search.cost <= best * cost_ratio(residuals, SIGNIFICANT):
             out = np.where(np.abs(values - found.values) > 5 * std, values, out)
-    return out
-
-
-def _fit_warnings(residuals: Residuals, found: Any, sure: Uncertainty, *, weights: Array) -> list[str]:
-    """Warnings about an estimate whose residuals are large.
-
-    Args:
-        residuals: Residuals of the fit.
-        found: Identification without warnings.
-        sure: Uncertainty of the estimate.
-        weights: Weight of each reading in the robust loss, (m,), 0 to 1.
-    """
-    out = []
-    widest = float(sure.inflation.max()) if found.determined.any() else 1.0
-    if widest > 1.5:
-        out.append(
-            f"residuals are correlated in time or larger than the noise that was given: intervals are up to {widest:.1f} times as wide as "
-            "those of white noise; the model may lack something"
-        )
-    if (lost := float(np.mean(weights < 0.1))) > 0.001:
-        out.append(f"{100 * lost:.2g} % of the readings are outliers, to which the loss gives little weight")
     return out

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,9 +32,8 @@ from stepper.sysid.residuals import Linearized, Residuals, Together
 from stepper.sysid.result import Identification, Search, t_quantile
 from stepper.sysid.shift import EARLY, FREED_STD, LATE, RATIO, finding_of_fit, suspicious
 from stepper.sysid.simulate import Simulator, noise_of, solved
-from stepper.sysid.uncertainty import outside_null_space, weights_of
+from stepper.sysid.uncertainty import outside_null_space
 
-Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 SAME_MINIMUM = 1e-2
 """Distance between the ends of two searches below which they count as the same minimum, in units of the parameters' scales."""
 ABANDON_RATIO = 9.0
@@ -71,8 +70,6 @@ def identify(
     options: Options | None = None,
     actuators: ActuatorModel | None = None,
     noise: Mapping[str, ArrayLike] | None = None,
-    loss: Loss = "linear",
-    f_scale: float = 1.0,
     starts: int = 4,
     step: float = 1e-5,
     max_evaluations: int = 50,
@@ -98,8 +95,6 @@ def identify(
         actuators: Actuator model of the robot, with the known attributes of its drives.
         noise: Standard deviations of channels by name, each a number or (dim,), in the channel's unit. The noise of other channels is
             estimated from the residuals.
-        loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give outliers less weight.
-        f_scale: Residual, in units of the noise, above which a robust loss reduces the weight.
         starts: Number of first searches. One starts at the start values of the parameters (`FitParameter.start`, by default the model's
             values). The others start at the best points of a Sobol sequence around these values. The sequence has at least eight points
             for each of the other searches.
@@ -127,15 +122,12 @@ def identify(
     qmc = require("scipy.stats.qmc", "to identify parameters")
     for name, count in (("starts", starts), ("max_evaluations", max_evaluations)):
         check_whole(name, count, least=1)
-    for name, number in (("step", step), ("f_scale", f_scale)):
-        check_number(name, number, above=0.0)
+    check_number("step", step, above=0.0)
     check_whole("seed", seed, least=0)
     if noise is not None:
         check_mapping("noise", noise, '{"wrist_force": 0.3}')
     if progress is not None and not callable(progress):
         raise TypeError(f"progress is {progress!r}, must be a function of a text and a fraction, or None")
-    if loss not in ("linear", "soft_l1", "huber", "cauchy", "arctan"):
-        raise ValueError(f"loss is {loss!r}, must be linear, soft_l1, huber, cauchy or arctan")
     began = time.perf_counter()
     blocks = bind(parameters, model)
     episodes = episodes_of(data, model, channels=channels, columns=columns, start=start)
@@ -148,7 +140,7 @@ def identify(
     known = _given_noise(simulator, noise or {})
     first = _first_noise(simulator)
     residuals.sigma = np.where(np.isnan(known), first, known)
-    solver = _Solver(optimize, residuals, loss=loss, f_scale=f_scale, most=max_evaluations, progress=progress or silent)
+    solver = _Solver(optimize, residuals, most=max_evaluations, progress=progress or silent)
     searches = solver.search(_starts(qmc, residuals, starts, seed))
     for attempt in range(BETTER):
         searches = _with_noise(solver, residuals, searches, known)
@@ -175,7 +167,7 @@ class _Found:
 
     Attributes:
         x: Vector of unknowns at the end, (n + starts,).
-        cost: Half the sum of the losses of all residuals at x.
+        cost: Half the sum of the squares of all residuals at x.
         at: Residuals and Jacobian at x.
         converged: Whether the search converged.
     """
@@ -230,23 +222,21 @@ class _Solver:
     Args:
         optimize: Module `scipy.optimize`.
         residuals: Residuals to minimise.
-        loss, f_scale: Arguments of `identify`.
         most: Largest number of points that each search evaluates.
         progress: Progress callback, called with a text and the completed fraction.
 
     Attributes:
-        loss, f_scale: Arguments of `identify`.
         evaluations: Number of evaluated points so far.
     """
 
-    def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, f_scale: float, most: int, progress: ProgressCallback):
-        self._optimize, self._residuals, self.loss, self.f_scale, self._most = optimize, residuals, loss, f_scale, most
+    def __init__(self, optimize: Any, residuals: Residuals, *, most: int, progress: ProgressCallback):
+        self._optimize, self._residuals, self._most = optimize, residuals, most
         self._report, self._searches = progress, 0
         self.evaluations = 0
 
     def with_residuals(self, residuals: Residuals) -> _Solver:
         """New solver for other residuals, with the settings of this solver. Its count of evaluations starts at 0."""
-        return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, progress=self._report)
+        return _Solver(self._optimize, residuals, most=self._most, progress=self._report)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE, known: Sequence[_Found] = ()) -> list[_Found]:
         """Runs least-squares searches concurrently, one from each start point, and returns where they ended, in the same order.
@@ -255,8 +245,8 @@ class _Solver:
             starts: Start points x, (n + starts,) each: n parameters in units of their scales, then uncertain initial coordinates. There may
                 be none.
             tolerance: Relative change of x below which a search ends.
-            known: Known minima. If there are any, searches use one-sided differences. Those that reach one of these, or parameters with
-                which the simulation diverges, are left out. With the loss "linear", so are those that end high above the known minima.
+            known: Known minima. If there are any, searches use one-sided differences. Those that reach one of these, or end high above
+                them, are left out. So are those that reach parameters with which the simulation diverges.
         """
         together = Together(self._residuals, len(starts), sides=1 if known else 2)
         self._searches += 1
@@ -287,7 +277,7 @@ class _Solver:
         step = _gauss_newton(at)
         cost, left = (float((r**2).sum()) / 2 for r in (at.residual, at.residual + at.jacobian @ step))
         hopeless = left > max((1 - HOPELESS) * cost, ABANDON_RATIO * min(found.cost for found in known))
-        return (hopeless and self.loss == "linear") or any(found.attracts(x, step) for found in known)
+        return hopeless or any(found.attracts(x, step) for found in known)
 
     def _search_from(
         self, together: Together, search: int, x0: Array, tolerance: float, at_each: Callable[[Array, Linearized], None]
@@ -317,7 +307,7 @@ class _Solver:
         try:
             found = self._optimize.least_squares(
                 lambda x: at(x).residual, np.clip(x0, low, high), lambda x: at(x).jacobian, bounds=(low, high), method="trf", x_scale="jac",
-                loss=self.loss, f_scale=self.f_scale, ftol=tolerance**1.5, xtol=tolerance, gtol=1e-10, max_nfev=self._most,
+                ftol=tolerance**1.5, xtol=tolerance, gtol=1e-10, max_nfev=self._most,
             )  # fmt: skip
             return _Found(found.x, float(found.cost), at(found.x), found.status > 0)
         except _LeftOutError:
@@ -337,7 +327,7 @@ def _with_noise(solver: _Solver, residuals: Residuals, searches: list[_Found], k
     """
     for _ in range(5):
         best = min(searches, key=lambda s: s.cost)
-        sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, solver.loss), known)
+        sigma = np.where(np.isnan(known), _noise_left(residuals, best.at), known)
         settled = (np.abs(sigma - residuals.sigma) <= NOISE_TOLERANCE * residuals.sigma).all()
         residuals.sigma = sigma
         # The noise determines the weights of the channels. After a change of the noise, another minimum may be the lowest.
@@ -389,16 +379,14 @@ def _first_noise(simulator: Simulator) -> Array:
     return sigma
 
 
-def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
+def _noise_left(residuals: Residuals, at: Linearized) -> Array:
     """Estimate of the noise of each column of the readings, (width,), from the residuals of a fit.
 
-    It is the root mean square of the residuals, corrected for the number of parameters. For robust losses it is 1.48 times the median of
-    the residuals' absolute values.
+    It is the root mean square of the residuals, corrected for the number of parameters.
 
     Args:
         residuals: The residual function.
         at: Residuals at the end of the fit.
-        loss: Loss function of the fit.
     """
     simulator = residuals.simulator
     rows = np.concatenate(residuals.whitened(at)) * residuals.sigma
@@ -413,8 +401,7 @@ def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
         for j in range(channel.lines.start, channel.lines.stop):
             column = rows[np.isfinite(rows[:, j]), j]
             if len(column) > 1:
-                scatter = np.sqrt(np.mean(column**2) * free) if loss == "linear" else 1.4826 * np.median(np.abs(column))
-                sigma[j] = max(float(scatter), MIN_NOISE * largest, 1e-12)
+                sigma[j] = max(float(np.sqrt(np.mean(column**2) * free)), MIN_NOISE * largest, 1e-12)
     return sigma
 
 
@@ -452,19 +439,15 @@ def _concluded(
         solver: Solver that ran the searches.
         seconds: Elapsed time, s.
     """
-    n, simulator, loss, f_scale = residuals.n, residuals.simulator, solver.loss, solver.f_scale
+    n, simulator = residuals.n, residuals.simulator
     best, *rivals = minima
-    weights = np.ones(len(best.at.residual))
-    weights[: best.at.data] = weights_of(loss, (best.at.residual[: best.at.data] / f_scale) ** 2)
-    flat = FlatSet(residuals, best.x, best.at, weights, [rival.x for rival in rivals])
+    flat = FlatSet(residuals, best.x, best.at, [rival.x for rival in rivals])
     first = flat.points[0]
     if first.x is not best.x:
         best = replace(best, x=first.x, at=first.at, converged=True)
     span = (residuals.high - residuals.low)[:n] / 2
     reach = np.where(np.isfinite(span), span, 100.0)
-    sure = outside_null_space(
-        best.at.jacobian, best.at.residual, residuals.reading_indices(), reach, first.null, loss=loss, f_scale=f_scale
-    )
+    sure = outside_null_space(best.at.jacobian, best.at.residual, residuals.reading_indices(), reach, first.null)
     theta, scale = best.x[:n] * residuals.scale, residuals.scale
     covariance = (sure.covariance + flat.widening) * np.outer(scale, scale)
     values = np.stack([natural(residuals.blocks, point.x[:n] * scale) for point in flat.points])
@@ -483,7 +466,6 @@ def _concluded(
         parameters=tuple(block.parameter for block in residuals.blocks),
         theta=theta,
         covariance=covariance,
-        information=sure.information / np.outer(scale, scale),
         scale=scale,
         determined=known,
         combinations=together,
@@ -497,7 +479,7 @@ def _concluded(
         warnings=(),
     )
     shifts = _shift_warnings(residuals, best, solver)
-    findings = warnings_of(residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged, weights=weights[: best.at.data])
+    findings = warnings_of(residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged)
     return found.warned((*shifts, *findings))
 
 

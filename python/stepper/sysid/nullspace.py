@@ -112,7 +112,6 @@ class FlatSet:
         residuals: Residuals of the fit.
         x: Estimate, (n + starts,).
         at: Residuals and Jacobian at the estimate.
-        weights: Weight of each residual in the loss, (m,).
         rivals: Other minima that are not significantly worse, (n + starts,) each.
 
     Attributes:
@@ -120,8 +119,8 @@ class FlatSet:
         widening: Increase of the covariance of the parameters, in units of the scales, because weak directions are curved, (n, n).
     """
 
-    def __init__(self, residuals: Residuals, x: Array, at: Linearized, weights: Array, rivals: Sequence[Array] = ()):
-        self._residuals, self._root = residuals, np.sqrt(weights)
+    def __init__(self, residuals: Residuals, x: Array, at: Linearized, rivals: Sequence[Array] = ()):
+        self._residuals = residuals
         self._least = self._cost(at)
         self._unit = max(1.0, self._least / max(len(at.residual) - len(x), 1))
         self.points: list[Point] = []
@@ -198,7 +197,7 @@ class FlatSet:
                 if not np.isfinite(at.residual).all() or not np.isfinite(at.jacobian).all():
                     return clipped[: len(axis)], None
                 step = self._split(at, across=ahead)[1]
-                gain = float(((self._root * (at.jacobian @ step)) ** 2).sum())
+                gain = float(((at.jacobian @ step) ** 2).sum())
                 if not left or gain < CORRECTED * self._unit:
                     break
                 clipped = np.clip(clipped + step * min(1.0, STRIDE / max(float(np.abs(step).max()), 1e-300)), low, high)
@@ -220,8 +219,8 @@ class FlatSet:
         return x[: len(axis)], self._point(x, at)
 
     def _cost(self, at: Linearized) -> float:
-        """Weighted sum of squared residuals."""
-        return float(((self._root * at.residual) ** 2).sum())
+        """Sum of squared residuals."""
+        return float((at.residual**2).sum())
 
     def _split(self, at: Linearized, change: Array | None = None, across: Array | None = None) -> tuple[Array, Array, Array, Array]:
         """Null space of a Jacobian, (n + starts, q), and the Gauss-Newton step orthogonal to it, with their uncertainty.
@@ -236,11 +235,11 @@ class FlatSet:
             null space, (n + starts, k).
         """
         J = at.jacobian if across is None else at.jacobian - np.outer(at.jacobian @ across, across)
-        U, S, Vt = np.linalg.svd(self._root[:, None] * J, full_matrices=False)
-        noise = np.zeros(len(S)) if change is None else np.linalg.norm(self._root[:, None] * (change @ Vt.T), axis=0)
+        U, S, Vt = np.linalg.svd(J, full_matrices=False)
+        noise = np.zeros(len(S)) if change is None else np.linalg.norm(change @ Vt.T, axis=0)
         flat = np.maximum(1 / FLAT_STD, noise) > S
         root = Vt[~flat].T / S[~flat]
-        return Vt[flat].T, -root @ (U[:, ~flat].T @ (self._root * at.residual)), noise[flat], root
+        return Vt[flat].T, -root @ (U[:, ~flat].T @ at.residual), noise[flat], root
 
     def _point(self, x: Array, at: Linearized) -> Point:
         """Point of the set with its null space, from two finite-difference Jacobians."""
@@ -248,7 +247,7 @@ class FlatSet:
         change = at.jacobian - twice.jacobian
         null, _, noise, root = self._split(at, change)
         n = self._residuals.n
-        effect, differs = (np.linalg.norm((self._root[:, None] * J)[: at.data, :n], axis=0) for J in (at.jacobian, change))
+        effect, differs = (np.linalg.norm(J[: at.data, :n], axis=0) for J in (at.jacobian, change))
         return Point(x, at, null[:n], noise, self._unit * root[:n] @ root[:n].T, effect, differs / np.where(effect > 0, effect, 1.0))
 
     def _walk(self, x: Array, at: Linearized, target: Array) -> tuple[Array, Linearized]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +25,6 @@ from stepper.sysid.mixture import Mixture, mixture_of, updated
 from stepper.sysid.parameters import READING, Block, FitParameter, bind, natural, write
 from stepper.sysid.problem import MAX_PREDICTIONS, Problem
 from stepper.sysid.rivals import KINKED, OTHERS_PER_FRICTION, TWO_SIDED
-from stepper.sysid.shift import Watch, finding
 from stepper.sysid.simulate import UNTRUSTED, find_channels, noise_of, solved
 
 FRICTION_DRIFT = 0.02
@@ -33,6 +33,10 @@ PRIOR = 1.0
 """Default prior standard deviation of the logarithm of a positive quantity."""
 LEAST_WEIGHT = 0.05
 """Probability above which a hypothesis that has not converged makes all parameters count as undetermined."""
+RECENT = 15
+"""Number of samples over which the normalised innovation squared is averaged."""
+UNEXPLAINED = 3.0
+"""Mean normalised innovation squared (squared prediction error over its variance) above which the model does not explain the readings."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +48,16 @@ class TrackedParameter:
         labels: Names of the parameters.
         values: Estimates in their units, (n,): weighted means over the tracker's hypotheses about friction.
         interval: 95 % intervals in the same units, (n, 2).
-        determined: Whether the readings so far determine each parameter, (n,). All are False if the estimate has not converged, if
-            readings are shifted (see `warnings`), or if recent readings are far from their prediction. The interval of an
-            undetermined value is infinite: from 0 for a positive quantity, otherwise from minus infinity. That of an undetermined
-            friction begins at the largest value that the readings exclude.
+        determined: Whether the readings so far determine each parameter, (n,). All are False if the estimate has not converged. They
+            are also False if the mean squared prediction error of the last 15 samples is at least three times its variance. The model is
+            then wrong, or readings and controls are shifted by a sample: `identify` tells which. The interval of an undetermined value is
+            infinite: from 0 for a positive quantity, otherwise from minus infinity. That of an undetermined friction begins at the largest
+            value that the readings exclude.
         covariance: Covariance of the parameter vector theta, which has the logarithms of positive quantities, (n, n).
         surprise: Mean square of the prediction errors of this sample, each divided by its noise: about 1 for a correct model, much more
             for a wrong one.
         untrusted: Fraction of the simulated periods in the window whose steps were not solved.
         seconds: Computing time of the update, s.
-        warnings: Warning that the readings are one sample late or early relative to their controls; empty without one.
     """
 
     time: float
@@ -65,7 +69,6 @@ class TrackedParameter:
     surprise: float
     untrusted: float
     seconds: float
-    warnings: tuple[str, ...] = ()
 
     def __getitem__(self, label: str) -> float:
         """Estimate of a parameter by its label, in its unit: `tracked["body_mass[box]"]`."""
@@ -193,7 +196,7 @@ class Tracker:
         span = (high - low) / 2
         self._reach = np.where(np.isfinite(span), span, 100.0) / scale
         self._now = 0.0
-        self._watch: Watch | None = Watch()
+        self._surprises: deque[float] = deque(maxlen=RECENT)
 
     def update(self, ctrl: ArrayLike, readings: Mapping[str, ArrayLike]) -> TrackedParameter:
         """Adds a sample, and updates the estimates.
@@ -216,17 +219,17 @@ class Tracker:
         if given.shape != (self.model.nu,) or not np.isfinite(given).all():
             raise ValueError(f"ctrl has shape {given.shape}, must be ({self.model.nu},) and finite")
         read = self._checked(readings)
-        if self._watch is not None:
-            self._watch.begin(self)
         self._problem.budget.left = MAX_PREDICTIONS
-        self._take(given, read)
+        self._now += self.period
+        self._hypotheses = updated(self._hypotheses, (given, read), self._problem)
         best, mixture = self._hypotheses[0], self._mixture()
         surprise = float((best.newest**2).mean()) if len(best.newest) else 0.0
-        explained = self._watch is None or self._watch.add(given, read, best.normalized_innovation)
-        shift = None if self._watch is None else self._watch.found
+        self._surprises.append(best.normalized_innovation)
+        explained = len(self._surprises) < RECENT or float(np.mean(self._surprises)) <= UNEXPLAINED
         settled = all(h.settled for h, weight in zip(self._hypotheses, mixture.weights, strict=True) if weight >= LEAST_WEIGHT)
         flagged = float(((best.at.made["status"].astype(np.int64) & int(UNTRUSTED)) != 0).mean())
-        self._leave()
+        for hypothesis in self._hypotheses:
+            hypothesis.leave()
         covariance = mixture.covariance()
         std = np.sqrt(np.diag(covariance)) / self._problem.scale
         determined = ~undetermined(self.blocks, std, self._reach) & (settled and explained)
@@ -240,7 +243,6 @@ class Tracker:
             surprise=surprise,
             untrusted=flagged,
             seconds=time.perf_counter() - began,
-            warnings=() if shift is None else (finding(*shift),),
         )
 
     def sample(self, count: int, *, seed: int = 0) -> dict[str, Any]:
@@ -254,16 +256,6 @@ class Tracker:
             Arrays by field, (count, ...), in the field's unit.
         """
         return write(self.blocks, self._mixture().draw(count, seed), self.model).fields
-
-    def _take(self, ctrl: Array, readings: dict[str, Array]) -> None:
-        """Adds a sample to the windows of all hypotheses, and updates them."""
-        self._now += self.period
-        self._hypotheses = updated(self._hypotheses, (ctrl, readings), self._problem)
-
-    def _leave(self) -> None:
-        """Removes the oldest sample from full windows."""
-        for hypothesis in self._hypotheses:
-            hypothesis.leave()
 
     def _interval(self, mixture: Mixture, determined: np.ndarray[Any, np.dtype[np.bool_]], *, trusted: bool) -> Array:
         """95 % intervals of the values, (n, 2); infinite for values that are not determined.

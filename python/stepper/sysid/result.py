@@ -23,7 +23,7 @@ from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, 
 from stepper.sysid.roots import RIDGE, root_of
 
 Mask: TypeAlias = np.ndarray[Any, np.dtype[np.bool_]]
-FORMAT = 3
+FORMAT = 4
 """Version of the file format of `Identification.save`."""
 
 
@@ -33,7 +33,7 @@ class Search:
 
     Attributes:
         theta: Parameter vector at the end of the search, (n,).
-        cost: Half the sum of the losses of all residuals.
+        cost: Half the sum of the squares of all residuals.
         converged: Whether the search converged within `max_evaluations`.
     """
 
@@ -53,7 +53,6 @@ class Identification:
         parameters: Identified parameters.
         theta: Estimate of the parameter vector, (n,).
         covariance: Covariance of theta, (n, n). The variance of undetermined parameters follows from their bounds.
-        information: Information matrix (inverse covariance) of the data and priors, without the bounds and for white noise, (n, n).
         scale: Size of a significant change of theta, (n,): 1 for logarithms.
         determined: Whether the data determine each value, (n,).
         combinations: Combinations of parameters that the data determine, although they do not determine each parameter.
@@ -71,7 +70,6 @@ class Identification:
     parameters: tuple[FitParameter, ...]
     theta: Array
     covariance: Array
-    information: Array
     scale: Array
     determined: Mask
     combinations: tuple[Combination, ...]
@@ -254,7 +252,7 @@ class Identification:
             "interval": dict(zip(self.labels, self.interval().tolist(), strict=True)),
         }
         kept["combinations"] = [asdict(together) for together in self.combinations]
-        for name in ("theta", "covariance", "information", "scale", "determined"):
+        for name in ("theta", "covariance", "scale", "determined"):
             kept[name] = getattr(self, name).tolist()
         for name in ("freedom", "noise", "residual", "evaluations", "steps", "seconds", "warnings"):
             kept[name] = getattr(self, name)
@@ -283,7 +281,7 @@ class Identification:
                 FitParameter(p["selector"], p["start"], *(None if p[name] is None else tuple(p[name]) for name in ("bounds", "prior")))
                 for p in kept["parameters"]
             )
-            numbers: dict[str, Any] = {name: np.array(kept[name]) for name in ("theta", "covariance", "information", "scale", "determined")}
+            numbers: dict[str, Any] = {name: np.array(kept[name]) for name in ("theta", "covariance", "scale", "determined")}
             numbers |= {name: kept[name] for name in ("freedom", "noise", "residual", "evaluations", "steps", "seconds")}
             return cls(
                 model=model,

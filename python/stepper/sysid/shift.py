@@ -7,11 +7,8 @@ right. Otherwise the fit is compared with fits to the readings of the next row a
 
 from __future__ import annotations
 
-import copy
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -29,24 +26,11 @@ It tests only if the correlation is also statistically significant.
 """
 LOUD = 1.5
 """Mean square residual, in units of the squared noise, above which `identify` tests whether readings are shifted by one sample."""
-RECENT = 15
-"""Number of samples over which a tracker's normalised innovation squared is averaged."""
-UNEXPLAINED = 3.0
-"""Mean normalised innovation squared (squared prediction error over its variance) above which a tracker's model does not fit readings."""
-COPY_INTERVAL = 100
-"""Number of samples after which a tracker's stored copy is replaced. Trackers of shifted readings start from this copy."""
-SAMPLES_PER_UPDATE = 2
-"""Number of past samples that a tracker of shifted readings processes per update, until it has reached the newest sample.
-
-It processes fewer if the update has no predictions left.
-"""
 FREED_STD = (0.1, 1.0)
 """Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) of an uncertain initial state.
 
 A fit that estimates such a state shows whether a wrong initial state explains the readings as well as a shift.
 """
-OF_TRACKER = "A wrong initial state can look the same: stepper.sysid.identify with the same readings tries both, and says which fits better"
-"""Remark about initial states in the warning of a tracker, which does not estimate its initial state again."""
 _WORDS = {
     LATE: ("late: the readings of row k + 1 fit the control of row k", "Pair ctrl[:-1] with readings[1:]"),
     EARLY: (
@@ -57,7 +41,7 @@ _WORDS = {
 """Description of each shift in a warning, and the remedy."""
 
 
-def finding(shift: int, ratio: float, remark: str = OF_TRACKER) -> str:
+def _finding(shift: int, ratio: float, remark: str) -> str:
     """Warning that readings are one sample early or late relative to the controls, with the evidence and the remedy.
 
     Args:
@@ -84,11 +68,11 @@ def finding_of_fit(shift: int, ratio: float, freed: float | None) -> str:
             None if the original fit already estimated the initial state, NaN if there are too few readings for such a fit.
     """
     if freed is not None and math.isnan(freed):
-        return finding(shift, ratio, "A wrong initial state may be the cause instead: there are too few readings to estimate it")
+        return _finding(shift, ratio, "A wrong initial state may be the cause instead: there are too few readings to estimate it")
     if freed is None:
-        return finding(shift, ratio, "A wrong initial state is not the cause: it was estimated")
+        return _finding(shift, ratio, "A wrong initial state is not the cause: it was estimated")
     if ratio < RATIO * freed:
-        return finding(shift, ratio, f"A wrong initial state explains less: with an estimated one the residual falls to {_percent(freed)}")
+        return _finding(shift, ratio, f"A wrong initial state explains less: with an estimated one the residual falls to {_percent(freed)}")
     remedy = (
         f"Correct qpos and qvel of the episode, or estimate them with Episode(start_std={FREED_STD}). Do not use these values and intervals"
     )
@@ -140,120 +124,3 @@ def suspicious(whitened: list[Array]) -> bool:
             if both.sum() > 2 and power > 0 and float((one[both] * other[both]).sum()) / power > max(COLOURED, 5 / np.sqrt(both.sum())):
                 return True
     return False
-
-
-class Watch:
-    """Detector of shifted readings for a tracker.
-
-    When the tracker's model does not explain the readings, two copies of the tracker process them with shifts of one sample.
-
-    Attributes:
-        found: Detected shift (`LATE` or `EARLY`), and the mean squared prediction error with this shift divided by that without a shift.
-            None if no shift is detected.
-    """
-
-    def __init__(self) -> None:
-        self.found: tuple[int, float] | None = None
-        self._origin: Any = None
-        self._samples: list[tuple[Array, Mapping[str, Array]]] = []
-        self._surprise: list[float] = []
-        self._twins: dict[int, _Twin] = {}
-
-    def begin(self, tracker: Any) -> None:
-        """Stores a copy of the tracker every `COPY_INTERVAL` samples. Call it before each sample.
-
-        No copy is stored while earlier copies process readings that are shifted by one sample, to test whether these fit better.
-        """
-        if self._origin is None or (len(self._samples) >= COPY_INTERVAL and not self._twins):
-            self._origin = twin_of(tracker)
-            self._samples, self._surprise = [], self._surprise[-RECENT:]
-
-    def add(self, ctrl: Array, readings: Mapping[str, Array], surprise: float) -> bool:
-        """Adds a sample, and returns whether the model explains the recent readings.
-
-        The result is also False while shifts are tested, and after a shift is detected.
-
-        Args:
-            ctrl: Controls, (nu,).
-            readings: Readings of the sample by channel.
-            surprise: Normalised innovation squared of the sample, per reading.
-        """
-        self._samples.append((ctrl, readings))
-        self._surprise.append(surprise)
-        if self.found is not None:
-            return False
-        recent = self._surprise[-RECENT:]
-        unexplained = len(recent) == RECENT and float(np.mean(recent)) > UNEXPLAINED
-        if unexplained and not self._twins:
-            self._twins = {shift: _Twin(copy.copy(self._origin), shift) for shift in (LATE, EARLY)}
-        if self._twins:
-            self._follow()
-            return False
-        return not unexplained
-
-    def _follow(self) -> None:
-        """Processes past samples with two copies of the tracker, which get readings that are shifted by one sample.
-
-        When the copies have processed all samples, the method compares them with the tracker. If a copy predicts the readings much better
-        than the tracker, the method sets `found` to the shift of this copy.
-        """
-        for _ in range(SAMPLES_PER_UPDATE):
-            for twin in self._twins.values():
-                twin.take(self._samples)
-        if not all(twin.done(self._samples) for twin in self._twins.values()):
-            return
-        own = float(np.mean(self._surprise[-len(self._samples) :]))
-        shift, left = min(((shift, twin.mean_innovation()) for shift, twin in self._twins.items()), key=lambda pair: pair[1])
-        if left < RATIO * own:
-            self.found = shift, left / own
-        self._twins, self._origin = {}, None
-
-
-class _Twin:
-    """Copy of a tracker that processes each control with the readings of the next or the previous sample.
-
-    Args:
-        tracker: The tracker, which does not change.
-        shift: `LATE` for the readings of the next sample, `EARLY` for those of the previous one.
-    """
-
-    def __init__(self, tracker: Any, shift: int):
-        self._tracker, self._shift, self._at = twin_of(tracker), shift, 0
-        self._surprise: list[float] = []
-
-    def take(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> None:
-        """Processes the next stored sample that this copy of the tracker has not processed yet, if there is one."""
-        if self.done(samples) or self._tracker._problem.budget.left <= 0:
-            return
-        k = self._at
-        neighbour = k + self._shift
-        absent = {name: np.full(np.shape(row), np.nan) for name, row in samples[k][1].items()}
-        try:
-            self._tracker._take(samples[k][0], samples[neighbour][1] if neighbour >= 0 else absent)
-            self._surprise.append(self._tracker._hypotheses[0].normalized_innovation)
-            self._tracker._leave()
-        except (FloatingPointError, np.linalg.LinAlgError):
-            self._surprise.append(np.inf)
-        self._at += 1
-
-    def done(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> bool:
-        """Whether this copy of the tracker has processed all samples for which the shifted readings are known.
-
-        With `LATE`, the readings of the last sample come with the next sample.
-        """
-        return self._at >= len(samples) - (self._shift == LATE)
-
-    def mean_innovation(self) -> float:
-        """Mean normalised innovation squared of the samples that this copy has processed; infinite before the first."""
-        return float(np.mean(self._surprise)) if self._surprise else np.inf
-
-
-def twin_of(tracker: Any) -> Any:
-    """Independent copy of a tracker.
-
-    The copy and the original can use the same simulated environments, because each sets the state of the environments before use.
-    """
-    twin = copy.copy(tracker)
-    twin._watch = None
-    twin._hypotheses = [hypothesis.copy() for hypothesis in tracker._hypotheses]
-    return twin

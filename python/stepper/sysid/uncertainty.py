@@ -1,8 +1,7 @@
 """Uncertainty of an estimate: covariance of the parameters for noise that may be correlated in time.
 
-At the estimate, the sum over time of the scores s_t = J_t^T psi(r_t) is zero. Here r_t are the residuals at time t in units of the noise,
-J_t is their Jacobian, and psi is half the derivative of the loss. The covariance of the estimate is the sandwich H^-1 S H^-1. S is the
-covariance of the sum of scores, and H = J^T W J with the derivatives of psi as weights W.
+At the estimate, the sum over time of the scores s_t = J_t^T r_t is zero. Here r_t are the residuals at time t in units of the noise, and
+J_t is their Jacobian. The covariance of the estimate is the sandwich H^-1 S H^-1. S is the covariance of the sum of scores, and H = J^T J.
 
 White noise has S = H; correlated noise (coloured sensors, model errors) has a larger S. S is estimated in two ways, and the larger estimate
 is used:
@@ -38,41 +37,14 @@ class Uncertainty:
 
     Attributes:
         covariance: Covariance of x, (n, n). It is finite, because the bounds limit the variance of undetermined parameters.
-        information: Information matrix H of the data and the priors, (n, n), without bounds.
         inflation: Ratios of the standard deviations to those for white noise, (n,).
     """
 
     covariance: Array
-    information: Array
     inflation: Array
 
 
-def weights_of(loss: str, z: Array) -> Array:
-    """Weights of residuals, (m,): derivative of SciPy's loss rho at z = (r / f_scale)^2."""
-    if loss == "linear":
-        return np.ones_like(z)
-    if loss == "soft_l1":
-        return (1 + z) ** -0.5
-    if loss == "huber":
-        return np.where(z <= 1, 1.0, np.maximum(z, 1.0) ** -0.5)
-    if loss == "cauchy":
-        return np.asarray(1 / (1 + z))
-    return np.asarray(1 / (1 + z**2))  # Loss "arctan".
-
-
-def slopes_of(loss: str, r: Array) -> Array:
-    """Derivatives of the score r rho'(r^2) with respect to the residual r, (m,), bounded below by 1e-3.
-
-    Args:
-        loss: Name of SciPy's loss function rho.
-        r: Residuals, (m,).
-    """
-    step = 1e-4
-    up, down = r + step, r - step
-    return np.maximum((up * weights_of(loss, up**2) - down * weights_of(loss, down**2)) / (2 * step), 1e-3)
-
-
-def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, *, loss: str, f_scale: float) -> Uncertainty:
+def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array) -> Uncertainty:
     """Uncertainty of the n parameters, which are the first n columns of a Jacobian.
 
     Args:
@@ -80,35 +52,28 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
         r: Residuals, (m,): readings first, then priors.
         times: Indices of the episode, control period and column of each of the k readings, (k, 3).
         reach: Half widths of the bounds, (n,), which are the standard deviations of undetermined parameters.
-        loss: Loss function of `least_squares`.
-        f_scale: Residual above which a robust loss reduces the weight.
     """
     n = len(reach)
     k = len(times)
-    bread, weight = np.ones(len(r)), np.ones(len(r))
-    bread[:k], weight[:k] = slopes_of(loss, r[:k] / f_scale), weights_of(loss, (r[:k] / f_scale) ** 2)
     if J.shape[1] > n:
         own, other = J[:, :n], J[:, n:]
-        coupling = np.linalg.lstsq(np.sqrt(bread)[:, None] * other, np.sqrt(bread)[:, None] * own, rcond=None)[0]
+        coupling = np.linalg.lstsq(other, own, rcond=None)[0]
         J = own - other @ coupling
-    H = (bread[:, None] * J).T @ J
     known = (J[k:]).T @ J[k:] + np.diag(reach**-2.0)
-    scores = _by_time((weight[:k] * r[:k])[:, None] * J[:k], times)
+    scores = _by_time(r[:k, None] * J[:k], times)
     white = sum((s.T @ s for s in scores), np.zeros((n, n)))
-    inverse = np.linalg.inv(H + np.diag(reach**-2.0))
+    inverse = np.linalg.inv(J.T @ J + np.diag(reach**-2.0))
     plain = inverse @ (white + known) @ inverse
     # The larger of two noise levels counts: the given one, and that of the residuals.
     plain = _at_least(np.asarray(plain), np.asarray(inverse))
-    coloured = _coloured(weight[:k] * r[:k], J[:k], times)
+    coloured = _coloured(r[:k], J[:k], times)
     covariance = _at_least(np.asarray(inverse @ (coloured + known) @ inverse), plain)
     covariance = _at_least(covariance, np.asarray(inverse @ (_long_run(scores) + known) @ inverse))
     inflation = np.sqrt(np.diag(covariance) / np.diag(inverse))
-    return Uncertainty((covariance + covariance.T) / 2, H, inflation)
+    return Uncertainty((covariance + covariance.T) / 2, inflation)
 
 
-def outside_null_space(
-    J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, null: Array, *, loss: str, f_scale: float
-) -> Uncertainty:
+def outside_null_space(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, null: Array) -> Uncertainty:
     """Uncertainty in which the bounds determine the covariance along a null space, and the data determine it in all other directions.
 
     Args:
@@ -117,18 +82,16 @@ def outside_null_space(
         times: Indices of the readings, (m,), no unit.
         reach: Half widths of the bounds, (n,), in the units of the parameters.
         null: Orthonormal basis of the null space of the parameters, (n, q), no unit.
-        loss: Loss function of `least_squares`.
-        f_scale: Residual above which a robust loss reduces the weight.
     """
     n, q = null.shape
     if not q:
-        return uncertainty(J, r, times, reach, loss=loss, f_scale=f_scale)
+        return uncertainty(J, r, times, reach)
     basis = np.linalg.svd(null)[0]
     along, across = basis[:, :q], basis[:, q:]
     within = np.concatenate([J[:, :n] @ across, J[:, n:]], axis=1)
-    known = uncertainty(within, r, times, (across.T**2 @ reach**-2.0) ** -0.5, loss=loss, f_scale=f_scale)
+    known = uncertainty(within, r, times, (across.T**2 @ reach**-2.0) ** -0.5)
     covariance = across @ known.covariance @ across.T + along @ np.linalg.inv((along.T * reach**-2.0) @ along) @ along.T
-    return Uncertainty(covariance, across @ known.information @ across.T, known.inflation)
+    return Uncertainty(covariance, known.inflation)
 
 
 def _at_least(covariance: Array, other: Array) -> Array:
@@ -144,7 +107,7 @@ def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Ar
     """Sums of the rows of readings with the same episode and time: one array (times, n) per episode.
 
     Args:
-        rows: Numbers of each reading, (k, n), such as its weighted residual times its Jacobian.
+        rows: Numbers of each reading, (k, n), such as its residual times its Jacobian.
         times: Indices of the episode, row and column of each reading, (k, 3).
     """
     places = _places(times)
@@ -230,7 +193,7 @@ def _autocovariance(series: list[Array], count: int) -> Array:
 def _long_run(scores: list[Array]) -> Array:
     """Covariance of the sum of the scores of all episodes, (n, n), for scores that are correlated in time.
 
-    The score of a time is the sum of its readings' weighted residuals times their Jacobian, a vector (n,) for n parameters.
+    The score of a time is the sum of its readings' residuals times their Jacobian, a vector (n,) for n parameters.
 
     Args:
         scores: Scores by episode, (times, n).

@@ -1,19 +1,17 @@
-"""Accuracy of a simulation: error against cost, settings for an error budget, and parts of a scene that can be removed.
+"""Accuracy of a simulation: error against cost, settings for an error budget, and pairs of bodies that need no contact.
 
 - `traces`: runs of episodes, and distances between runs
-- `reference`: converged or exact runs, from which errors are measured
+- `reference`: converged runs, from which errors are measured
 - `candidates`: settings that are compared
 - `costs`: processor time of settings
-- `chart`, `measure`, `budget`: error against cost, within a time budget
+- `chart`, `measure`: error against cost
 - `invariants`: errors that stay meaningful in chaotic motion
-- `dots`, `tables`, `draw`: numbers with differences of outcomes, documents and picture of a chart
+- `dots`, `tables`, `draw`: numbers, documents and picture of a chart
 - `tune`: the cheapest settings within an error budget
-- `needs`: parts of a scene that can be removed
-- `profile`: parts of a scene that a run used, and their cost
+- `needs`: pairs of bodies that need no contact
 """
 
 from stepper.lab.accuracy.chart import Chart, chart
-from stepper.lab.accuracy.profile import CostProfile, profile
 from stepper.lab.accuracy.tune import Tuning, tune
 
-__all__ = ["Chart", "CostProfile", "Tuning", "chart", "profile", "tune"]
+__all__ = ["Chart", "Tuning", "chart", "tune"]

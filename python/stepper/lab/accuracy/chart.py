@@ -1,7 +1,7 @@
 """Chart of error against cost on the user's model, with errors split into parts due to the solver, the time step and the model.
 
 Errors of single trajectories are meaningful up to the time at which the reference is converged. For longer times the chart also has errors
-of invariants, and distributions of outcomes.
+of invariants, and means of outcomes.
 """
 
 from __future__ import annotations
@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.accuracy.budget import QUICK, Budget
 from stepper.lab.accuracy.candidates import lines, timesteps
 from stepper.lab.accuracy.costs import costs
-from stepper.lab.accuracy.dots import Dot, shifts
+from stepper.lab.accuracy.dots import Dot
 from stepper.lab.accuracy.invariants import Invariants
-from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, ChartBasis, Point, chart_reference, measure
+from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point, chart_reference, measure
 from stepper.lab.accuracy.reference import Reference, check_moves
 from stepper.lab.accuracy.tables import ChartData, write
 from stepper.lab.accuracy.traces import Distance, quantity
@@ -43,7 +42,7 @@ class Chart:
     Attributes:
         study: The study.
         distance: Definition of errors: unit and horizon.
-        reference: Converged run or closed form, relative to which errors are measured.
+        reference: Converged run, relative to which errors are measured.
         dots: Points of the chart, ordered by settings, then time step.
         skipped: Settings that could not be run, with the reasons.
         document: The chart as a document.
@@ -70,13 +69,11 @@ def chart(
     unit: str = "m",
     episodes: int = 8,
     quick: bool = False,
-    budget: str | float | None = None,
     progress: ProgressCallback | None = None,
 ) -> Chart:
     """Charts error against cost for time steps, integrators, solvers, precisions, contact laws and MuJoCo.
 
-    The reference is the study's closed form (`Study.exact`), or a run that is converged by halving the time step
-    (`stepper.lab.accuracy.reference`). Sensors are ideal.
+    The reference is a run that is converged by halving the time step (`stepper.lab.accuracy.reference`). Sensors are ideal.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
@@ -86,19 +83,15 @@ def chart(
         unit: Unit of errors: "m" for differences in position of bodies, geoms and sites, "rad" for differences in orientation of bodies.
         episodes: Number of episodes; the chart shows their medians.
         quick: Whether to use fewer settings, time steps and repeats.
-        budget: Bound of the processor time: "60 s", or a number of seconds. The table marks runs that the budget stopped. None sets no
-            time limit, or two minutes with `quick`.
         progress: Progress callback with a text and the fraction done.
 
     Returns:
-        The chart. OUT/NAME has chart.html, chart.md, chart.png, chart.csv, chart.npz.
+        The chart. OUT/NAME has chart.html, chart.md, chart.png, chart.csv.
 
     Raises:
-        ValueError: The model has no joints, the horizon is longer than an episode, or the budget is too short for a reference.
+        ValueError: The model has no joints, or the horizon is longer than an episode.
         BlockingIOError: Another run writes to OUT/NAME.
     """
-    seconds = (QUICK if quick else math.inf) if budget is None else quantity(budget, name="budget", units=("s",))[0]
-    clock = Budget.from_seconds(seconds)
     check_pages()
     study = replace(check_moves(Study.from_model(source)), threads=1)
     check_whole("episodes", episodes, least=1)
@@ -112,11 +105,8 @@ def chart(
     with locked(path_of("out", out) / study.name) as folder:
         report_progress: ProgressCallback = progress or (lambda _what, _done: None)
         numbers, most = range(episodes), 4 if quick else 7
-        stage = clock.stage(REFERENCE)
-        distance, reference = chart_reference(
-            study, numbers, until, unit, most, stage=stage, progress=lambda done: report_progress("reference", done)
-        )
-        basis = ChartBasis(study, numbers, distance, reference, most, clock)
+        distance, reference = chart_reference(study, numbers, until, unit, most, progress=lambda done: report_progress("reference", done))
+        basis = ChartBasis(study, numbers, distance, reference, most)
         steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
         points, skipped, laws = measure(basis, lines(study, quick=quick), steps, report_progress)
         skipped = [f"MuJoCo: {reason}" for reason in [no_peer(study)] if reason] + skipped
@@ -131,57 +121,40 @@ def _dots(
     basis: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: ProgressCallback
 ) -> tuple[Dot, ...]:
     """Errors, costs and outcomes of all points of a chart as numbers. Costs and errors of invariants are measured here."""
-    study, limit = basis.study, basis.budget.stage(INVARIANTS)
-    nothing, kept = np.full(len(basis.episodes), np.nan), [dict[str, Array]() for _ in points]
-    usual = study.options.timestep or float(study.loaded[0].timestep)
-    # The study's time step comes first, so that it is done for all settings if the budget ends early.
-    late: set[int] = set()
-    for done, k in enumerate(sorted(range(len(points)), key=lambda k: abs(math.log(points[k].timestep / usual)))):
-        trace = points[k].trace
-        if limit.limited and not limit.left and trace is not None and invariants.kinds:
-            late.add(k)
-        errors = {} if trace is None or k in late else invariants.measure(trace)
-        kept[k] = {kind.label: errors.get(kind, nothing) for kind in invariants.kinds}
-        report_progress("invariants", (done + 1) / len(points))
+    study, kept = basis.study, list[dict[str, Array]]()
+    for point in points:
+        errors = invariants.measure(point.trace)
+        kept.append({kind.label: errors[kind] for kind in invariants.kinds})
+        report_progress("invariants", len(kept) / len(points))
     # Diverged runs are not timed: steps that cannot be solved use all their iterations.
     timed = [k for k, point in enumerate(points) if math.isfinite(float(np.median(point.errors["total"])))]
     with one_core():
         spent = costs(
             study,
             [points[k].line.settings | {"timestep": points[k].timestep} for k in timed],
-            [trace for k in timed if (trace := points[k].trace) is not None],
+            [points[k].trace for k in timed],
             repeats=3 if quick else 7,
             seconds=0.004 if quick else 0.02,
             progress=lambda done: report_progress("costs", done),
-            stage=basis.budget.stage(COSTS),
         )
     by_point = dict(zip(timed, spent, strict=True))
-    more = {k: ("invariants: the budget was spent before",) for k in late}
-    points = [replace(point, notes=point.notes + more.get(k, ())) for k, point in enumerate(points)]
-    return tuple(_dot(basis, point, by_point.get(k), kept[k]) for k, point in enumerate(points))
+    return tuple(_dot(basis, point, by_point.get(k, (math.nan, math.nan)), kept[k]) for k, point in enumerate(points))
 
 
-def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float] | None, kept: dict[str, Array]) -> Dot:
+def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float], kept: dict[str, Array]) -> Dot:
     """Errors, costs and outcomes of one point of a chart (a run of some settings with a given time step), as numbers.
 
     Args:
         basis: Data that all points of the chart share.
         point: Run of some settings with a given time step, with its errors.
-        cost: Microseconds of one core for a simulated second, alone and in a batch; None if not measured.
+        cost: Microseconds of one core for a simulated second, alone and in a batch; NaN if not measured.
         kept: Errors of invariants by name, (episodes,) each.
     """
-    study, trace, nan = basis.study, point.trace, math.nan
+    study, trace = basis.study, point.trace
     outcome = study.success_outcome or next(iter(study.all_outcomes), None)
-    values = np.full(1, nan) if outcome is None or trace is None or trace.stopped else trace.outcomes[outcome.name]
-    whole = outcome is not None and outcome.success is not None and trace is not None and not trace.stopped
+    values = np.full(1, math.nan) if outcome is None or trace.stopped else trace.outcomes[outcome.name]
+    whole = outcome is not None and outcome.success is not None and not trace.stopped
     middle = {name: float(np.median(own)) for name, own in point.errors.items()}
-    notes = list(point.notes)
-    alone, batch = cost or (nan, nan)
-    if cost and not (math.isfinite(alone) and math.isfinite(batch)):
-        which = (
-            "costs" if not (math.isfinite(alone) or math.isfinite(batch)) else "costs in a batch" if math.isfinite(alone) else "costs alone"
-        )
-        notes.append(f"{which}: the budget was spent before")
     return Dot(
         engine=point.line.engine,
         setting=point.line.name,
@@ -192,15 +165,14 @@ def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float] | None, kept
         solver=middle["solver"],
         step=middle["step"],
         model=middle["model"],
-        us_single_env=alone,
-        batch=batch,
-        depth=nan if trace is None else float(trace.depth.max()),
-        residual=nan if trace is None else float(trace.residual.max()),
+        us_single_env=cost[0],
+        batch=cost[1],
+        depth=float(trace.depth.max()),
+        residual=float(trace.residual.max()),
         outcome=_mean(values),
-        share=float(outcome.succeeds(values).mean()) if whole and outcome is not None else nan,
+        share=float(outcome.succeeds(values).mean()) if whole and outcome is not None else math.nan,
         invariants={name: _largest(own) for name, own in kept.items()},
-        shifts=() if trace is None else tuple(shifts(study, trace, basis.reference.trace)),
-        notes=tuple(notes),
+        notes=point.notes,
     )
 
 

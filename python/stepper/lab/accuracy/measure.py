@@ -1,7 +1,7 @@
-"""Points of a chart: runs of settings at time steps, their errors, and the sources of the errors, within a time budget.
+"""Points of a chart: runs of settings at time steps, their errors, and the sources of the errors.
 
 First, all settings run. Then a converged run of each contact law is computed. Last, the runs are repeated with a tight solver tolerance.
-Runs that the budget stops get a note with the reason.
+Runs that take too long are stopped, and get a note with the reason.
 """
 
 from __future__ import annotations
@@ -9,15 +9,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.accuracy.budget import Budget, Stage
 from stepper.lab.accuracy.candidates import Line
-from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience, reference_of
+from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience
 from stepper.lab.accuracy.traces import Distance, Trace, run
 from stepper.lab.study.study import Study
 
@@ -27,13 +26,6 @@ TARGET = {"m": 1e-4, "rad": 1e-3}
 
 If the user gives no horizon, errors are measured up to the time at which the uncertainty of the reference exceeds this target.
 """
-REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
-"""Fractions of the time budget at which the stages of a chart must be finished.
-
-The stages are: the reference, all runs, a converged run of each contact law, runs with a tight solver tolerance, invariants, costs.
-"""
-
-
 _MAX_SLOWDOWN, _MIN_PATIENCE = 10.0, 10.0
 """Limits of a run's processor time: ratio to the time of the reference's finest run, and a duration in s.
 
@@ -51,7 +43,6 @@ class ChartBasis:
         distance: Definition of errors: unit and horizon.
         reference: Reference, relative to which errors are measured.
         most: Largest number of halvings of the time step for converged runs.
-        budget: Time budget.
     """
 
     study: Study
@@ -59,7 +50,6 @@ class ChartBasis:
     distance: Distance
     reference: Reference
     most: int
-    budget: Budget = field(default_factory=lambda: Budget.from_seconds(math.inf))
 
 
 @dataclass(frozen=True)
@@ -69,15 +59,15 @@ class Point:
     Attributes:
         line: Line of the chart, with the settings.
         timestep: Time step, s.
-        trace: The run; None if the budget left no time for it.
-        errors: Errors by name ("total", "solver", "step", "model"), (episodes,), m or rad. NaN if the budget stopped a run from which an
-            error is computed.
+        trace: The run.
+        errors: Errors by name ("total", "solver", "step", "model"), (episodes,), m or rad. NaN if a run from which an error is computed was
+            stopped.
         notes: Remarks for the table.
     """
 
     line: Line
     timestep: float
-    trace: Trace | None
+    trace: Trace
     errors: dict[str, Array]
     notes: tuple[str, ...] = ()
 
@@ -89,17 +79,17 @@ def chart_reference(
     unit: str,
     most: int,
     *,
-    stage: Stage | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Distance, Reference]:
     """Reference of a chart, and the definition of errors, which includes the horizon.
 
-    If `horizon` is None, errors are measured up to the time to which the reference of the median episode is converged. For a closed form,
-    that is the whole episode. The horizon is shorter if the time budget ended the runs of the reference earlier.
+    If `horizon` is None, errors are measured up to the time to which the reference of the median episode is converged. The horizon is
+    shorter if all episodes diverge earlier.
     """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
     distance = Distance(unit, horizon or study.seconds)
-    reference = reference_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, progress=progress)
+    reference = converge(study, episodes, distance, target=TARGET[unit], most=most, law=law, progress=progress)
+    # Runs end where no episode is finite any more.
     reached = min(trace.reached for trace in (*reference.runs, *reference.second))
     if horizon is None or horizon > reached * (1 + 1e-9):
         known = float(np.median(reference.known)) if horizon is None else reached
@@ -117,18 +107,17 @@ def measure(
         Three results: the points of the chart; texts with the labels of lines that could not be run and the reasons; and by label of a
         line the converged run with the contact law of the line.
     """
-    made: list[list[tuple[Trace | None, str]] | str] = []
-    for number, line in enumerate(all_lines):
-        made.append(_runs(basis, line, steps, left=(len(all_lines) - number) * len(steps)))
+    made: list[list[tuple[Trace, str]] | str] = []
+    for line in all_lines:
+        made.append(_runs(basis, line, steps))
         progress("runs", len(made) / len(all_lines))
     could = {number: own for number, own in enumerate(made) if not isinstance(own, str)}
     skipped = [f"{line.label}: {own}" for line, own in zip(all_lines, made, strict=True) if isinstance(own, str)]
     laws = _laws(basis, [all_lines[number] for number in could], lambda done: progress("laws of contact", done))
     distinct = {_solved_key(all_lines[n], dt): (all_lines[n], dt) for n in could for dt in steps if all_lines[n].engine == "stepper"}
-    solved: dict[str, tuple[Trace | None, str]] = {}
+    solved: dict[str, tuple[Trace, str]] = {}
     for key, (line, dt) in distinct.items():
-        stage = basis.budget.stage(SOURCES).one(1.0 / (len(distinct) - len(solved)))
-        solved[key] = _run(basis, stage, line.settings | TIGHT | {"timestep": dt}, until=basis.distance.horizon)
+        solved[key] = _run(basis, line.settings | TIGHT | {"timestep": dt}, until=basis.distance.horizon)
         progress("sources of errors", len(solved) / len(distinct))
     points = []
     for number, row in could.items():
@@ -148,7 +137,7 @@ def _laws(basis: ChartBasis, lines: Sequence[Line], progress: Callable[[float], 
     laws: dict[str, Reference | str] = {basis.study.options.contact: basis.reference}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
     for done, (law, line) in enumerate(reversed(first.items())):
-        laws[law] = _converged(basis, line, 1.0 / (len(first) - done))
+        laws[law] = _converged(basis, line)
         progress((done + 1) / len(first))
     return laws
 
@@ -166,93 +155,56 @@ def _solved_key(line: Line, dt: float) -> str:
     return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
 
 
-def _runs(basis: ChartBasis, line: Line, steps: Sequence[float], *, left: int) -> list[tuple[Trace | None, str]] | str:
+def _runs(basis: ChartBasis, line: Line, steps: Sequence[float]) -> list[tuple[Trace, str]] | str:
     """Runs of one line of the chart with all lengths of the time step.
 
-    Args:
-        basis: Data that all points of the chart share.
-        line: Line of the chart.
-        steps: Time steps, s.
-        left: Number of runs of this line and of those after it, which share the time that is left.
-
     Returns:
-        Pairs of a run and a note, one per time step. The run is None if the time budget left no time for it. If the line cannot be run,
-        the result is the reason, as text.
+        Pairs of a run and a note, one per time step. If the line cannot be run, the result is the reason, as text.
     """
-    stage = basis.budget.stage(RUNS)
-    made: dict[float, tuple[Trace | None, str]] = {}
     try:
-        # Long time steps run first, because they take the least time.
-        for k, dt in enumerate(sorted(steps, reverse=True)):
-            made[dt] = _run(basis, stage.one(1.0 / (left - k)), line.settings | {"timestep": dt})
-        return [made[dt] for dt in steps]
+        return [_run(basis, line.settings | {"timestep": dt}) for dt in steps]
     except ValueError as error:
         return " ".join(str(error).split())[:300]
 
 
-def _run(basis: ChartBasis, stage: Stage, settings: dict[str, Any], until: float = math.inf) -> tuple[Trace | None, str]:
-    """Run of a study with changed settings, and a note, which is empty unless the run was stopped or not started.
-
-    The first result is None if the time budget left no time for the run.
-    """
-    if stage.limited and not stage.left:
-        return None, f"the budget of {basis.budget.seconds:g} s was spent before"
+def _run(basis: ChartBasis, settings: dict[str, Any], until: float = math.inf) -> tuple[Trace, str]:
+    """Run of a study with changed settings, and a note, which is empty unless the run was stopped."""
     study = basis.study
     patient = patience(study, basis.reference.trace, settings["timestep"], slower=_MAX_SLOWDOWN, least=_MIN_PATIENCE)
-    trace = run(study, basis.episodes, until=until, stage=stage.within(patient), **settings)
-    if trace.stopped:
-        whole = min(until, study.seconds)
-        why = "" if stage.limited and not stage.left else f": it takes more than {_MAX_SLOWDOWN:g} times as long as the converged run"
-        return trace, f"stopped after {trace.spent:.1f} s at {trace.reached:.3g} of {whole:.3g} s{why}"
-    return trace, ""
+    trace = run(study, basis.episodes, until=until, patience=patient, **settings)
+    if not trace.stopped:
+        return trace, ""
+    note = f"stopped after {trace.spent:.1f} s at {trace.reached:.3g} of {min(until, study.seconds):.3g} s"
+    return trace, f"{note}: it takes more than {_MAX_SLOWDOWN:g} times as long as the converged run"
 
 
-def _converged(basis: ChartBasis, line: Line, share: float) -> Reference | str:
+def _converged(basis: ChartBasis, line: Line) -> Reference | str:
     """Converged run for the contact law of a line of the chart, or the reason why it failed."""
     # All lines of hard contact share a run with one integrator. A line of MuJoCo's law runs with its integrator, because the study's
     # integrator may exist for hard contact only.
     law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
-    distance, stage = basis.distance, basis.budget.stage(LAWS)
-    if stage.limited and not stage.left:
-        return f"the budget of {basis.budget.seconds:g} s was spent before"
-    most = min(basis.most, 5)
+    distance, most = basis.distance, min(basis.most, 5)
     try:
-        return converge(
-            basis.study,
-            basis.episodes,
-            distance,
-            target=TARGET[distance.unit],
-            most=most,
-            law=law,
-            until=distance.horizon,
-            stage=stage.one(share),
-        )
+        return converge(basis.study, basis.episodes, distance, target=TARGET[distance.unit], most=most, law=law, until=distance.horizon)
     except ValueError as error:
         return " ".join(str(error).split())[:300]
 
 
-def _point(
-    basis: ChartBasis, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
-) -> Point:
+def _point(basis: ChartBasis, at: tuple[Line, float], own: tuple[Trace, str], tight: tuple[Trace, str], law: Reference | str) -> Point:
     """Point of the chart from the runs of a line with a given time step."""
     nothing, (line, dt) = np.full(len(basis.episodes), np.nan), at
     trace, note = own
-    notes = [note] if trace is not None or not note else [f"not run: {note}"]
-    if trace is not None and (lost := int((~trace.finite).sum())):
+    notes = [note]
+    if lost := int((~trace.finite).sum()):
         notes.append(f"not finite in {lost} of {len(trace.finite)} episodes")
     if tight[0] is not trace and tight[1]:
         notes.append(f"parts of solver and time step unknown, because the run with a tight tolerance did not succeed: {tight[1]}")
     if isinstance(law, str):
         notes.append(f"parts of time step and model unknown, because the run of its contact law did not converge: {law}")
-
-    def apart(one: Trace | None, other: Trace | None) -> Array:
-        return nothing if one is None or other is None else basis.distance(one, other)
-
-    converged = None if isinstance(law, str) else law.trace
     errors = {
-        "total": apart(trace, basis.reference.trace),
-        "solver": apart(trace, tight[0]) if line.engine == "stepper" else nothing,
-        "step": apart(tight[0], converged),
-        "model": apart(converged, basis.reference.trace),
+        "total": basis.distance(trace, basis.reference.trace),
+        "solver": basis.distance(trace, tight[0]) if line.engine == "stepper" else nothing,
+        "step": nothing if isinstance(law, str) else basis.distance(tight[0], law.trace),
+        "model": nothing if isinstance(law, str) else basis.distance(law.trace, basis.reference.trace),
     }
     return Point(line, dt, trace, errors, tuple(note for note in notes if note))

@@ -1,4 +1,4 @@
-"""Reference of a study: its closed-form solution, or a run that is converged by halving the time step, with its uncertainty.
+"""Reference of a study: a run that is converged by halving the time step, with its uncertainty.
 
 The first method is the midpoint rule, with the time steps h, h/2, h/4 and so on. Three runs x(h), x(h/2), x(h/4) give an observed order
 p = log2(|x(h) - x(h/2)| / |x(h/2) - x(h/4)|), where |...| is the distance between two runs (`Distance`). In smooth motion p is the
@@ -8,9 +8,6 @@ the order varies, and the estimate is the difference of the last two runs.
 The second method checks the first, because its errors are different. It is Euler's rule, at the two finest time steps. Let d be the
 difference between its two runs. If the results of the two methods differ by more than 2 d, the excess is added to the uncertainty. Euler's
 rule diverges with stiff damping of light links. The implicit rule, also of first order, then replaces it.
-
-A time budget may end the computation early: with fewer halvings, without the second method, or with shorter runs. The uncertainty is then
-larger, or the known time shorter, and `Reference.words` mentions it.
 """
 
 from __future__ import annotations
@@ -24,13 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.accuracy.budget import Stage
-from stepper.lab.accuracy.traces import Distance, Trace, TraceRecorder, run
-from stepper.lab.study import controllers
-from stepper.lab.study.batches import begin, steps_of, world_of
-from stepper.lab.study.points import USUAL
+from stepper.lab.accuracy.traces import Distance, Trace, run
+from stepper.lab.study.batches import steps_of
 from stepper.lab.study.study import Study
-from stepper.lab.study.worlds import StepperWorld
 
 Array = NDArray[np.float64]
 _FIRST_METHOD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
@@ -47,26 +40,21 @@ _MIN_PATIENCE, _PATIENCE_PER_STEP = 2.0, 1e-4
 """Duration that is always allowed for a run, s, and additional duration per time step, s."""
 _MAX_SLOWDOWN = 3.0
 """Largest ratio of the duration of a run with the second method to that of the run with the first method."""
-_SHARE = 0.4
-"""Largest fraction of the remaining time budget for one run of a reference."""
 _ROUNDING = 1e-11
 """Largest difference of two runs that counts as a rounding error, m or rad."""
-_INITIAL_DIFFERENCE = 1e-9
-"""Largest accepted difference between the initial state of a closed-form solution and that of an episode, m, rad, m/s, rad/s."""
 _SMOOTH_ORDERS = (1.6, 2.6)
 """Range of observed orders of the midpoint rule in smooth motion."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Converged run or closed form, relative to which errors are measured, and its uncertainty.
+    """Converged run, relative to which errors are measured, and its uncertainty.
 
     With hard contact, a converged run is computed by two methods: the midpoint rule at ever smaller time steps, and a rule of first order
     as a check. With another contact law, it is computed by the integrator of that law's settings alone.
 
     Attributes:
-        runs: The three finest runs with the first method (the midpoint rule, or the integrator of another law), the finest last. Fewer if
-            the time budget ended; a single run has no uncertainty estimate.
+        runs: The three finest runs with the first method (the midpoint rule, or the integrator of another law), the finest last.
         second: Runs with the rule of first order at the two finest time steps; empty if there is no second method.
         target: Target of the uncertainty, m or rad.
         uncertainty: Uncertainty of every episode up to the horizon, (episodes,), m or rad.
@@ -74,10 +62,8 @@ class Reference:
         extrapolates: Whether Richardson's estimate applies to each episode, (episodes,).
         methods: Distance between the results of both methods, (episodes,), m or rad; NaN with one method.
         known: Time up to which the last two runs of an episode agree to the target, (episodes,), s.
-        stopped: Whether the time budget ended the halving before the target was reached.
         rule: Name of the rule of first order, such as "Euler's rule".
         without: Names of integrators of first order that diverged or took too long.
-        exact: Name of the closed form; empty for converged runs.
     """
 
     runs: tuple[Trace, ...]
@@ -88,14 +74,12 @@ class Reference:
     extrapolates: NDArray[np.bool_]
     methods: Array
     known: Array
-    stopped: bool = False
     rule: str = _SECOND_METHODS["euler"]
     without: tuple[str, ...] = ()
-    exact: str = ""
 
     @property
     def trace(self) -> Trace:
-        """Recorded run with the smallest time step, or the closed-form solution."""
+        """Recorded run with the smallest time step."""
         return self.runs[-1]
 
     @property
@@ -105,26 +89,18 @@ class Reference:
 
     def with_distance(self, distance: Distance) -> Reference:
         """Reference with the same runs, and the uncertainty for another definition of errors or another horizon."""
-        if self.exact:
-            return self
         found = _assessed(self.runs, self.second, distance, self.target)
-        return replace(found, stopped=self.stopped, rule=self.rule, without=self.without)
+        return replace(found, rule=self.rule, without=self.without)
 
     @property
     def words(self) -> str:
         """Description of the reference as a sentence: time step, observed order, second method and uncertainty."""
-        if self.exact:
-            return f"the closed form {self.exact}"
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
         sentences = [
             f"time steps halved to {1e6 * self.timestep:.4g} us",
             f"observed order {np.median(orders):.1f}" if len(orders) else "",
         ]
-        if self.stopped:
-            sentences.append(f"stopped by the time budget at {self.trace.reached:.3g} s of simulated time")
-        if len(self.runs) == 1:
-            sentences.append("a single run, without an estimate of its uncertainty")
         if smooth < n:
             sentences.append(
                 f"no extrapolation in {n - smooth} of {n} episodes, whose orders are not those of smooth motion (impacts, sticking)"
@@ -141,7 +117,7 @@ class Reference:
 
 
 def patience(study: Study, of: Trace, timestep: float, *, slower: float = _MAX_SLOWDOWN, least: float = _MIN_PATIENCE) -> float:
-    """Wall-clock duration after which a run is stopped, s.
+    """Processor time after which a run is stopped, s.
 
     Diverging runs use all iterations of the solver in every step, and take much longer than others.
 
@@ -170,11 +146,9 @@ def converge(
     *,
     target: float,
     most: int = 7,
-    setting: str = USUAL,
     law: dict[str, Any] | None = None,
     progress: Callable[[float], None] | None = None,
     until: float = math.inf,
-    stage: Stage | None = None,
 ) -> Reference:
     """Computes a converged run: halves the time step until the uncertainty of every episode is below a target.
 
@@ -184,48 +158,26 @@ def converge(
         distance: Definition of the difference of two runs.
         target: Target of the uncertainty, m or rad, which also defines `Reference.known`.
         most: Largest number of halvings of the study's time step, at least 2.
-        setting: Name of the study's settings.
         law: Settings of the runs, such as those of MuJoCo's contact law. None selects hard contact and the midpoint rule, and a second
             method then checks the result.
         progress: Progress callback with the fraction done.
         until: Simulated time of the runs, s.
-        stage: Stage of the time budget; None sets no time limit.
     """
-    base, stage = _FIRST_METHOD if law is None else law, stage or Stage()
+    base = _FIRST_METHOD if law is None else law
     tight = TIGHT if base.get("engine", "stepper") == "stepper" else {}
-    finest = steps_of(study, run(study, episodes[:1], setting, **base, until=study.control_period, stage=stage).timestep)
+    finest = steps_of(study, run(study, episodes[:1], **base, until=study.control_period).timestep)
     runs: list[Trace] = []
-    stopped = False
     for k in range(most + 1):
-        # A run takes twice as long as the one before it, and the second method repeats the two finest.
-        need = 0.0 if not runs else runs[-1].spent * (2.0 if law is not None else 5.0)
-        if stopped := bool(stage.limited and len(runs) >= 2 and need > stage.left):
-            break
         before, now = (2.0 ** (j - most) if j >= 0 else 0.0 for j in (k - 1, k))
         part_tick = None if progress is None else (lambda done, a=before, b=now: progress(a + done * (b - a)))
         settings = base | tight | {"timestep": study.control_period / (finest * 2**k)}
-        last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), progress=part_tick)
-        if stopped := last.stopped:
-            if len(runs) < 2 and len(last.time):
-                # The budget ended the run: the reference covers only the beginning of the episodes.
-                runs, until = [*runs, last], last.reached
-                continue
-            break
-        runs = [*runs[-2:], last]
+        runs = [*runs[-2:], run(study, episodes, **settings, until=until, progress=part_tick)]
         if len(runs) == 3 and _assessed(runs, (), distance, target).uncertainty.max() <= target:
             break
-    if not runs:
-        raise ValueError(
-            f"the budget is too short for a reference: its first control period ({study.control_period:g} s) took more than {_SHARE:.0%} "
-            "of the time for it; give more time with --budget (budget=), or fewer --episodes"
-        )
     second: list[Trace] = []
     rule, without = _SECOND_METHODS["euler"], list[str]()
     for integrator, name in _SECOND_METHODS.items() if law is None else ():
-        made = _runs_with(integrator, runs[-2:], functools.partial(run, study, episodes, setting, until=until), stage, study)
-        if made is None and stage.limited and not stage.left:
-            stopped = True
-            break
+        made = _runs_with(integrator, runs[-2:], functools.partial(run, study, episodes, until=until), study)
         sound = made is not None and _stays_finite(made, runs)
         if made is not None and (sound or not second):
             # A rule that diverges where the first method does not still counts: the uncertainty is then infinite.
@@ -235,92 +187,15 @@ def converge(
         without.append(name)
     if progress:
         progress(1.0)
-    return replace(_assessed(runs, second, distance, target), stopped=stopped, rule=rule, without=tuple(without))
+    return replace(_assessed(runs, second, distance, target), rule=rule, without=tuple(without))
 
 
-def reference_of(
-    study: Study,
-    episodes: Sequence[int],
-    distance: Distance,
-    *,
-    target: float,
-    most: int = 7,
-    law: dict[str, Any] | None = None,
-    stage: Stage | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Reference:
-    """Reference of some episodes: the study's closed form if it has one, otherwise a run that is converged by halving the time step.
-
-    Args:
-        study: The study.
-        episodes: Numbers of the episodes.
-        distance: Definition of the difference of two runs.
-        target: Target of the uncertainty, m or rad.
-        most: Largest number of halvings of the study's time step, at least 2.
-        law: Settings of the converged run, such as those of MuJoCo's contact law. None selects hard contact and the midpoint rule.
-        stage: Stage of the time budget; None sets no time limit.
-        progress: Progress callback with the fraction done.
-    """
-    if study.exact is None:
-        return converge(study, episodes, distance, target=target, most=most, law=law, stage=stage, progress=progress)
-    trace = closed_form(study, episodes)
-    if progress:
-        progress(1.0)
-    count = len(episodes)
-    return Reference(
-        runs=(trace,),
-        second=(),
-        target=target,
-        uncertainty=np.zeros(count),
-        orders=np.full(count, np.nan),
-        extrapolates=np.ones(count, np.bool_),
-        methods=np.full(count, np.nan),
-        known=np.full(count, trace.reached),
-        exact=controllers.name_of(study.exact) or "a function",
-    )
-
-
-def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
-    """Trace of episodes from the study's closed form, after every control period, with outcomes."""
-    assert study.exact is not None
-    world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
-    assert isinstance(world, StepperWorld)
-    begin(study, world, episodes)
-    name = controllers.name_of(study.exact)
-    times: Array = study.control_period * np.arange(study.num_control_steps + 1, dtype=np.float64)
-    found = study.exact(world, times)
-    if not isinstance(found, tuple | list) or len(found) != 2:
-        raise ValueError(f"{study.name}: exact, {name}, gives {type(found).__name__}, must give two arrays, qpos and qvel")
-    start = (world.qpos.copy(), world.qvel.copy())
-    rows = []
-    for what, given, own in zip(("qpos", "qvel"), found, start, strict=True):
-        made, shape = np.asarray(given, float), (len(times), *own.shape)
-        if made.shape != shape:
-            raise ValueError(f"{study.name}: exact, {name}, gives {what} of shape {made.shape}, must be (T, num_envs, n{what[0]}): {shape}")
-        if not np.isfinite(made).all():
-            raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite: it must be finite at all times")
-        if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _INITIAL_DIFFERENCE:
-            raise ValueError(
-                f"{study.name}: exact, {name}, begins {apart:.2g} away from the initial {what} of the episodes: at time 0 it must "
-                "return the world's qpos and qvel, with their noise"
-            )
-        rows.append(made)
-    seen = TraceRecorder(study, world)
-    seen.record(world)
-    for k, time in enumerate(times[1:], start=1):
-        world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])
-        world.time = np.full(world.num_envs, time)
-        seen.record(world)
-    # The duration of the reference is infinite, so that no run counts as much slower than the reference.
-    return replace(seen.trace(world, study.num_control_steps, math.inf), settings={"exact": name}, timestep=math.nan)
-
-
-def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
-    """Runs with another integrator at the time steps of given runs; None if one takes too long or the time budget ends."""
+def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], study: Study) -> list[Trace] | None:
+    """Runs with another integrator at the time steps of given runs; None if one takes too long."""
     made: list[Trace] = []
     for of in runs:
         settings = _FIRST_METHOD | TIGHT | {"integrator": integrator, "timestep": of.timestep}
-        made.append(again(**settings, stage=stage.within(patience(study, of, of.timestep))))
+        made.append(again(**settings, patience=patience(study, of, of.timestep)))
         if made[-1].stopped:
             return None
     return made
@@ -333,16 +208,14 @@ def _stays_finite(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
 
 def _assessed(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, target: float) -> Reference:
     """Reference from runs at successive halvings of the time step, with an estimate of the finest run's uncertainty."""
-    nothing = np.full(len(runs[-1].qpos), np.nan)
-    one = distance(runs[-3], runs[-2]) if len(runs) == 3 else nothing
-    two = distance(runs[-2], runs[-1]) if len(runs) > 1 else np.full(len(nothing), np.inf)
+    one, two = distance(runs[-3], runs[-2]), distance(runs[-2], runs[-1])
     rounding = two <= _ROUNDING
     with np.errstate(divide="ignore", invalid="ignore"):
         orders = np.where(rounding | (one <= _ROUNDING), np.nan, np.log2(one / two))
         smooth = ((orders > _SMOOTH_ORDERS[0]) & (orders < _SMOOTH_ORDERS[1])) | rounding
         richardson = two / (2.0**orders - 1.0)
     own = np.where(rounding, _ROUNDING, np.where(smooth, richardson, two))
-    methods = nothing.copy()
+    methods = np.full(len(own), np.nan)
     if len(second) == 2:
         methods = distance(runs[-1], second[-1])
         # The error of a first-order rule is about its last difference; across impacts it can be twice that.
@@ -350,8 +223,6 @@ def _assessed(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance
             own = np.maximum(own, methods - 2.0 * distance(second[0], second[1]))
     # NaN comes from infinite distances, or from a run that was stopped before the horizon: the uncertainty is infinite.
     own = np.where(np.isnan(own), np.inf, own)
-    if len(runs) == 1:
-        return Reference(tuple(runs), tuple(second), target, own, orders, smooth, methods, np.zeros(len(own)))
     good = distance.over_time(runs[-2], runs[-1]) <= target
     until = np.concatenate([[0.0], runs[-1].time])[np.where(good.all(axis=0), len(good), (~good).argmax(axis=0))]
     return Reference(tuple(runs), tuple(second), target, own, orders, smooth, methods, until)

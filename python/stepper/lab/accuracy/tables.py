@@ -1,9 +1,8 @@
-"""Output files of a chart: document, table, and numbers of every episode."""
+"""Output files of a chart: document and table."""
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.accuracy.dots import CAUSES, Dot, front, names
+from stepper.lab.accuracy.dots import CAUSES, Dot, front
 from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.study.document import Document, Section, counted
-from stepper.shared.files import write_arrays, write_csv
+from stepper.shared.files import write_csv
 from stepper.shared.machine import provenance
 
 
@@ -43,7 +42,7 @@ class ChartData:
 
 
 def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
-    """Writes the files of a chart: chart.png, .csv, .npz, .html and .md.
+    """Writes the files of a chart: chart.png, .csv, .html and .md.
 
     Returns:
         The document, and the paths of all files.
@@ -55,34 +54,13 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     note = f"{came_from['cpu']}, one core, {came_from['utc']}"
     picture = draw(study, distance, reference, found.dots, path=folder / "chart.png", note=note)
     table = folder / "chart.csv"
-    header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": basis.budget.seconds}
+    header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit}
     header |= study.resolved_settings() | came_from
     notes = [f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n" for key, value in header.items()]
     columns = list(dict.fromkeys(name for dot in found.dots for name in dot.row))
     write_csv(table, [columns, *([dot.row.get(name, "") for name in columns] for dot in found.dots)], "".join(notes))
     document = Document(f"Error against cost: {study.name}", _sections(found, picture))
-    return document, [picture, table, _episodes(found, folder / "chart.npz"), *document.save(folder, "chart")]
-
-
-def _episodes(found: ChartData, path: Path) -> Path:
-    """Writes errors and outcomes of every episode to an .npz file, as arrays (points, episodes), and returns its path.
-
-    The arrays "label" and "timestep" name the settings and time step of each point.
-    """
-    nothing = np.full(len(found.basis.episodes), np.nan)
-    kept: dict[str, Any] = {
-        "label": np.array([dot.label for dot in found.dots]),
-        "timestep": np.array([dot.timestep for dot in found.dots]),
-        "episode": np.array(list(found.basis.episodes)),
-    }
-    for name in ("total", "solver", "step", "model"):
-        kept[f"error_{name}"] = np.array([point.errors[name] for point in found.points])
-    for outcome in found.basis.study.all_outcomes:
-        kept[f"outcome_{outcome.name}"] = np.array(
-            [nothing if point.trace is None else point.trace.outcomes[outcome.name] for point in found.points]
-        )
-        kept[f"reference_{outcome.name}"] = found.basis.reference.trace.outcomes[outcome.name]
-    return write_arrays(path, kept, compressed=True)
+    return document, [picture, table, *document.save(folder, "chart")]
 
 
 def _sections(found: ChartData, picture: Path) -> list[Section]:
@@ -111,7 +89,6 @@ def _sections(found: ChartData, picture: Path) -> list[Section]:
         ),
         Section("All points", [], (*head, *more), list(map(row, dots))),
         _invariants(found),
-        _distributions(found),
     ]
 
 
@@ -125,12 +102,8 @@ def _words(found: ChartData) -> list[str]:
     words = [
         f"Errors are the {what} from the reference up to {horizon:.3g} s, in {unit}, medians over "
         f"{counted(len(reference.uncertainty), 'episode')}. Reference: {reference.words}."
-        + (
-            ""
-            if reference.exact
-            else f" Its last two runs agree to {TARGET[unit]:g} {unit} up to {np.median(reference.known):.3g} s (median; at least "
-            f"{reference.known.min():.3g} s). After this time, compare invariants and outcomes instead of single motions."
-        ),
+        f" Its last two runs agree to {TARGET[unit]:g} {unit} up to {np.median(reference.known):.3g} s (median; at least "
+        f"{reference.known.min():.3g} s). After this time, compare invariants and outcomes instead of single motions.",
         f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
         "batch, with recorded controls. MuJoCo steps one environment after the other in both.",
         "An error has three causes, each with its part. solver: distance from the same run solved to 1e-9 m/s in 64 bits. time step: "
@@ -139,11 +112,8 @@ def _words(found: ChartData) -> list[str]:
         "The reference has hard contact, unless the study's options have MuJoCo's law."
         + (f" Uncertainty of the converged runs, {unit} (median): {'; '.join(laws)}." if laws else ""),
     ]
-    if math.isfinite(basis.budget.seconds):
-        words.append(
-            f"The budget was {basis.budget.seconds:g} s of processor time. "
-            + (f"{stopped} of {len(found.dots)} rows have a note on what was stopped or not finite." if stopped else "Nothing was stopped.")
-        )
+    if stopped:
+        words.append(f"{stopped} of {len(found.dots)} rows have a note on what was stopped or not finite.")
     return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
 
 
@@ -159,23 +129,3 @@ def _invariants(found: ChartData) -> Section:
     words += [f"Left out: {reason}." for reason in left]
     rows = [[dot.label, 1e3 * dot.timestep, *dot.invariants.values(), "; ".join(dot.notes)] for dot in found.dots] if kinds else []
     return Section("Invariants", words, ("settings", "time step, ms", *kinds, "notes"), rows)
-
-
-def _distributions(found: ChartData) -> Section:
-    """Section of the document of a chart with differences of outcomes from those of the reference."""
-    study, reference = found.basis.study, found.basis.reference
-    title = "Distributions of outcomes"
-    if not study.all_outcomes:
-        return Section(title, ["Left out: the study has no outcome. Give it one to compare outcomes where motions are chaotic."])
-    if reference.trace.stopped:
-        return Section(title, [f"Left out: the budget stopped the converged runs at {reference.trace.reached:.3g} of {study.seconds:g} s."])
-    count = counted(len(reference.uncertainty), "episode")
-    words = [
-        f"Differences of means, and of shares of successes, from those of the converged runs, over {count}, with 95 % intervals (Student's "
-        "for pairs, Newcombe's for shares). If the interval contains 0, these episodes do not distinguish the settings from the reference; "
-        "more --episodes make it narrower."
-    ]
-    rows = [
-        [dot.label, 1e3 * dot.timestep, *(shift.words for shift in dot.shifts), "; ".join(dot.notes)] for dot in found.dots if dot.shifts
-    ]
-    return Section(title, words, ("settings", "time step, ms", *names(study), "notes"), rows)

@@ -1,6 +1,6 @@
 """Recorded runs of a study's episodes, and distances between runs.
 
-A trace has the positions of all bodies after every control period. It is shorter if a time budget ended the run. From the first state of an
+A trace has the positions of all bodies after every control period. It is shorter if the run took too long. From the first state of an
 episode that is not finite, the trace has NaN for this episode.
 """
 
@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.accuracy.budget import Stage
 from stepper.lab.study.batches import running, world_of
 from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.points import USUAL
@@ -53,7 +52,7 @@ class Trace:
         settings: All settings of the engine.
         timestep: Time step, s.
         spent: Processor time of the run, s.
-        stopped: Whether the time budget stopped the run.
+        stopped: Whether the run was stopped because it took too long.
     """
 
     time: Array
@@ -85,7 +84,7 @@ def run(
     setting: str = USUAL,
     *,
     until: float = math.inf,
-    stage: Stage | None = None,
+    patience: float = math.inf,
     progress: Callable[[float], None] | None = None,
     **changed: Any,
 ) -> Trace:
@@ -96,15 +95,15 @@ def run(
         episodes: Numbers of the episodes.
         setting: Name of the settings.
         until: Simulated time of the run, s; outcomes are NaN if it is shorter than an episode.
-        stage: Stage of the time budget; None sets no time limit. The limit is checked between two steps, but in MuJoCo only
-            between two control periods.
+        patience: Processor time after which the run is stopped, s. The limit is checked between two steps, but in MuJoCo only between two
+            control periods.
         progress: Progress callback, called with the fraction done after every control period.
         **changed: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
     """
-    begun, stage = time.process_time(), stage or Stage()
+    begun = time.process_time()
     world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
     seen = TraceRecorder(study, world)
-    by_step = stage.limited and world.engine == "stepper"
+    by_step = math.isfinite(patience) and world.engine == "stepper"
     enough = (
         max(1, min(study.num_control_steps, math.ceil(until / study.control_period - 1e-9)))
         if math.isfinite(until)
@@ -117,7 +116,7 @@ def run(
                 progress(len(seen.rows) / enough)
             if len(seen.rows) >= enough < study.num_control_steps or not seen.finite.any():
                 break
-        if stage.limited and not stage.left:
+        if time.process_time() - begun > patience:
             break
     return seen.trace(world, enough, time.process_time() - begun)
 
@@ -190,7 +189,7 @@ def runs(
     """Traces of the same episodes with several settings, each stopped after a limit of processor time, `patience`, s."""
     made: list[Trace] = []
     for own, seconds in zip(settings, patience, strict=True):
-        made.append(run(study, episodes, stage=Stage().within(seconds), **own))
+        made.append(run(study, episodes, patience=seconds, **own))
         if progress:
             progress(len(made) / len(settings))
     return made

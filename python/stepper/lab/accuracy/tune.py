@@ -1,4 +1,4 @@
-"""Tuning (`stepper.lab.tune`): the cheapest settings within an error budget, tested on held-out episodes; removable parts of the scene."""
+"""Tuning (`stepper.lab.tune`): the cheapest settings within an error budget, tested on held-out episodes; unused pairs of bodies."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 
 from stepper._options import Options
 from stepper._stepper import Model
-from stepper.lab.accuracy.budget import Stage
 from stepper.lab.accuracy.candidates import hard_lines, timesteps
 from stepper.lab.accuracy.costs import costs
-from stepper.lab.accuracy.needs import Bench, Spare, spares
-from stepper.lab.accuracy.reference import Reference, check_moves, patience, reference_of
+from stepper.lab.accuracy.needs import UnusedPairs, unused_pairs
+from stepper.lab.accuracy.reference import Reference, check_moves, converge, patience
 from stepper.lab.accuracy.traces import Distance, Trace, quantity, run, runs
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.document import Document, Section, check_pages, counted
@@ -111,8 +110,8 @@ class Tuning:
         usual: Candidate with the study's settings.
         candidates: All candidates, those within the budget first, by cost.
         trials: Tests of candidates on held-out episodes, in order.
-        spare: Parts of the scene that may be removable.
-        smaller: Model without the removable parts; None if there are none.
+        unused: Pairs of bodies that never came near each other; None if there are none, or if they were not searched.
+        smaller: Model that excludes these pairs from contact; None if that changes the motion by more than the budget, or saves nothing.
         document: The tuning as a document.
         files: Files that were written.
     """
@@ -126,8 +125,8 @@ class Tuning:
     usual: Candidate
     candidates: tuple[Candidate, ...]
     trials: tuple[Trial, ...]
-    spare: tuple[Spare, ...]
-    smaller: Any
+    unused: UnusedPairs | None
+    smaller: Model | None
     document: Document
     files: tuple[Path, ...]
 
@@ -148,11 +147,11 @@ def tune(
     reduce: bool = True,
     progress: ProgressCallback | None = None,
 ) -> Tuning:
-    """Finds the cheapest settings of hard contact within an error budget, and parts of the scene that can be removed.
+    """Finds the cheapest settings of hard contact within an error budget, and pairs of bodies that need no contact.
 
     Settings are chosen on some episodes and tested on others (held out). With the given confidence, at least the fraction `coverage` of
-    episodes is within the budget. Errors are those of time step, solver and precision. They are measured relative to the study's closed
-    form (`Study.exact`), or to a reference with the same contact law that is converged to a tenth of the budget.
+    episodes is within the budget. Errors are those of time step, solver and precision. They are measured relative to a
+    reference with the same contact law that is converged to a tenth of the budget.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
@@ -163,11 +162,11 @@ def tune(
         confidence: Confidence with which the coverage is proved.
         episodes: Number of episodes on which settings are chosen.
         alone: Whether to minimise the cost of a single environment instead of a batch.
-        reduce: Whether to search for removable parts of the scene.
+        reduce: Whether to search for pairs of bodies that never come near each other.
         progress: Progress callback with a text and the fraction done.
 
     Returns:
-        The tuning. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper if parts were removed.
+        The tuning. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper if pairs were excluded.
 
     Raises:
         ValueError: A budget or horizon is invalid, the model has no joints, the study has MuJoCo's contact law, or it has too few distinct
@@ -198,7 +197,7 @@ def tune(
             "or lower coverage or confidence"
         )
     with locked(path_of("out", out) / study.name) as folder:
-        reference = reference_of(
+        reference = converge(
             study, range(episodes), distance, target=_REFERENCE_SHARE * budget, progress=lambda done: report_progress("reference", done)
         )
         usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, report_progress=report_progress)
@@ -226,14 +225,14 @@ def tune(
             # Candidates with a similar error would fail on held-out episodes too.
             bound = _RETRY_RATIO * candidate.error
         report_progress("held-out episodes", 1.0)
-        # Parts are searched with settings that do not diverge.
+        # Pairs are searched with settings that do not diverge.
         seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
-        spare, smaller = (
-            _removable(study, range(episodes), seen, distance, budget=budget, report_progress=report_progress) if reduce else ([], None)
-        )
+        searches = reduce and math.isfinite(seen.error)
+        unused, smaller = unused_pairs(study, range(episodes), seen.settings, distance, budget) if searches else (None, None)
+        report_progress("unused pairs", 1.0)
         options, precision = _options(study, chosen)
         document = Document(f"Tuning of {study.name}")
-        searched = (tuple(candidates), tuple(trials), tuple(spare))
+        searched = (tuple(candidates), tuple(trials), unused)
         found = Tuning(*(study, budget, distance, chosen, options, precision, usual, *searched, smaller, document, ()))
         document.sections += _sections(found, reference, coverage=coverage, confidence=confidence, alone=alone, exhausted=exhausted)
         return replace(found, files=tuple(_save(found, folder)))
@@ -365,23 +364,6 @@ def _candidates(
     return candidates[id(usual)], list(candidates.values())
 
 
-def _removable(
-    study: Study, episodes: Sequence[int], candidate: Candidate, distance: Distance, *, budget: float, report_progress: ProgressCallback
-) -> tuple[list[Spare], Model | None]:
-    """Finds parts of the scene, such as pairs of bodies that never touch, whose removal saves time and hardly changes the motion.
-
-    Returns:
-        Examined parts with the effects of their removal, and the model without the removable ones (None if there are none). Empty list and
-        None if the candidate's error is not finite.
-    """
-    found: tuple[list[Spare], Model | None] = ([], None)
-    if math.isfinite(candidate.error):
-        bench = Bench(study, episodes, candidate.settings, distance, run(study, episodes, **candidate.settings))
-        found = spares(bench, budget, lambda done: report_progress("removable parts", done))
-    report_progress("removable parts", 1.0)
-    return found
-
-
 def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
     """Numbers of the episodes in a range that are no duplicates: motion or controls differ from those of every earlier episode.
 
@@ -416,9 +398,9 @@ def _held_out(candidate: Candidate, distance: Distance, budget: float, study: St
 
     All errors are infinite if the run was stopped.
     """
-    reference = reference_of(study, episodes, distance, target=_REFERENCE_SHARE * budget)
-    stage = Stage().within(patience(study, reference.trace, candidate.settings["timestep"]))
-    trace = run(study, episodes, stage=stage, **candidate.settings)
+    reference = converge(study, episodes, distance, target=_REFERENCE_SHARE * budget)
+    patient = patience(study, reference.trace, candidate.settings["timestep"])
+    trace = run(study, episodes, patience=patient, **candidate.settings)
     return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, reference.trace), reference.uncertainty
 
 
@@ -452,7 +434,6 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
             f"`{words_of(found.options, found.precision)}`",
             f"It takes {getattr(found.chosen, cost):.4g} us of one core for a simulated second of one environment. "
             f"{_compared(found, cost)}",
-            _cheaper(found),
             f"{trial.held} of {trial.episodes} held-out episodes are within the budget: with {trial.confidence:.1%} confidence at least "
             f"{trial.share:.1%} of episodes are (required: {coverage:.0%}, with {confidence:.0%} over all trials). The largest "
             f"error is {trial.worst:.2g} {unit}.",
@@ -480,7 +461,6 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
     kept = [own for own in found.candidates if own.error <= found.budget]
     stopped = sum(own.stopped for own in found.candidates)
     rows = [[own.name, 1e3 * own.settings["timestep"], own.error, own.us_single_env, own.batch] for own in kept[:20]]
-    spare = [[own.part, own.reason, own.error, own.saved, own.min_saved, _removal(own, found.budget)] for own in found.spare]
     return [
         Section("Result", words),
         Section(
@@ -498,43 +478,37 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
             ("settings", "time step, ms", f"error, {unit}", "alone, us", "batch, us"),
             rows,
         ),
-        Section(
-            "Removable parts of the scene",
-            [
-                "Measured on the training episodes. A part is removed if no body moves differently by more than the budget, and seven of "
-                f"eight rounds save time{'; smaller.stepper is the model without these parts' if found.smaller is not None else ''}."
-            ]
-            if spare
-            else ["None: the search was off, or the scene uses all its parts."],
-            ("part", "reason", f"change, {unit}", "time saved, share", "at least", "removed"),
-            spare,
-        ),
+        _unused_section(found),
     ]
 
 
-def _compared(found: Tuning, cost: str) -> str:
-    """Sentence that compares the chosen settings with the study's settings.
+def _unused_section(found: Tuning) -> Section:
+    """Section of the report with the pairs of bodies that never came near each other, and the effect of their exclusion."""
+    title, unused = "Unused pairs of bodies", found.unused
+    if unused is None:
+        return Section(title, ["None: the search was off, or all pairs come near each other."])
+    stay = f"They stay, because that {'saves nothing' if unused.error <= found.budget else 'changes too much'}."
+    words = (
+        f"{unused.count} of {unused.of} pairs of bodies that may collide never came near enough to touch within a step, in the training "
+        f"episodes. Their exclusion changes the motion by at most {unused.error:.2g} {found.distance.unit} and saves {unused.saved:.0%} of "
+        f"the time, at least {unused.min_saved:.0%} in seven of eight rounds. "
+        f"{stay if found.smaller is None else 'smaller.stepper excludes them.'}"
+    )
+    return Section(title, [words])
 
-    It has the ratio of their costs, and whether the study's settings are within the error budget.
-    """
+
+def _compared(found: Tuning, cost: str) -> str:
+    """Sentence that compares the chosen settings with the study's settings: the ratio of their costs, and the error of the latter."""
     assert found.chosen is not None
-    unit, usual = found.distance.unit, found.usual
+    usual = found.usual
     if found.chosen is usual:
         return "These are the study's own settings."
     if not math.isfinite(usual.error):
-        return f"{_usual_error(usual, unit)} They miss the budget, and what they cost was not measured."
-    ratio = getattr(found.chosen, cost) / getattr(usual, cost)
-    spent = f"{ratio:.2f} times what the study's own settings cost ({getattr(usual, cost):.4g} us)"
-    if usual.error > found.budget:
-        return (
-            f"That is {spent}, which miss the budget by {usual.error - found.budget:.2g} {unit}: their error is {usual.error:.2g} {unit}."
-        )
-    if ratio > 1:
-        return f"That is {spent}, which keep the budget in the training episodes ({usual.error:.2g} {unit}), but were not tested on others."
-    return (
-        f"The study's own settings take {getattr(usual, cost):.4g}, {1 / ratio:.2f} times as much, and keep the budget too: their error "
-        f"is {usual.error:.2g} {unit}."
-    )
+        return _usual_error(usual, found.distance.unit)
+    spent = getattr(usual, cost)
+    times = spent / getattr(found.chosen, cost)
+    error = f"{usual.error:.2g} {found.distance.unit}"
+    return f"The study's own settings take {spent:.4g} us, {times:.2f} times as much; their error is {error}."
 
 
 def _usual_error(usual: Candidate, unit: str) -> str:
@@ -544,26 +518,6 @@ def _usual_error(usual: Candidate, unit: str) -> str:
     if not math.isfinite(usual.error):
         return "With the study's own settings, an episode diverges."
     return f"The study's own settings have an error of {usual.error:.2g} {unit}."
-
-
-def _cheaper(found: Tuning) -> str:
-    """Sentence on candidates that are cheaper than the chosen one, with the reason why none of them was chosen."""
-    assert found.chosen is not None
-    kept = [own for own in found.candidates if own.error <= found.budget]
-    before = kept.index(found.chosen)
-    tested = len(found.trials) - 1
-    within = f"{len(kept)} of {counted(len(found.candidates), 'candidate')} keep the budget in the training episodes"
-    if not before:
-        return f"{within}, and none of them is cheaper."
-    left = "" if tested == before else f"; {before - tested} not tested, because their errors are similar to that of one that failed"
-    return f"{within}. {before} of them are cheaper but not chosen: {tested} failed on held-out episodes{left}."
-
-
-def _removal(own: Spare, budget: float) -> str:
-    """Text for the table of removable parts: whether a part is removed, or the reason why it is not."""
-    if own.removed or math.isnan(own.saved):
-        return "yes" if own.removed else "no"
-    return "no: it changes too much" if own.error > budget else "no: it saves nothing"
 
 
 def _save(found: Tuning, folder: Path) -> list[Path]:

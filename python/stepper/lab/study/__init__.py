@@ -3,7 +3,7 @@
 - `study`: the definition of a study; `files` reads it from TOML
 - `parameters`, `outcomes`, `controllers`: parts of the definition
 - `worlds`: environments of one engine
-- `points`, `batches`, `jobs`: runs of episodes at values of the parameters, in batches, optionally on Ray
+- `points`, `batches`: runs of episodes at values of the parameters, in batches
 - `episode`: selected episodes, for recordings and the viewer
 - `journal`, `table`, `results`: results of finished episodes (rows) on disk
 - `sweep`: variation of one parameter at a time; `ranking`: of all at once

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from stepper._options import Options, Precision
 from stepper.lab.study import controllers
-from stepper.lab.study.jobs import each
 from stepper.lab.study.journal import Journal, Row
 from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.parameters import Values, actuator_model, model_fields, sensor_model
@@ -55,12 +54,13 @@ def run_points(study: Study, points: Sequence[Point], journal: Journal, progress
         k: [key for point, e in batch.episodes if (key := keys[_name(point), e]) not in journal.rows] for k, batch in enumerate(batches)
     }
     left = [k for k, own in missing.items() if own]
-    some = [batches[k] for k in left]
     if progress and not left:
         progress(1.0)
-    for done, (number, made) in enumerate(each(study, some, _run)):
-        rows = {keys[_name(point), e]: row for (point, e), row in zip(some[number].episodes, made, strict=True)}
-        journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing[left[number]]))
+    for done, k in enumerate(left):
+        batch = batches[k]
+        made = run_episodes(study, batch.setting, [point.values for point, _ in batch.episodes], [e for _, e in batch.episodes])
+        rows = {keys[_name(point), e]: row for (point, e), row in zip(batch.episodes, made, strict=True)}
+        journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing[k]))
         if progress:
             progress((len(batches) - len(left) + done + 1) / len(batches))
     # Keys do not contain the names of settings and parameters, which may have changed since a row was written.
@@ -315,11 +315,6 @@ def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Va
     """Runs a batch of episodes in given environments, and returns their results as rows, without the keys of rows in the journal."""
     outcomes = run_batch(study, world, episodes)
     return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes)
-
-
-def _run(study: Study, batch: _Batch) -> list[Row]:
-    """Runs one batch of episodes, and returns their rows (results), without the keys under which the journal stores them."""
-    return run_episodes(study, batch.setting, [point.values for point, _ in batch.episodes], [e for _, e in batch.episodes])
 
 
 def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], world: World, outcomes: Mapping[str, Array]) -> list[Row]:

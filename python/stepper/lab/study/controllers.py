@@ -39,25 +39,20 @@ class Random:
 
     Args:
         seed: Seed of the random numbers.
-        hold: Number of control periods for which a random control is held.
     """
 
-    def __init__(self, seed: int, hold: int = 1):
-        self.seed, self.hold, self._count = seed, hold, 0
+    def __init__(self, seed: int):
+        self.seed = seed
         self._streams: list[np.random.Generator] = []
 
     def begin(self, now: World) -> None:
         """Restart the controller's random numbers at the start of a batch of episodes."""
-        self._count = 0
         self._streams = [np.random.default_rng([self.seed, int(e), 1]) for e in now.episodes]
         bounds = np.asarray(now.model.actuator_ctrlrange, float).reshape(now.model.nu, 2)
         self._low, self._high = np.where(np.isfinite(bounds), bounds, [-1.0, 1.0]).T
 
-    def __call__(self, _: World) -> Array | None:
-        """New controls, (num_envs, nu), in the actuators' units; None while the last ones are held."""
-        self._count += 1
-        if (self._count - 1) % self.hold:
-            return None
+    def __call__(self, _: World) -> Array:
+        """New controls, (num_envs, nu), in the actuators' units."""
         return np.array([stream.uniform(self._low, self._high) for stream in self._streams])
 
 

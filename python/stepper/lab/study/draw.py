@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from stepper.lab.study.document import counted
 from stepper.lab.study.points import USUAL
-from stepper.lab.study.sweep import Cliff, Level, Sweep, ordered_outcomes
+from stepper.lab.study.sweep import Level, Sweep, ordered_outcomes
 from stepper.shared.files import write_figure
 from stepper.shared.machine import require
 
@@ -30,19 +30,6 @@ DPI = 130
 _COLUMNS = 3
 _LABEL = 44
 """Number of characters after which a label of the legend is wrapped."""
-_LABEL_WIDTH = 0.2
-"""Width of the text with the value of a cliff in a panel, as a fraction of the parameter's range.
-
-A cliff is a value of a parameter at which success ends. The width fits seven digits with a font size of 8 points in a panel 3 inches wide.
-"""
-_ABOVE_FAILURES, _BELOW_SUCCESSES = 0.55, 0.05
-"""Heights of the text with the value of a cliff, on the axis of the fraction of successes.
-
-A cliff is a value of a parameter at which success ends. The first height is for text on the side of the cliff where episodes fail, above
-the intervals of small fractions. The second is for text on the other side, below the intervals of large fractions.
-"""
-_ANNOTATED = 5
-"""Largest number of settings for which the panels of a sweep have the values of cliffs (where success ends) as text."""
 
 
 def draw(sweep: Sweep, path: Path) -> Path:
@@ -105,10 +92,7 @@ def _panel(panel: Axes, sweep: Sweep, name: str, outcome: Outcome | None) -> Non
             _series(panel, sweep, name, number, outcome)
         for cliff in sweep.cliffs:
             if (cliff.parameter, cliff.setting) == (name, setting):
-                middle, colour = (cliff.low + cliff.high) / 2, COLOURS[number % len(COLOURS)]
-                panel.axvline(middle, color=colour, linestyle=":", linewidth=1)
-                if outcome is None and len(settings) <= _ANNOTATED:
-                    _annotate(panel, sweep, cliff, number)
+                panel.axvline((cliff.low + cliff.high) / 2, color=COLOURS[number % len(COLOURS)], linestyle=":", linewidth=1)
     panel.set_xlabel(_axis_label(sweep, name) + {"set": "", "scale": " (factor)", "add": " (added)"}[parameter.operation])
     if outcome is None:
         panel.set_ylabel("fraction of successes")
@@ -121,25 +105,6 @@ def _panel(panel: Axes, sweep: Sweep, name: str, outcome: Outcome | None) -> Non
         panel.locator_params(axis="x", nbins=6)
     panel.grid(visible=True, color="#dddddd")
     panel.set_axisbelow(True)
-
-
-def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
-    """Writes the value of a cliff next to its line in a panel, on the side of the failures.
-
-    If that side is narrower than the text, the text is on the side of the successes.
-    """
-    values = [float(level.value or 0) for level in sweep.points(cliff.parameter, cliff.setting)]
-    middle, width = (cliff.low + cliff.high) / 2, max(values) - min(values)
-    fails_left = cliff.below < cliff.above
-    free = middle - min(values) if fails_left else max(values) - middle
-    is_above = free > _LABEL_WIDTH * width
-    on_left = fails_left if is_above else not fails_left
-    height = _ABOVE_FAILURES if is_above else _BELOW_SUCCESSES
-    panel.annotate(
-        f"{middle:.4g}", (middle, height), xytext=(-4 if on_left else 4, 9 * number), textcoords="offset points",
-        ha="right" if on_left else "left", color=COLOURS[number % len(COLOURS)], fontsize=8,
-        bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
-    )  # fmt: skip
 
 
 def _series(panel: Axes, sweep: Sweep, name: str, number: int, outcome: Outcome | None) -> None:

@@ -36,7 +36,6 @@ STEP = f"success with ideal sensors, 1/{FINER} of the time step and {TIGHTER:g} 
 LAW = "success with ideal sensors and hard contact: the softness of contact causes the failure"
 CONTROLLER = "failure even with ideal sensors and a finer time step"
 SCENE = "failure even with a finer time step: the study has no controller, so the model, its parameters and its start cause the failure"
-DECLARED = "the study declares the cause of failures of this outcome"
 
 
 def rules_of(study: Study) -> list[tuple[str, str]]:
@@ -47,7 +46,6 @@ def rules_of(study: Study) -> list[tuple[str, str]]:
     soft = any("mujoco" in (study.options.contact, study.setting(name).get("contact")) for name in (*study.settings, USUAL))
     rules = (
         ("physics", DIVERGED, True),
-        ("as declared", DECLARED, study.success_outcome is not None and study.success_outcome.cause is not None),
         ("physics", STATUS, True),
         ("evaluation", EVALUATION, True),
         ("perception", PERCEPTION, _has_sensor_errors(study, study.parameters)),
@@ -106,8 +104,6 @@ def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
     assert outcome.threshold is not None
     if diverged(row):
         return "physics", DIVERGED
-    if outcome.cause is not None:
-        return outcome.cause, DECLARED
     if int(row["quality"]["status"]) & UNSOLVED:
         return "physics", STATUS
     value = row["outcomes"][outcome.name]

@@ -65,9 +65,8 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
         given["controller"] = _policy(given.pop("policy"), folder)
     elif given.get("controller") not in (None, "random"):
         given["controller"] = _controller(given["controller"], folder)
-    for name in ("start", "exact"):
-        if name in given:
-            given[name] = find(given[name], folder)
+    if "start" in given:
+        given["start"] = find(given["start"], folder)
     if "outcomes" in given:
         if not isinstance(given["outcomes"], list):
             raise TypeError(f"outcomes is {given['outcomes']!r}, must be tables: begin each with the line [[outcomes]]")

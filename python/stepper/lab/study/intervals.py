@@ -1,25 +1,18 @@
-"""Confidence intervals, computed by SciPy: Wilson's and Clopper and Pearson's for probabilities, Student's for means."""
+"""Confidence intervals of probabilities, computed by SciPy: Wilson's, and Clopper and Pearson's."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from statistics import fmean, stdev
 from typing import Any
 
 from stepper.shared.machine import require
-
-
-def _stats() -> Any:
-    """The module `scipy.stats`."""
-    return require("scipy.stats", "to compute intervals")
 
 
 def _trial(successes: int, trials: int, alternative: str) -> Any:
     """Result of SciPy's binomial test, from which confidence intervals are computed."""
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes of {trials} trials: there must be a trial, and no more successes than trials")
-    return _stats().binomtest(int(successes), int(trials), alternative=alternative)
+    return require("scipy.stats", "to compute intervals").binomtest(int(successes), int(trials), alternative=alternative)
 
 
 def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -51,17 +44,3 @@ def trials_for(share: float, confidence: float) -> int:
     It is ln(1 - confidence) / ln(share), rounded up.
     """
     return math.ceil(math.log(1 - confidence) / math.log(share))
-
-
-def student(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
-    """Student's interval of the mean of independent values (Biometrika 6, 1908).
-
-    Returns:
-        Lower and upper end, in the unit of the values.
-    """
-    n = len(values)
-    if n < 2:
-        raise ValueError(f"{n} values: an interval of a mean needs two")
-    half = float(_stats().t.ppf(0.5 + confidence / 2, n - 1)) * stdev(map(float, values)) / math.sqrt(n)
-    middle = fmean(values)
-    return middle - half, middle + half

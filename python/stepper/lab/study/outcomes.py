@@ -23,8 +23,6 @@ Measure = Callable[[Any], Any]
 
 REDUCTIONS = ("end", "change", "max", "min", "mean")
 """Allowed values of `Outcome.reduce`, the reduction of a measured quantity over an episode to one number."""
-CAUSES = ("physics", "perception", "controller", "scene", "evaluation")
-"""Allowed values of `Outcome.cause`, the known cause of failed episodes."""
 _COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 _AXES = {"x": 0, "y": 1, "z": 2}
 _QUANTITIES = {
@@ -61,8 +59,6 @@ class Outcome:
         margin: Largest distance of a failed outcome from the threshold at which the cause of the failure is "evaluation", in the unit of
             the measure.
         unit: Unit of the measure, for tables.
-        cause: Cause of failures, if it is known beforehand: "physics", "perception", "controller", "scene" or "evaluation". With None,
-            `stepper report` repeats failed episodes with changes to find the cause.
     """
 
     name: str
@@ -71,7 +67,6 @@ class Outcome:
     success: str | None = None
     margin: float = 0.0
     unit: str = ""
-    cause: str | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -81,8 +76,6 @@ class Outcome:
         check_number(f"outcome {self.name!r}: margin", self.margin, least=0.0)
         if self.reduce not in list(REDUCTIONS):
             raise ValueError(f"outcome {self.name!r}: reduce is {self.reduce!r}, must be one of: {', '.join(REDUCTIONS)}")
-        if self.cause is not None and self.cause not in CAUSES:
-            raise ValueError(f"outcome {self.name!r}: cause is {self.cause!r}, must be one of: {', '.join(CAUSES)}")
         if self.success is not None:
             _compare(self.success, self.name)
         if isinstance(self.measure, str):

@@ -25,7 +25,7 @@ from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import diverged
 from stepper.lab.study.parameters import check_value_conflicts, selected
-from stepper.lab.study.points import USUAL, Point, inapplicable
+from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.report import settings_sections, study_of
 from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
@@ -140,7 +140,8 @@ def rank(
     # SciPy is imported before the long run, so that its absence is reported at once.
     stats = require("scipy.stats", "to rank parameters")
     first, second, mixed = _design(stats, study, names, samples)
-    points = [_point(study, names, row, setting) for row in np.concatenate([first, second, *mixed])]
+    nominal, designed = nominal_of(study, setting), np.concatenate([first, second, *mixed]).tolist()
+    points = [Point(nominal | dict(zip(names, row, strict=True)), setting) for row in designed]
     with Results(study, out) as results:
         rows = run_points(study, points, results.journal, None if progress is None else lambda done: progress(f"rank {study.name}", done))
         values = _values(study, rows)
@@ -237,19 +238,6 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
     again = np.array([indices_of(rng.integers(n, size=n)) for _ in range(_RESAMPLES)])
     ends = np.nanpercentile(again, [2.5, 97.5], axis=0)
     return total, first, ends[:, 0].T, ends[:, 1].T
-
-
-def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Point:
-    """Point of the study with the parameter values in a row of a matrix of Saltelli's design; other parameters are nominal.
-
-    Args:
-        study: The study.
-        names: Names of the ranked parameters.
-        row: Their values, (parameters,).
-        setting: Name of the settings.
-    """
-    nominal = {name: value for name, value in study.nominal.items() if not inapplicable(study, setting, study.parameters[name])}
-    return Point(nominal | {name: float(value) for name, value in zip(names, row, strict=True)}, setting)
 
 
 def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:

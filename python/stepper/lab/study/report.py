@@ -24,7 +24,7 @@ from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import CLIFF, RESOLUTION, Level, Sweep, measured, ordered_outcomes, run_sweep
 from stepper.lab.study.table import Table
-from stepper.lab.study.touching import Touching, touching
+from stepper.lab.study.touching import Pair, deciding, touching
 from stepper.sensors import Transfer
 from stepper.shared.machine import package_version
 from stepper.shared.progress import ProgressCallback
@@ -281,7 +281,7 @@ def _drives(study: Study) -> list[Section]:
     return [Section("Actuators", [] if rows else ["The model has no actuators."], head, rows)]
 
 
-def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
+def _contacts(study: Study, seen: Sequence[Pair], episodes: int) -> list[Section]:
     """Section with the contact pairs: durations, impulses and friction."""
     model, _ = study.loaded
     head = (
@@ -289,7 +289,7 @@ def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
         *("condim", "restitution", "solref", "solimp"),
     )
     rows = []
-    for pair in seen.deciding:
+    for pair in deciding(seen):
         both = [model.geom(g) for g in pair.geoms]
         soft = [np.asarray(getattr(model, name))[list(pair.geoms)] for name in ("geom_solref", "geom_solimp")]
         softness = [" / ".join(dict.fromkeys(" ".join(f"{x:g}" for x in own) for own in values)) for values in soft]
@@ -299,7 +299,7 @@ def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
         ])  # fmt: skip
     words = [
         f"Every step of {counted(episodes, 'episode')} at the nominal point, with the study's own settings: pairs of geoms with a "
-        f"hundredth of the impulse of all, or a tenth of the greatest force; {len(seen.pairs) - len(rows)} others came near. Friction "
+        f"hundredth of the impulse of all, or a tenth of the greatest force; {len(seen) - len(rows)} others came near. Friction "
         "in force is the larger of the two geoms', or that of the geom with the higher priority. Hard contact reads neither solref nor "
         "solimp; MuJoCo's law does."
     ]

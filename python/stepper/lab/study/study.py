@@ -41,12 +41,6 @@ Start = Callable[[World, list[np.random.Generator]], tuple[Any, Any]]
 It returns the initial qpos (num_envs, nq), m and rad, and qvel (num_envs, nv), m/s and rad/s.
 """
 
-Exact = Callable[[World, Array], tuple[Any, Any]]
-"""Closed-form solution: function of a `World` at the start and of times (T,), s.
-
-It returns qpos (T, num_envs, nq), m and rad, and qvel (T, num_envs, nv), m/s and rad/s.
-"""
-
 _HOLD = 0.02
 """Default control period, s."""
 _ROWS = 5
@@ -101,8 +95,6 @@ class Study:
         seed: Seed of all random numbers. Episode k has the same initial state, random controls and sensor errors at every point.
         start: Function that returns the initial states. None starts at the keyframe, or without a keyframe at the reference pose.
         keyframe: Keyframe of the initial state, by name or index.
-        exact: Closed-form solution, if known: a function of a `World` at the start and of times (T,), s. It returns
-            qpos (T, num_envs, nq) and qvel (T, num_envs, nv). `chart` and `tune` use it as the reference instead of a converged run.
         qpos_noise: Standard deviation of noise on initial positions, m and rad.
         qvel_noise: Standard deviation of noise on initial velocities, m/s and rad/s.
         options: Options of the step.
@@ -112,8 +104,6 @@ class Study:
         batch: Largest number of episodes that are stepped together. With a sensor model all episodes of a point are stepped together,
             because sensor errors depend on the index in a batch.
         threads: Number of threads that step environments; 0 uses all cores.
-        ray: Whether to run batches as tasks of Ray, on all machines of its cluster. The results are the same. `chart` and `tune` do not
-            use Ray.
     """
 
     model: Any
@@ -128,7 +118,6 @@ class Study:
     seed: int = 0
     start: Start | None = None
     keyframe: str | int | None = None
-    exact: Exact | None = None
     qpos_noise: float = 0.0
     qvel_noise: float = 0.0
     options: Options = field(default_factory=Options)
@@ -137,18 +126,15 @@ class Study:
     actuators: ActuatorModel | None = None
     batch: int = 256
     threads: int = 1
-    ray: bool = False
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def _check_functions(self) -> None:
-        """Raises an error unless controller, start and exact are functions that can be called with the right arguments."""
+        """Raises an error unless controller and start are functions that can be called with the right arguments."""
         if not (self.controller is None or self.controller == "random" or callable(self.controller)):
             raise TypeError(f'controller is {self.controller!r}, must be a function, PolicyController, "random" or None')
         if not (self.start is None or callable(self.start)):
             raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" works only in TOML files')
-        if not (self.exact is None or callable(self.exact)):
-            raise TypeError(f"exact is {self.exact!r}, must be a function of a world and times that returns qpos and qvel, or None")
-        for name, arguments in (("controller", ["now"]), ("start", ["now", "rngs"]), ("exact", ["now", "times"])):
+        for name, arguments in (("controller", ["now"]), ("start", ["now", "rngs"])):
             if callable(function := getattr(self, name)):
                 check_takes(function, arguments, name)
         if callable(self.model) and not isinstance(self.model, type):
@@ -332,7 +318,7 @@ class Study:
         model, _ = self.loaded
         measured = [
             {
-                **{f.name: getattr(o, f.name) for f in fields(o) if f.name not in ("measure", "cause")},
+                **{f.name: getattr(o, f.name) for f in fields(o) if f.name != "measure"},
                 "measure": controllers.name_of(o.measure),
                 "sha256": controllers.digest_of(o.measure),
             }

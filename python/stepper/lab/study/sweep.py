@@ -232,10 +232,7 @@ def run_sweep(
 def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
     """Point of a study: a given value of one parameter, and nominal values of all others."""
     setting, name, value = cell
-    chosen = nominal_of(study, setting)
-    if value is not None:
-        chosen[name] = value
-    return Point(chosen, setting)
+    return Point(nominal_of(study, setting) | ({} if value is None else {name: value}), setting)
 
 
 def ordered_outcomes(study: Study) -> list[Outcome]:

@@ -93,7 +93,6 @@ class World(BatchView):
         num_envs: Number of environments.
         timestep: Time step, s.
         time: Time since the start of the episode, (num_envs,) s.
-        senses: Whether a sensor was read.
         ideal: Whether this run has ideal sensors even if the study has a sensor model, as in charts, tuning and diagnoses of failures.
             Controllers that simulate sensor errors themselves, such as a field of view, must then leave them out.
         last_ctrl: Last return value of the controller: controls (num_envs, nu) or (nu,), or None if it kept the previous controls.
@@ -109,7 +108,7 @@ class World(BatchView):
         self.episodes: NDArray[np.int64] = np.arange(num_envs)
         self.timestep = 0.0
         self.last_ctrl: Any = None
-        self.senses = self.ideal = False
+        self.ideal = False
         self._streams, self._period = Streams(num_envs, 0), 1.0
         self.default_qpos: Array = np.asarray(plan.model.qpos0, np.float64)
         self._stored: dict[str, Any] = {}
@@ -221,7 +220,6 @@ class StepperWorld(World):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "sim" or name in CHANGING or not hasattr(Stepper, name):
             return super().__getattr__(name)
-        self.senses |= name in ("sensordata", "sensordata_ideal")
         value = getattr(self.sim, name)
         return np.asarray(value, np.float64) if isinstance(value, np.ndarray) and value.dtype == np.float32 else value
 
@@ -445,28 +443,6 @@ class MujocoWorld(World):
             at = (contacts["env"], contacts["body"][:, side])
             np.add.at(out, at, sign * np.concatenate([force, torque + np.cross(contacts["pos"] - xipos[at], force)], axis=1))
         return out
-
-    def energy(self) -> tuple[Array, Array]:
-        """Potential and kinetic energy, (num_envs,) each, J. Bodies that are fixed to the world do not count, as in `Stepper.energy`."""
-        found = []
-        for data, model in zip(self._now(), self._models, strict=True):
-            self._mujoco.mj_energyPos(model, data)
-            self._mujoco.mj_energyVel(model, data)
-            fixed = model.body_weldid == 0
-            height = data.xipos[fixed] @ model.opt.gravity
-            found.append(data.energy + np.array([model.body_mass[fixed] @ height, 0.0]))
-        potential, kinetic = np.array(found).T
-        return potential, kinetic
-
-    @property
-    def max_limit_violation(self) -> Array:
-        """Largest violation of a hinge's or slide's range in the current state, (num_envs,), rad or m."""
-        m, joints = self._models[0], self._mujoco.mjtJoint
-        one = (m.jnt_limited != 0) & np.isin(m.jnt_type, [joints.mjJNT_HINGE, joints.mjJNT_SLIDE])
-        q = self.qpos[:, m.jnt_qposadr[one]]
-        low, high = np.array([model.jnt_range[one] for model in self._models]).transpose(2, 0, 1)
-        beyond: Array = np.max(np.maximum(low - q, q - high), axis=1, initial=0.0)
-        return beyond
 
     def contacts(self) -> NDArray[np.void]:
         """Contacts of the last step, a structured array (ncontact,) with the units of `Stepper.contacts`."""

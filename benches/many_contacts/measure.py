@@ -191,6 +191,30 @@ def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
             first += phase.steps
 
 
+def player(scene: Scene, path: Path, num_envs: int, precision: Precision) -> Callable[[], dict[str, float]]:
+    """Function that plays a scene's episode in stepper with default options. It returns the time of each phase, us per environment step."""
+    model, _ = read(path)
+    compiled = mujoco.MjModel.from_xml_path(str(path))
+    script = _warmed_up(scene, scene.script(compiled, num_envs, np.random.default_rng(0)), model, path)
+    batch = Ours(model, num_envs, precision=precision, options=None, setting="default")
+
+    def play() -> dict[str, float]:
+        batch.begin(script)
+        times, restarts, first = {}, np.zeros(num_envs, np.intp), 0
+        for phase in scene.phases:
+            total = 0.0
+            for begin in range(first, first + phase.steps, CHUNK):
+                steps = range(begin, min(begin + CHUNK, first + phase.steps))
+                total += chunk(batch, script, steps) * len(steps)
+                restart(batch, script, restarts)
+            first += phase.steps
+            if phase.timed:
+                times[scene.row(phase)] = total / phase.steps
+        return times
+
+    return play
+
+
 def _warmed_up(scene: Scene, script: Script, model: Model, path: Path) -> Script:
     """Copy of a script whose initial states are those after the first `scene.lead` steps, in which objects fall and settle.
 

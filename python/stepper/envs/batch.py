@@ -18,7 +18,6 @@ from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.envs.episode_state import EpisodeState, episode_state_of
 from stepper.envs.groups import ObservationGroups, Observed
-from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, with_zero_rows
 from stepper.envs.task_results import bounds_of, call_hook, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
 from stepper.envs.terms import TaskTerms
@@ -73,6 +72,7 @@ class Batch:
         check_whole(f"frame_skip of {type(task).__name__}", task.frame_skip, least=1)
         if is_dataclass(task):
             check_fields(task)
+            _check_defaults(task)
             _check_ranges(task)
         model = model_of(task) if model is None else model
         law = _options(model, contact or task.contact, options)
@@ -130,9 +130,12 @@ class Batch:
         """Replaces the view `now` after a reset or change of some environments, so that quantities are read again.
 
         Args:
-            changed: Mask of these environments, (num_envs,).
+            changed: Mask of these environments, (num_envs,). Their action and velocity become zero.
         """
-        self._now = self._now._reread(changed)
+        last = self._now
+        last._expire()
+        self._now = self._moment(with_zero_rows(last.action, changed), with_zero_rows(last.previous_action, changed))
+        self._now.velocity = None if last.velocity is None else with_zero_rows(last.velocity, changed)
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
         """Seeds the random number generators of some environments.
@@ -192,40 +195,6 @@ class Batch:
         self.sim.set_state(qpos, qvel, mask if envs is None else envs)
         self._reread(mask)
 
-    def get_state(self) -> EnvState:
-        """State of all environments, which together with later actions determines all later observations and rewards."""
-        now, weights = self.now, self.terms.rewards.weights
-        return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()}, weights)
-
-    def restore(self, state: EnvState, mask: Array) -> None:
-        """Restores the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings."""
-        check_settings(self.sim, self.task, state, self.terms.rewards.weights)
-        mine, theirs = self._episodes(), state.episodes
-        for name, values in mine.items():
-            if name not in theirs or theirs[name].shape != values.shape:
-                found = f"has shape {theirs[name].shape}" if name in theirs else "is missing"
-                raise ValueError(
-                    f"{name!r} of the state {found}, must have shape {values.shape}: "
-                    "the state is from another task, or from another number of environments"
-                )
-        restore(self.sim, state, mask)
-        last, kept = self._now._step_values(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
-        for name, values in mine.items():
-            if name not in last:
-                values[mask] = theirs[name][mask]
-        self.terms.events.read_parameters(self.sim)
-        self._now = self._now._restored({name: theirs[name] for name in last}, kept, mask)
-
-    def _episodes(self) -> dict[str, Array]:
-        """Arrays (num_envs, ...) by name that describe the running episodes, such as returns and lengths.
-
-        They are references, not copies.
-        """
-        values = {"returns": self.returns, "lengths": self.lengths, "rng": self.streams.state, "ages": self.streams.ages}
-        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now._step_values()
-        values |= self.terms.state() | self.observations.state()
-        return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
-
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
         """Advances all environments by one action, which is `task.frame_skip` time steps.
 
@@ -260,7 +229,7 @@ class Batch:
             self._reread(begins)
         now = self._now
         if before is not None:
-            now.velocity = (task.position(now._without_kept()) - before) / self.dt
+            now.velocity = (task.position(now) - before) / self.dt
             if begins is not None:
                 now.velocity[begins] = 0.0
         now.reward_terms = self.terms.rewards.values(now)
@@ -302,7 +271,7 @@ class Batch:
         self._now = self._moment(action, self._now.action)
         self._now.velocity = None if before is None else np.zeros_like(before)
         call_hook(self.task, "advance", self._now)
-        self._now._end_step()
+        self._now.forget()
         self.lengths += 1
         self.streams.ages += np.uint64(1)
         return before
@@ -359,6 +328,17 @@ def _default_qpos(task: Task, model: Model) -> Array:
             f'<key name="{task.keyframe}" qpos="..."/>'
         )
     return np.array(model.keyframe(task.keyframe).qpos)
+
+
+def _check_defaults(task: Any) -> None:
+    """Raises TypeError if a class gives a field of a dataclass another default in a way that Python's dataclasses ignore."""
+    kind = type(task)
+    for field in fields(task):
+        if field.name in vars(task) and getattr(kind, field.name, field.default) is not field.default:
+            raise TypeError(
+                f"{kind.__name__} changes {field.name} of a dataclass without effect: write @dataclass(frozen=True, kw_only=True) above "
+                f"the class, and the field with its type, {field.name}: {field.type} = {getattr(kind, field.name)!r}"
+            )
 
 
 def _check_ranges(task: Any) -> None:

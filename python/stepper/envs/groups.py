@@ -69,10 +69,6 @@ class ObservationGroups:
         for memory in self._memories.values():
             memory.begin(envs, self._streams)
 
-    def state(self) -> dict[str, Array]:
-        """Arrays (num_envs, ...) by name that a saved state contains. They are references, not copies."""
-        return {name: value for key, memory in self._memories.items() for name, value in memory.state(f"observed {key}").items()}
-
     def arrays(self, out: Any = None) -> Any:
         """Arrays for the observations of all environments, whose values are not set: `out`, or new arrays if `out` is None."""
         if not self._all:

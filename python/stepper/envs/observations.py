@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import WrongArgumentError, hint_keywords
+from stepper._hints import WrongArgumentError
 from stepper.shared.arguments import check_number, check_whole
 from stepper.shared.draws import Draw
 from stepper.shared.fields import COMPOUNDS, RANDOMIZED
@@ -24,7 +24,6 @@ Error = float | Draw
 """Type of an observation error: half width of a uniform error, or random values."""
 
 
-@hint_keywords("stepper.envs.Observation")
 @dataclass(frozen=True)
 class Observation:
     """One observed quantity of a task, a row in the table that `Task.observations` returns. The observation concatenates all rows.
@@ -183,10 +182,6 @@ class RowMemory:
         self.delay = np.full(num_envs, row.delays[0])
         self.values = np.zeros((num_envs, row.frames, size))
         self.count, self.ages = np.zeros(num_envs, dtype=np.int64), np.zeros(num_envs, dtype=np.uint64)
-
-    def state(self, key: str) -> dict[str, Array]:
-        """Arrays (num_envs, ...) by name that a saved state contains, which begin with `key`. They are references, not copies."""
-        return {f"{key} {name}": getattr(self, name) for name in ("bias", "delay", "values", "count", "ages")}
 
     def begin(self, envs: Array, streams: Streams) -> None:
         """Draws bias and delay of new episodes of the environments `envs`, indices (n,), and forgets their values."""

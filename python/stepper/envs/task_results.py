@@ -71,6 +71,8 @@ def check_methods(task: Task) -> None:
     check_mapping(
         f"{kind}.camera", task.camera, '{"distance": 3.0}; the argument camera_name of the environment names a camera of the file'
     )
+    if type(task).reward is Task.reward and type(task).rewards is Task.rewards:
+        raise WrongArgumentError(f"{kind} has no reward: define reward(self, now), or rewards(self), which returns terms by name")
     if isinstance(task.carried, str):
         raise WrongArgumentError(f"{kind}.carried is {task.carried!r}, must be a tuple of names: ({task.carried!r},)")
     for name, arguments in _METHODS.items():

@@ -7,9 +7,6 @@
 docs/how-to/view_and_film.md shows more.
 """
 
-from typing import Any
-
-from stepper._hints import no_name
 from stepper.viewer.live import View, view
 from stepper.viewer.looks import LooksError
 from stepper.viewer.player import Player
@@ -17,7 +14,3 @@ from stepper.viewer.renderer import Renderer
 from stepper.viewer.rerun_log import RerunLog, log_rerun
 
 __all__ = ["LooksError", "Player", "Renderer", "RerunLog", "View", "log_rerun", "view"]
-
-
-def __getattr__(name: str) -> Any:
-    raise no_name(__name__, name, __all__)

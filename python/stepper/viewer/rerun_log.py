@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from stepper._hints import hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.shared.machine import require
 from stepper.shared.progress import ProgressCallback, silent
@@ -27,7 +26,6 @@ LOGGED = 4
 """Largest number of environments that are logged by default."""
 
 
-@hint_keywords("stepper.viewer.RerunLog")
 class RerunLog:
     """Writes a log of a running simulation, a .rrd file for the Rerun viewer; a context manager. `close` completes the file.
 

@@ -8,13 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper._hints import hint_keywords
 from stepper.envs.task import Array, Reset, Terms
 from stepper.envs.terrain.generator import Terrain
 from stepper.shared.arguments import check_number, check_whole
 
 
-@hint_keywords("stepper.envs.terrain.TerrainCurriculum")
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TerrainCurriculum:
     """Curriculum over a terrain. Each environment has a tile: its row is the level (0 is the easiest), its column the kind of terrain.

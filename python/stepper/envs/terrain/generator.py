@@ -11,7 +11,6 @@ from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
 
-from stepper._hints import hint_keywords
 from stepper.envs.task import Array
 from stepper.envs.terrain.sub_terrains import BoxTerrain, SubTerrain
 from stepper.sensors import HeightField
@@ -28,7 +27,6 @@ _BASE_THICKNESS = 0.5
 """Thickness of the ground below its lowest point, m."""
 
 
-@hint_keywords("stepper.envs.terrain.Terrain")
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terrain:
     """Terrain of square tiles. Difficulty increases from row to row along x; each column along y has one kind. The middle is at the origin.

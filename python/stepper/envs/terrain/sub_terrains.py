@@ -9,7 +9,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper._hints import hint_keywords
 from stepper.envs.task import Array
 from stepper.shared.arguments import check_number, check_pair, check_whole
 
@@ -93,7 +92,6 @@ class BoxTerrain(SubTerrain):
         return heights
 
 
-@hint_keywords("stepper.envs.terrain.Flat")
 @dataclass(frozen=True, kw_only=True)
 class Flat(BoxTerrain):
     """Flat ground at any difficulty."""
@@ -103,7 +101,6 @@ class Flat(BoxTerrain):
         return np.array([_box(-size / 2, size / 2, -size / 2, size / 2, -_THICKNESS, 0.0)])
 
 
-@hint_keywords("stepper.envs.terrain.RandomRough")
 @dataclass(frozen=True, kw_only=True)
 class RandomRough(SubTerrain):
     """Rough ground: random heights at the points of a coarse grid, with bilinear interpolation.
@@ -127,7 +124,6 @@ class RandomRough(SubTerrain):
         return np.stack([np.interp(y, points, column) for column in along.T], axis=1)
 
 
-@hint_keywords("stepper.envs.terrain.PyramidSlope")
 @dataclass(frozen=True, kw_only=True)
 class PyramidSlope(SubTerrain):
     """Slopes to a platform in the middle.
@@ -151,7 +147,6 @@ class PyramidSlope(SubTerrain):
         return (-1.0 if self.inverted else 1.0) * _at(self.slope_range, difficulty) * rise
 
 
-@hint_keywords("stepper.envs.terrain.Wave")
 @dataclass(frozen=True, kw_only=True)
 class Wave(SubTerrain):
     """Hills and hollows in a regular pattern.
@@ -170,7 +165,6 @@ class Wave(SubTerrain):
         return _at(self.amplitude_range, difficulty) * across[:, None] * along
 
 
-@hint_keywords("stepper.envs.terrain.PyramidStairs")
 @dataclass(frozen=True, kw_only=True)
 class PyramidStairs(BoxTerrain):
     """Stairs to a platform in the middle.
@@ -209,7 +203,6 @@ class PyramidStairs(BoxTerrain):
         return np.concatenate([*rings, [_box(-last, last, -last, last, bottom, -step * count)]])
 
 
-@hint_keywords("stepper.envs.terrain.Gap")
 @dataclass(frozen=True, kw_only=True)
 class Gap(BoxTerrain):
     """Gap around a platform in the middle.
@@ -234,7 +227,6 @@ class Gap(BoxTerrain):
         return np.concatenate([_ring(size / 2, outer, bottom, 0.0), middle])
 
 
-@hint_keywords("stepper.envs.terrain.SteppingStones")
 @dataclass(frozen=True, kw_only=True)
 class SteppingStones(BoxTerrain):
     """Stones over a pit, around a platform in the middle.
@@ -269,7 +261,6 @@ class SteppingStones(BoxTerrain):
         return np.concatenate([_ring(size / 2, outer, bottom, 0.0), [pit, platform], stones])
 
 
-@hint_keywords("stepper.envs.terrain.DiscreteObstacles")
 @dataclass(frozen=True, kw_only=True)
 class DiscreteObstacles(BoxTerrain):
     """Boxes on flat ground, around a free square in the middle.

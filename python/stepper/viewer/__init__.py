@@ -1,4 +1,4 @@
-"""Visualization: pictures from MuJoCo's renderer, a view of environments in the browser, logs for the Rerun viewer.
+"""Visualization: pictures from MuJoCo's renderer, and a view of environments in the browser.
 
     sim = stepper.Stepper(stepper.load("robot.xml"), 16)
     with stepper.viewer.view(sim) as view:
@@ -11,6 +11,5 @@ from stepper.viewer.live import View, view
 from stepper.viewer.looks import LooksError
 from stepper.viewer.player import Player
 from stepper.viewer.renderer import Renderer
-from stepper.viewer.rerun_log import RerunLog, log_rerun
 
-__all__ = ["LooksError", "Player", "Renderer", "RerunLog", "View", "log_rerun", "view"]
+__all__ = ["LooksError", "Player", "Renderer", "View", "view"]

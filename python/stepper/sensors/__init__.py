@@ -5,6 +5,5 @@ from stepper.sensors.heights import HeightField
 from stepper.sensors.model import SensorModel
 from stepper.sensors.readings import Combination, RayFan, SensorSpec
 from stepper.sensors.transfer import Transfer
-from stepper.sensors.view import FieldOfView
 
-__all__ = ["Combination", "FieldOfView", "HeightField", "RayFan", "SensorModel", "SensorSpec", "Transfer", "devices"]
+__all__ = ["Combination", "HeightField", "RayFan", "SensorModel", "SensorSpec", "Transfer", "devices"]

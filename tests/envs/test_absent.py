@@ -1,9 +1,7 @@
-"""Absent attributes of environments and of `now`, and assignments of a task to itself, are errors."""
+"""Absent attributes of `now` and of a reset are errors with similar names."""
 
 import copy
-import inspect
 import pickle
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -50,17 +48,3 @@ def test_absent_attributes_do_not_hinder_copies():
     env.reset(seed=0)
     for twin in (env, copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
         assert not hasattr(twin, "healthy_reward")
-
-
-@pytest.mark.parametrize("method", ["reward", "advance", "reset"])
-def test_a_task_that_assigns_to_itself_has_a_note_with_the_place_of_data(method):
-    def assigns(self, *arguments):
-        self.last = 1.0
-
-    assigns.__signature__ = inspect.signature(getattr(Slide, method))
-    own = dataclass(frozen=True)(type("Own", (Slide,), {method: assigns}))
-    envs = StepperVectorEnv(own(), 2)
-    with pytest.raises(AttributeError, match="cannot assign to field 'last'") as error:
-        envs.reset(seed=0)
-        envs.step(np.zeros((2, 1)))
-    assert "define episode_state(self, num_envs), which returns an array for each name" in error.value.__notes__[0]

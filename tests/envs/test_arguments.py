@@ -101,34 +101,6 @@ def test_arguments_with_a_task_that_exists():
         StepperVectorEnv(TASKS["Hopper"](), 2, frame_skp=2)
 
 
-def ranges():
-    """Arguments of tasks that are two numbers, the lower one first: task and name."""
-    return [(name, field.name) for name, task in TASKS.items() for field in dataclasses.fields(task) if field.name.endswith("_range")]
-
-
-@given(st.sampled_from(ranges()), st.lists(st.floats(-9, 9), min_size=2, max_size=2, unique=True))
-def test_a_range_with_its_ends_exchanged_is_an_error(argument, ends):
-    name, field = argument
-    with pytest.raises(ValueError, match=rf"^{field} of {name} is \(.*\), must be two numbers, the lower one first$"):
-        StepperEnv(name, **{field: (max(ends), min(ends))})
-
-
-def test_a_range_of_another_task_may_descend():
-    @dataclasses.dataclass(frozen=True, kw_only=True)
-    class Own(TASKS["Hopper"]):
-        anneal_range: tuple[float, float] = (1.0, 0.1)
-
-    StepperEnv(Own)
-    with pytest.raises(ValueError, match="healthy_z_range of Own is"):
-        StepperEnv(Own, healthy_z_range=(2.0, 1.0))
-
-
-@pytest.mark.parametrize("name", [name for name, task in TASKS.items() if hasattr(task, "reset_noise_scale")])
-def test_noise_has_no_negative_scale(name):
-    with pytest.raises(ValueError, match=f"reset_noise_scale of {name} is -0.1, must be a finite number of at least 0"):
-        StepperVectorEnv(name, 2, reset_noise_scale=-0.1)
-
-
 @pytest.mark.parametrize(
     ("given", "parts"),
     [

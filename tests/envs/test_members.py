@@ -141,7 +141,7 @@ def test_a_class_of_environments_has_its_own_methods():
 @pytest.mark.parametrize(("members", "message"), [
     ({"carried": "level"}, r"Own\.carried is 'level', must be a tuple of names: \('level',\)"),
     ({"camera": "track"}, r"Own\.camera is 'track', must be a dict such as .*camera_name of the environment names a camera"),
-    ({"observations": lambda self: [Observation("qpos", columns=[0, 9])]}, r"columns of the row 'qpos' is \[0, 9\]: index 9 is out"),
+    ({"observations": lambda self: [Observation("qpos", columns=[0, 9])]}, r"the row 'qpos': columns is \[0, 9\]: index 9 is out"),
 ])  # fmt: skip
 def test_values_of_a_wrong_kind_are_named(members, message):
     with pytest.raises((TypeError, ValueError), match=message):

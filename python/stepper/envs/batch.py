@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -73,7 +71,6 @@ class Batch:
         if is_dataclass(task):
             check_fields(task)
             _check_defaults(task)
-            _check_ranges(task)
         model = model_of(task) if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()
@@ -339,22 +336,6 @@ def _check_defaults(task: Any) -> None:
                 f"{kind.__name__} changes {field.name} of a dataclass without effect: write @dataclass(frozen=True, kw_only=True) above "
                 f"the class, and the field with its type, {field.name}: {field.type} = {getattr(kind, field.name)!r}"
             )
-
-
-def _check_ranges(task: Any) -> None:
-    """Raises ValueError if a range has its upper end first, or `reset_noise_scale` is negative, among the fields of stepper's own tasks."""
-    own = {name for kind in type(task).__mro__ if kind.__module__.startswith("stepper.") for name in inspect.get_annotations(kind)}
-    for field in (field for field in fields(task) if field.name in own):
-        value, name = getattr(task, field.name), f"{field.name} of {type(task).__name__}"
-        if (
-            field.name.endswith("_range")
-            and np.shape(value) == (2,)
-            and all(isinstance(end, Real) for end in value)
-            and value[0] > value[1]
-        ):
-            raise ValueError(f"{name} is {value!r}, must be two numbers, the lower one first")
-        if field.name == "reset_noise_scale":
-            check_number(name, value, least=0.0)
 
 
 def _all_finite(values: Array) -> bool:

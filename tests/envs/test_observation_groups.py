@@ -157,18 +157,10 @@ def test_a_position_that_the_user_sets_is_observed_once():
     np.testing.assert_array_equal(envs.set_state(qpos=[[0.7]]), [[0.5, 0.7]])
 
 
-def test_out_is_a_dictionary_of_arrays():
-    envs = made(num_envs=2, groups=True)
-    out = {name: np.empty(space.shape) for name, space in envs.observation_space.items()}
-    assert envs.reset(seed=0, out=out)[0]["critic"] is out["critic"]
-    with pytest.raises(ValueError, match="out must be a dictionary of arrays of the observation groups policy, critic"):
-        envs.step(np.zeros((2, 1)), out={"policy": out["policy"]})
-
-
 def test_errors_name_the_group_the_row_and_the_remedy():
-    with pytest.raises(ValueError, match=r'observations returns the groups \'critic\', must have a group "policy"'):
+    with pytest.raises(ValueError, match="observations returns the groups 'critic', must have the group 'policy'"):
         StepperVectorEnv(type("Wrong", (Slide,), {"observations": lambda self: {"critic": (Observation("qpos"),)}})(), 1)
-    with pytest.raises(ValueError, match=r"observations returns a Group, must return groups by name"):
+    with pytest.raises(ValueError, match="observations returns a value of type Group, must return a tuple of Observation"):
         StepperVectorEnv(only_group(), 1)
     with pytest.raises(ValueError, match=r"delay of Observation 'qpos' is \(2, 1\), must be a whole number or a tuple of two"):
         Observation("qpos", delay=(2, 1))

@@ -15,7 +15,7 @@ from stepper._options import Options, Precision, precision_of
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.envs.episode_state import EpisodeState, episode_state_of
-from stepper.envs.groups import ObservationGroups, Observed
+from stepper.envs.groups import ObservationGroups
 from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, with_zero_rows
 from stepper.envs.task_results import bounds_of, call_hook, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
 from stepper.envs.terms import TaskTerms
@@ -304,9 +304,9 @@ class Batch:
         """Extra fields of the info dict after reset and after step."""
         return infos_of(self.task, self._now, self.num_envs)
 
-    def observation(self, out: Observed | None = None) -> Any:
-        """Observations of all environments, (num_envs, n) or a dictionary of such arrays by group, in `out` or in new arrays."""
-        return self.observations.read(self._now, self.observations.arrays(out) if out is None else out)
+    def observation(self) -> Any:
+        """Observations of all environments, (num_envs, n) or a dictionary of such arrays by group."""
+        return self.observations.read(self._now)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state

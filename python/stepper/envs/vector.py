@@ -19,7 +19,7 @@ from stepper._stepper import Model, selected
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RenderMode, camera_settings
 from stepper.envs.environment import Environment
-from stepper.envs.groups import Observed, each_group
+from stepper.envs.groups import each_group
 from stepper.envs.making import autoreset, make_task
 from stepper.envs.task import Array, Camera, Contact, Task, Terms
 from stepper.shared.arguments import check_mapping
@@ -141,7 +141,6 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
         envs: ArrayLike | None = None,
-        out: Observed | None = None,
     ) -> tuple[Any, dict[str, Any]]:
         """Starts new episodes in all or some environments.
 
@@ -154,7 +153,6 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
             envs: The environments to start, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once.
                 None selects all environments; an empty selection does nothing. With indices, a sequence of seeds has k entries in the
                 order of the indices.
-            out: Array for the observations, (num_envs, n), of type `dtype`; with `groups` a dictionary of arrays. None allocates new ones.
 
         Returns:
             Observations of all environments (num_envs, n), or with `groups` a dictionary of such arrays; and the info dict with entries
@@ -167,14 +165,14 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
             ResetNeeded: Only some environments are selected, and there was no reset of all environments before.
         """
         self._check_open("reset")
-        observations, mask = self._batch.observations.arrays(out), self._begins(options, envs)
+        mask = self._begins(options, envs)
         if seed is not None and _are_indices(envs) and not isinstance(seed, int | np.integer):
             seed = _scattered(list(seed), np.array(selected(envs, self.num_envs)), self.num_envs)
         seeds = _seeds(seed, self.num_envs)
         if not self._begun and not mask.all():
             raise ResetNeeded("some environments have no episode yet: call reset without envs or reset_mask first")
         if not mask.any():
-            return self._batch.observation(observations), {}
+            return self._batch.observation(), {}
         super().reset(seed=seed if isinstance(seed, int) else None)
         given = np.array([value is not None for value in seeds]) & mask
         if given.any():
@@ -184,21 +182,19 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
         self._over[mask] = False
         self._any_over = bool(self._over.any())
         self._since[mask] = time.perf_counter()
-        return self._batch.observation(observations), _infos(self._batch.info(), mask)
+        return self._batch.observation(), _infos(self._batch.info(), mask)
 
-    def step(self, actions: Array, *, out: Observed | None = None) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
         """Advances every environment by one action.
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task. A task with `action_bounds` may have another number than nu.
-            out: Array for the observations, as in `reset`.
 
         Returns:
             Observations in the format of `reset`, rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.
 
         Raises:
-            ValueError: `actions` or `out` has a wrong shape or type, or an action is not finite; then nothing is stepped. Or a reward is
-                not finite.
+            ValueError: `actions` has a wrong shape, or an action is not finite; then nothing is stepped. Or a reward is not finite.
             ResetNeeded: `reset` was not called yet; or, with `AutoresetMode.DISABLED`, the episode of an environment has ended.
             ClosedEnvironmentError: `close` was called.
         """
@@ -209,7 +205,6 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
             raise ValueError(f"actions have shape {action.shape}, must be {self.action_space.shape}")
         if not self._begun:
             raise ResetNeeded("call reset before step")
-        observations = batch.observations.arrays(out)
         begins = self._over if self._any_over else None
         if begins is not None and self.autoreset_mode == AutoresetMode.DISABLED:
             raise ResetNeeded(f'episodes of environments {np.flatnonzero(begins)[:10].tolist()} are over: reset them with "reset_mask"')
@@ -235,7 +230,7 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
             infos |= _infos(batch.info() | terms, np.ones(self.num_envs, dtype=bool))
         else:
             infos |= _infos(batch.info(), np.ones(self.num_envs, dtype=bool)) | _infos(terms, ~begins)
-        return batch.observation(observations), reward, terminated, truncated, infos
+        return batch.observation(), reward, terminated, truncated, infos
 
     def set_state(self, qpos: Array | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Any:
         """Sets positions and velocities. The episodes go on: lengths, episode_state and random numbers stay.

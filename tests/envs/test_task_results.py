@@ -5,33 +5,18 @@ import re
 
 import numpy as np
 import pytest
-import stepper
-from stepper.envs import Observation, StepperVectorEnv, Task
-
-CART = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
-  <actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
+from cases import Slide
+from stepper.envs import Observation, StepperVectorEnv
 
 
-class Cart(Task):
+class Cart(Slide):
     """A cart, with a target per episode."""
-
-    frame_skip = 1
-
-    def model(self):
-        return stepper.load(CART)
-
-    def observations(self):
-        return [Observation("qpos", lambda now: now.qpos)]
 
     def episode_state(self, num_envs):
         return {"target": np.zeros((num_envs, 3))}
 
     def reset(self, reset):
         reset.episode_state["target"] = reset.rng.uniform(-1, 1, 3)
-
-    def reward(self, now):
-        reward = np.ones(now.sim.num_envs)
-        return reward, {"one": reward}
 
 
 def cart(**methods):

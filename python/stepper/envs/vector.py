@@ -168,7 +168,7 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
         mask = self._begins(options, envs)
         if seed is not None and _are_indices(envs) and not isinstance(seed, int | np.integer):
             seed = _scattered(list(seed), np.array(selected(envs, self.num_envs)), self.num_envs)
-        seeds = _seeds(seed, self.num_envs)
+        seeds = seeds_of(seed, self.num_envs)
         if not self._begun and not mask.all():
             raise ResetNeeded("some environments have no episode yet: call reset without envs or reset_mask first")
         if not mask.any():
@@ -278,7 +278,7 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
     def _begins(self, options: dict[str, Any] | None, envs: ArrayLike | None) -> Array:
         """Mask (num_envs,) of the environments that `reset` starts, from its argument `options` or `envs`."""
         if envs is None:
-            return _mask(options, self.num_envs)
+            return reset_mask(options, self.num_envs)
         if options:
             raise ValueError(f"options has {sorted(options)} and envs is given too: give one of them")
         return _mask_of(envs, self.num_envs)
@@ -304,7 +304,7 @@ def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
     return infos
 
 
-def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
+def seeds_of(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
     """List with a seed or None for each environment, from the argument `seed` of `reset`."""
     if seed is None:
         return [None] * num_envs
@@ -343,7 +343,7 @@ def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int |
     return every
 
 
-def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
+def reset_mask(options: dict[str, Any] | None, num_envs: int) -> Array:
     """Mask (num_envs,) of the environments that `reset` starts, from Gymnasium's "reset_mask" in the options; all if it is absent."""
     if options is not None:
         check_mapping("options", options, '{"reset_mask": mask}')

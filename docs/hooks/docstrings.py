@@ -30,7 +30,7 @@ class Constructors(griffe.Extension):
 
 
 class PrivateParameters(griffe.Extension):
-    """Leaves private parameters out of the signatures of constructors, as `hint_keywords` does; griffe's `dataclasses` must run before."""
+    """Leaves private parameters out of the signatures of constructors; griffe's `dataclasses` must run before."""
 
     def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
         """Called by griffe when a package is loaded."""

@@ -16,6 +16,8 @@ import stepper
 
 SPEED, LINE, WIDE = 0.3, 0.25, 0.02
 """Speed of the plate, m/s; position of the line, m; allowed distance of the box from the line, m."""
+HEIGHT = 0.5
+"""Angle between the upper and the lower edge of the field of view, rad."""
 AHEAD = 1.0 - 0.04
 """Distance of the box from the camera along its optical axis, m."""
 
@@ -43,15 +45,16 @@ class Stop:
         """Reset the controller at the start of a batch: the camera has not detected the box at the line yet."""
         self._moving, self._next = np.ones(now.num_envs, bool), np.zeros(now.num_envs)
         self._box = np.full((now.num_envs, 3), np.nan)
-        self._view = stepper.sensors.FieldOfView(width=now.parameters["field of view"], height=0.5)
+        self._slopes = np.tan(0.5 * np.stack(np.broadcast_arrays(now.parameters["field of view"], HEIGHT), axis=-1))
 
     def __call__(self, now: Any) -> np.ndarray[Any, Any]:
         """Speed of the plate, (num_envs, 1) m/s."""
         samples = now.time >= self._next - 1e-9
         self._next = np.where(samples, self._next + 1.0 / now.parameters["rate"], self._next)
         reading = now.read("sensordata", "camera")
-        # The field of view of an ideal camera is unlimited.
-        self._box = reading if now.ideal else self._view.detect(reading, self._box)
+        # The field of view of an ideal camera is unlimited. Others keep the last reading when the box leaves it.
+        is_seen = np.all(np.abs(reading[:, :2]) <= reading[:, 2:] * self._slopes, axis=1)
+        self._box = np.where(is_seen[:, None] | now.ideal, reading, self._box)
         self._moving &= ~(samples & (self._box[:, 0] >= LINE))
         return np.where(self._moving, SPEED, 0.0)[:, None]
 

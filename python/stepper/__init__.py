@@ -7,7 +7,6 @@ step was solved.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from stepper._hints import Called
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__
@@ -68,9 +67,6 @@ _MODULE_OF = {
 }
 """Submodule of each name that is imported at its first use."""
 
-for _name in ("contacts", "energy", "mass_matrix", "memory", "momentum", "worst_row"):
-    setattr(Stepper, _name, Called(getattr(Stepper, _name)))
-
 
 def __getattr__(name: str) -> Any:
     if name in _SUBMODULES:
@@ -79,9 +75,7 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(f"stepper.{_MODULE_OF[name]}"), name)
         globals()[name] = value
         return value
-    from stepper._hints import no_name  # noqa: PLC0415
-
-    raise no_name(__name__, name, __all__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

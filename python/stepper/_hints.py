@@ -1,61 +1,23 @@
-"""Error messages for unknown names and for assignments to read-only attributes.
-
-`_guesses.toml` has the names that users of other simulators try, with the name or call to use instead; `difflib` finds similar names.
-"""
+"""Error messages for unknown names, with similar names, and for assignments to read-only attributes of the compiled library."""
 
 from __future__ import annotations
 
 import difflib
 import functools
-import inspect
-import tomllib
-from collections.abc import Callable, Collection, Iterable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Collection, Iterable
+from typing import Any
 
 from stepper import _stepper
 from stepper._stepper import Model, Stepper
 
-C = TypeVar("C", bound=Callable[..., Any])
-_FURTHER_SECTIONS = {
-    "StepperVectorEnv": ("StepperEnv",),
-    "StepperVectorEnv()": ("StepperEnv()",),
-    "TaskView": ("Stepper", "engine"),
-    **dict.fromkeys(("Stepper", "Model", "State", "stepper"), ("engine",)),
-}
-"""Sections of `_guesses.toml` that follow that of a class or module."""
 _PREFIXES = {"Joint": ("jnt", "dof"), "Equality": ("eq",), "Keyframe": ("key",)}
 """Prefixes of MuJoCo's names of the arrays of a kind of element, where they are not its name."""
-_VARIABLE = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 _LISTED = 12
 """Largest number of names that an error message lists."""
 
 
 class WrongArgumentError(TypeError):
     """Wrong argument of a call: an unknown keyword, or a value of a wrong type. The command line prints the message without a traceback."""
-
-
-@functools.cache
-def replacements(section: str) -> dict[str, str]:
-    """Replacement of each name in a section of `_guesses.toml`, such as "Stepper", "stepper.viewer" or "Stepper.reset()"."""
-    return {name: text.replace("NAME", name) for text, names in _guesses().get(section, {}).items() for name in names.split()}
-
-
-@functools.cache
-def _guesses() -> dict[str, dict[str, str]]:
-    return tomllib.loads(Path(__file__).with_name("_guesses.toml").read_text("utf-8"))
-
-
-def replacement(place: str, name: str) -> str:
-    """End of an error message with the replacement of an unknown name: "; use ...", or "" if `_guesses.toml` does not have the name.
-
-    Args:
-        place: Class, module or call, such as "Stepper", "stepper.viewer" or "Stepper.reset()".
-        name: The unknown name.
-    """
-    texts = (replacements(section).get(name) for section in (place, *_FURTHER_SECTIONS.get(place, ())))
-    text = next(filter(None, texts), "")
-    return f"; {text[2:]}" if text.startswith(": ") else f"; use {text}" if text else ""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -70,7 +32,7 @@ def did_you_mean_or_all(name: str, known: Collection[str]) -> str:
 
 
 def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeError:
-    """Error for an attribute that a class does not have, with a hint: its replacement, the class that has it, or similar names.
+    """Error for an attribute that a class does not have, with a hint: the class that has it, or similar names.
 
     Args:
         owner: The class.
@@ -78,9 +40,7 @@ def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeE
         more: Names of further attributes, which only the instances have.
     """
     other, place = {Model: (Stepper, "sim"), Stepper: (Model, "sim.model")}.get(owner, (owner, ""))
-    hint = "" if name.startswith("__") else replacement(owner.__name__, name)
-    if not hint and name[0] != "_" and hasattr(other, name) and other is not owner:
-        hint = f"; use {place}.{name}"
+    hint = f"; use {place}.{name}" if name[0] != "_" and hasattr(other, name) and other is not owner else ""
     known = {*dir(owner), *more, *(f"{place}.{each}" for each in dir(other) if place and each[0] != "_")}
     return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint or did_you_mean(name, known)}")
 
@@ -95,7 +55,7 @@ def not_assigned(owner: type, name: str) -> AttributeError:
     if callable(there):
         reason = "it is a method"
     elif owner is Stepper:
-        reason = replacements("assigned").get(name, "each step computes it from the state, which sim.set_state(...) sets")
+        reason = "the methods set_state, reset, step and randomize change a stepper, and its constructor sets the rest"
     elif name == "sensors":
         reason = "model.with_sensors(...) makes a model with more sensors"
     elif field is None:
@@ -113,20 +73,11 @@ def _fields() -> dict[str, bool]:
 
 
 def _public_name(owner: type) -> str:
-    """Name of a class as users write it: "stepper.lab.Study", or "stepper.Model's body" for a body of a model.
-
-    Public classes of stepper.shared are names of stepper.envs.
-    """
-    folder = owner.__module__.split(".")[1].replace("shared", "envs")
+    """Name of a class as users write it: "stepper.lab.Study", or "stepper.Model's body" for a body of a model."""
+    folder = owner.__module__.split(".")[1]
     if folder == "_stepper" and owner not in (Model, Stepper, _stepper.State):
         return f"stepper.Model's {owner.__name__.lower()}"
     return f"stepper.{owner.__name__}" if folder.startswith("_") else f"stepper.{folder}.{owner.__name__}"
-
-
-def no_name(module: str, name: str, known: Collection[str]) -> AttributeError:
-    """Error for a name that a module, such as "stepper.envs", does not have, with a hint: its replacement, or the names that it has."""
-    listed = did_you_mean if module == "stepper" or name[0] == "_" else did_you_mean_or_all
-    return AttributeError(f"module {module!r} has no attribute {name!r}{replacement(module, name) or listed(name, known)}")
 
 
 def raise_error_of_property(instance: Any, name: str) -> None:
@@ -139,115 +90,9 @@ def raise_error_of_property(instance: Any, name: str) -> None:
         object.__getattribute__(instance, name)
 
 
-class Hints:
-    """Base class whose instances raise an AttributeError with a hint for a missing attribute, and for an assignment to one.
-
-    A class annotates its public attributes that users may assign; results are properties.
-    """
-
-    if not TYPE_CHECKING:  # Type checkers read the attributes from the class.
-
-        def __getattr__(self, name: str) -> Any:
-            raise_error_of_property(self, name)
-            raise no_attribute(type(self), name, vars(self))
-
-        def __setattr__(self, name: str, value: Any) -> None:
-            if not name.startswith("_") and name not in _annotated(type(self)):
-                if hasattr(type(self), name):
-                    raise AttributeError(f"{name} of a {_public_name(type(self))} cannot be assigned")
-                raise no_attribute(type(self), name)
-            object.__setattr__(self, name, value)
-
-
-@functools.cache
-def _annotated(kind: type) -> frozenset[str]:
-    """Names that a class and its bases annotate."""
-    return frozenset(name for base in kind.__mro__ for name in inspect.get_annotations(base))
-
-
-class Called:
-    """Descriptor of a method of a stepper that takes no argument, such as `energy`. Operations on `sim.energy` raise errors with the call.
-
-    Args:
-        method: The method of the class.
-    """
-
-    def __init__(self, method: Callable[..., Any]):
-        self._method = method
-
-    def __get__(self, instance: Any, owner: type | None = None) -> Any:
-        return self._method if instance is None else _Uncalled(self._method.__get__(instance))
-
-
-class _Uncalled:
-    """Method of a stepper that can be called, and raises an error with the call in place of any other operation.
-
-    Args:
-        method: Method of an instance.
-    """
-
-    def __init__(self, method: Callable[..., Any]):
-        self.__doc__, self.__name__, self.__wrapped__ = method.__doc__, method.__name__, method
-
-    def __call__(self, *args: Any, **keywords: Any) -> Any:
-        return self.__wrapped__(*args, **keywords)
-
-    def __repr__(self) -> str:
-        return f"<method {self.__name__} of a stepper.Stepper; sim.{self.__name__}() calls it>"
-
-    def __getattr__(self, name: str) -> Any:
-        remedy = "" if name.startswith("__") else f": write sim.{self.__name__}().{name}"
-        raise AttributeError(f"sim.{self.__name__} is a method without an attribute {name!r}{remedy}")
-
-    def _refuse(self, *_: Any) -> Any:
-        raise TypeError(f"sim.{self.__name__} is a method: write sim.{self.__name__}()")
-
-    __add__ = __array__ = __bool__ = __eq__ = __float__ = __format__ = __ge__ = __getitem__ = __gt__ = __iter__ = __le__ = __len__ = _refuse
-    __lt__ = __mul__ = __ne__ = __neg__ = __radd__ = __rmul__ = __rsub__ = __rtruediv__ = __sub__ = __truediv__ = _refuse
-    __hash__ = None  # type: ignore[assignment]
-
-
 def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
-    """Error message for an unknown keyword argument of a call, such as "Stepper.reset", with a hint: its replacement, or the keywords."""
-    present = replacements("keywords").get(name, "")
-    hint = f"; use {present}" if present.partition("=")[0] in known else replacement(f"{call}()", name)
-    if not known and not hint:
-        hint = "; it has no arguments"
-    return f"{call}() takes no {name!r}{f':{hint[1:]}' if hint else did_you_mean_or_all(name, known)}"
-
-
-def hint_keywords(call: str) -> Callable[[C], C]:
-    """Decorator of a class or a function, which raises TypeError with a hint for an unknown keyword, and for a missing argument.
-
-    The message names it `call`.
-    """
-
-    def with_hints(target: C) -> C:
-        signature = inspect.signature(target)
-        known = [name for name in signature.parameters if not name.startswith("_") and name != "self"]
-        positional = [name for name, one in signature.parameters.items() if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
-        required = [name for name, one in signature.parameters.items() if one.default is one.empty and one.kind not in _VARIABLE]
-        original: Callable[..., Any] = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
-
-        @functools.wraps(original)
-        def checked(*args: Any, **keywords: Any) -> Any:
-            for name in keywords:
-                if name not in signature.parameters:
-                    raise TypeError(unknown_keyword(call, name, known))
-            given = {*keywords, *positional[: len(args) - isinstance(target, type)]}
-            if missing := [name for name in required if name not in given]:
-                arguments = f"argument{'s' * (len(missing) > 1)} {' and '.join(missing)}"
-                raise TypeError(f"{call}() lacks the {arguments}{replacement(f'{call}()', missing[0])}")
-            return original(*args, **keywords)
-
-        if not isinstance(target, type):
-            return checked  # type: ignore[return-value]
-        target.__init__ = checked  # type: ignore[misc]
-        # Private fields exist for dataclasses.replace, and are left out of the public signature.
-        target.__signature__ = signature.replace(parameters=[signature.parameters[name] for name in known])  # type: ignore[attr-defined]
-        return target
-
-    return with_hints
+    """Error message for an unknown keyword argument of a call, such as "Stepper.reset", with similar keywords, or all of them."""
+    return f"{call}() takes no {name!r}{did_you_mean_or_all(name, known) if known else '; it has no arguments'}"
 
 
 def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> str:
@@ -262,7 +107,7 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
     if name in _fields():
         hint = f"; all environments of a stepper share this one: make a stepper.Stepper of model.replace({name}=...)"
     else:
-        hint = replacement("fields", name) or did_you_mean(name, known) or f"; {listed} lists the fields"
+        hint = did_you_mean(name, known) or f"; {listed} lists the fields"
     return f"{where}: there is no field {name!r}{hint}"
 
 

@@ -7,7 +7,6 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, check_options
 
 Precision: TypeAlias = Literal["f64", "f32"]
@@ -15,9 +14,8 @@ Precision: TypeAlias = Literal["f64", "f32"]
 _PRECISIONS: dict[str, Precision] = {"float64": "f64", "float32": "f32"}
 
 
-@hint_keywords("stepper.Options")
 @dataclass(frozen=True, kw_only=True)
-class Options(Hints):
+class Options:
     """Numerical methods and tolerances of a step. Immutable: `dataclasses.replace` makes a changed copy.
 
     Values out of range raise `ValueError`, and values of another type `TypeError`.
@@ -108,7 +106,6 @@ class Options(Hints):
         check_options(self)
 
     @classmethod
-    @hint_keywords("Options.from_model")
     def from_model(cls, model: Model) -> Options:
         """Returns options that reproduce the model's source in MuJoCo: `contact="mujoco"` and the source's integrator.
 

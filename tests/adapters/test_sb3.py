@@ -155,7 +155,7 @@ def test_a_seed_of_the_constructor_is_that_of_seed():
 
 
 def test_names_of_make_vec_env_and_another_mode_are_named():
-    with pytest.raises(TypeError, match="takes no 'n_envs': use num_envs"):
+    with pytest.raises(TypeError, match="takes no 'n_envs'; did you mean num_envs"):
         StepperVecEnv("stepper/Hopper-v5", n_envs=3)
     with pytest.raises(TypeError, match=r"the task is an object of type gymnasium.*: give the name of the environment"):
         StepperVecEnv(gymnasium.make("stepper/Hopper-v5"))

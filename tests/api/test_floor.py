@@ -146,8 +146,6 @@ PLANE = "<geom {} type='plane' size='1 1 1'/>"
     ({"floor": "yes"}, "", TypeError, "floor is 'yes', must be True, False or a height in m"),
     ({"free_base": True}, "", ValueError, "free_base is True, which needs a URDF, .* <freejoint/>"),
     ({"free_base": 1}, "", TypeError, "free_base is 1"),
-    ({"ground": True}, "", TypeError, "use floor=True"),
-    ({"fixed_base": False}, "", TypeError, "use free_base, its opposite"),
 ])  # fmt: skip
 def test_a_floor_that_cannot_be_added_is_an_error(arguments, more, error, said):
     with pytest.raises(error, match=said):

@@ -11,8 +11,8 @@ from stepper.derivatives import rollout
 from stepper.lab.study.parameters import Parameter, check
 from stepper.shared.fields import RANDOMIZED
 
-SCENE = """<mujoco><worldbody><body name="ball"><joint name="x" type="slide" axis="1 0 0"/><geom name="ball" size=".1" mass="1"/></body>
-</worldbody><actuator><motor joint="x"/></actuator></mujoco>"""
+SCENE = """<mujoco><worldbody><body name="ball"><joint name="x" type="slide" axis="1 0 0"/><geom name="ball" size=".1" mass="1"/>
+<site name="tip"/></body></worldbody><actuator><motor joint="x"/></actuator></mujoco>"""
 MODEL = stepper.load(SCENE)
 SIM = stepper.Stepper(MODEL)
 CTRL = np.zeros((2, 1))
@@ -32,9 +32,7 @@ TAKERS = {
 @pytest.mark.parametrize("argument", TAKERS)
 @pytest.mark.parametrize(("name", "hint"), [
     ("gem_friction", "did you mean geom_friction"),
-    ("friction", "use geom_friction"),
-    ("mass", "use body_mass"),
-    ("eq_active", "eq_active0"),
+    ("body_mas", "did you mean body_mass"),
 ])  # fmt: skip
 def test_the_message_names_the_argument_and_the_field(argument, name, hint):
     with pytest.raises(ValueError, match=hint) as error:
@@ -68,8 +66,6 @@ def test_a_field_with_a_slip_of_the_pen_is_suggested(typo, argument):
 
 
 @pytest.mark.parametrize(("name", "remedy"), [
-    ("eq_active", "sim.eq_active, and model.eq_active0"),
-    ("qpos", "sim.set_state(qpos=...) sets it"),
     ("geom_margin", "make a stepper.Stepper of model.replace(geom_margin=...)"),
     ("zzz", "help(stepper.Stepper.randomize) lists the fields"),
     ("dof_dampin", "did you mean dof_damping"),
@@ -167,3 +163,36 @@ def test_a_single_number_is_taken_where_one_is_meant():
     SIM.step(0.5)
     SIM.set_state(qpos=0.1)
     assert SIM.qpos.tolist() == [0.1]
+
+
+@pytest.mark.parametrize(("attempt", "hint"), [
+    (lambda: SIM.contacts()["frc"], "no field of name frc"),
+    (lambda: SIM.jacobian("tip"), "but a site is: jacobian(site='tip')"),
+    (lambda: SIM.qpso, "did you mean qpos"),
+    (lambda: SIM.geom_frictoin, "did you mean sim.model.geom_friction"),
+    (lambda: SIM.flux, "a stepper.Stepper has no attribute 'flux'"),
+    (lambda: MODEL.body_mas, "a stepper.Model has no attribute 'body_mas'; did you mean body_mass"),
+    (lambda: setattr(SIM, "xfrc_aplied", 0), "no attribute 'xfrc_aplied'; did you mean xfrc_applied"),
+    (lambda: setattr(MODEL.joint("x"), "axis", 1), "change the file"),
+    (lambda: SIM.__array_interfac__, "has no attribute '__array_interfac__'"),
+])  # fmt: skip
+def test_an_unknown_attribute_has_a_hint(attempt, hint):
+    with pytest.raises((AttributeError, KeyError, ValueError)) as error:
+        attempt()
+    assert hint in str(error.value)
+
+
+def test_attributes_of_one_class_are_hints_of_the_other():
+    for owner, other, place in ((MODEL, stepper.Stepper, "sim."), (SIM, stepper.Model, "model.")):
+        for name in {name for name in dir(other) if name[0] != "_"} - {*dir(owner)}:
+            with pytest.raises(AttributeError) as error:
+                getattr(owner, name)
+            assert f"{place}{name}" in str(error.value)
+
+
+@pytest.mark.parametrize("field", sorted(RANDOMIZED))
+def test_fields_of_randomize_are_hints_of_a_stepper(field):
+    """Reading and assigning: the values of an environment are not those of the model."""
+    for attempt in (lambda: getattr(SIM, field), lambda: setattr(SIM, field, 1.0)):
+        with pytest.raises(AttributeError, match=rf"sim\.model\.{field}"):
+            attempt()

@@ -15,7 +15,7 @@ from rotations import matrix
 from stepper.cli import main
 from stepper.viewer import shapes
 from stepper.viewer.dragging import Drag, effective_mass
-from stepper.viewer.frames import frame_of, parameter_of, shown_envs, sizes_of
+from stepper.viewer.frames import frame_of, shown_envs, sizes_of
 from stepper.viewer.live import View, scene_for
 from stepper.viewer.looks import looks_of
 from stepper.viewer.recordings import RecordedRun
@@ -160,7 +160,6 @@ def test_sizes_are_those_that_environments_have(num_envs):
         expected = given[envs, g] if model.geom(g).type in ("sphere", "ellipsoid", "capsule", "cylinder", "box") else scene.sizes[g]
         np.testing.assert_array_equal(found[:, g], np.broadcast_to(expected, (len(envs), 3)), err_msg=model.geom_names[g])
     np.testing.assert_array_equal(found[0, model.geom("table").id], [0.2, 0.1, 0.1])
-    np.testing.assert_array_equal(parameter_of(sim, "geom_pos", envs), np.tile(model.geom_pos, (len(envs), 1, 1)))
     sim.randomize()
     np.testing.assert_array_equal(sizes_of(sim, envs, scene), np.tile(scene.sizes, (len(envs), 1, 1)))
 
@@ -199,7 +198,7 @@ def recorded(tmp_path):
             if k == 25:
                 sim.randomize()
             sim.step(rng.uniform(-0.3, 0.3, (5, model.nu)), nstep=5)
-            moments.append(frame_of(sim, chosen, energy=True))
+            moments.append(frame_of(sim, chosen))
     return tmp_path / "run", chosen, moments
 
 
@@ -343,7 +342,7 @@ def command(monkeypatch, capsys):
     (("CartPole-v1",), "CartPole-v1 is an environment of another simulator"),
     (("tests",), "tests is a folder without run.json"),
     (("examples/policies/ant.npz",), "is a policy, and runs in an environment: film it with stepper evaluate"),
-    (("a.xml", "--rerun", "a.rrd"), "--rerun has no effect on a model, and a.xml is one"),
+    (("a.xml", "--record", "run"), "--record has no effect on a model, and a.xml is one"),
     (("a.xml", "--contact", "soft"), "contact is 'soft', must be 'hard' or 'mujoco'"),
     (("a.xml", "--actions", "none"), "actions is 'none', must be 'random' or 'zero'"),
     (("a.xml", "--actions", "zero"), "--actions has no effect on a model, and a.xml is one"),

@@ -8,7 +8,6 @@ import pytest
 from cases import Slide
 from hypothesis import given
 from hypothesis import strategies as st
-from stepper._hints import replacements
 from stepper.envs import Observation, Rng, StepperVectorEnv
 from stepper.shared.streams import Streams
 
@@ -28,24 +27,6 @@ def test_a_tuple_gives_the_numbers_of_its_product(num_envs, shape):
         np.testing.assert_array_equal(one._streams.state, other._streams.state)
 
 
-@pytest.mark.parametrize(("draw", "write"), [
-    (lambda rng: rng.uniform(-1, 1), r"rng\.uniform\(low, high, size\)"),
-    (lambda rng: rng.uniform(3), r"rng\.uniform\(low, high, size\)"),
-    (lambda rng: rng.uniform(size=3), r"rng\.uniform\(low, high, size\)"),
-    (lambda rng: rng.uniform(minval=0, maxval=1, size=3), r"rng\.uniform\(low, high, size\)"),
-    (lambda rng: rng.normal(), r"mean \+ std \* rng\.normal\(size\)"),
-    (lambda rng: rng.normal(0, 0.1), r"mean \+ std \* rng\.normal\(size\)"),
-    (lambda rng: rng.normal(0, 0.1, 3), r"mean \+ std \* rng\.normal\(size\)"),
-    (lambda rng: rng.normal(loc=0, scale=0.1, size=3), r"mean \+ std \* rng\.normal\(size\)"),
-])  # fmt: skip
-def test_arguments_of_numpys_generators_are_errors_with_the_call(draw, write):
-    rng = generator()
-    before = rng._streams.state.copy()
-    with pytest.raises(TypeError, match=rf"^Rng\.(uniform|normal): .*; write {write}, which gives size numbers for each environment"):
-        draw(rng)
-    np.testing.assert_array_equal(rng._streams.state, before)
-
-
 @given(st.floats() | st.text() | st.none() | st.tuples(st.floats()))
 def test_another_size_is_an_error(size):
     for draw in (lambda: generator().uniform(0.0, 1.0, size), lambda: generator().normal(size)):
@@ -59,81 +40,22 @@ def test_a_negative_size_is_an_error(size):
         generator().normal((3, size))
 
 
-@pytest.mark.parametrize("name", replacements("Rng"))
-def test_absent_draws_have_a_hint_that_works(name):
-    hint = replacements("Rng")[name]
-    with pytest.raises(AttributeError, match=f"^a stepper.envs.Rng has no attribute '{name}'; ") as error:
-        getattr(generator(), name)
-    assert hint in str(error.value)
-    if name != "seed":
-        names = {
-            "np": np,
-            "rng": generator(2000),
-            "low": 3,
-            "high": 6,
-            "size": 4,
-            "values": [3, 4, 5],
-            "mean": 0.0,
-            "std": 1.0,
-            "scale": 1.0,
-        }
-        names["probability"] = 0.3
-        drawn = eval(hint if "rng." in hint else f"rng.{hint}", names)
-        assert drawn.shape == (2000, 4)
-        if "astype(int)" in hint:
-            assert set(np.unique(drawn)) == {3, 4, 5}
-        if name in ("permutation", "shuffle"):
-            assert (np.sort(drawn, axis=1) == np.arange(4)).all()
-        if name == "exponential":
-            assert abs(drawn.mean() - 1.0) < 0.05
-
-
 def test_generators_are_copied():
     for twin in (copy.deepcopy(generator()), pickle.loads(pickle.dumps(generator()))):
         np.testing.assert_array_equal(twin.normal(2), generator().normal(2))
 
 
-def test_a_draw_of_a_wrong_shape_has_a_note_with_the_right_one():
-    def draws(self, reset):
-        np.zeros((3, 2))[:, 0] = reset.rng.uniform(0.0, 1.0, 3)
-
-    with pytest.raises(ValueError, match="broadcast") as error:
-        StepperVectorEnv(type("Own", (Slide,), {"reset": draws})(), 3).reset(seed=0)
-    assert error.value.__notes__ == [
-        "rng.uniform(low, high, size) has the shape (n, size), a row for each environment that resets: for one number each, write "
-        "rng.uniform(low, high, 1)[:, 0]"
-    ]
-    np.zeros((3, 2))[:, 0] = generator().uniform(0.0, 1.0, 1)[:, 0]
-
-
 @pytest.mark.parametrize(("make", "message"), [
-    (lambda: Observation("xpos", body="box"), "takes no 'body': use func=lambda now: now.read('xpos', 'torso') for elements by name"),
-    (lambda: Observation("qpos", colums=slice(3)), "takes no 'colums'; did you mean columns?"),
-    (lambda: Observation("sensordata", "acc"), "for elements by name, write func=lambda now: now.read('sensordata', 'acc')"),
-    (lambda: Observation("xpos", ["a", "b"]), "write func=lambda now: now.read('xpos', ['a', 'b'])"),
-    (lambda: Observation("qvel", clip=5.0), "clip of Observation 'qvel' is 5.0, must be a lower and an upper bound: clip=(-5.0, 5.0)"),
+    (lambda: Observation("qvel", "qpos"), "func of Observation 'qvel' is 'qpos', must be a function of now, or None"),
+    *((lambda clip=clip: Observation("qvel", clip=clip), "must be the lower bound and then the upper bound") for clip in (5.0, (1.0,))),
     (lambda: Observation("qpos", clip=(1, -1)), "clip of Observation 'qpos' is (1, -1), must be the lower bound and then the upper bound"),
-    (lambda: Observation("qvel", clip=(1.0,)), "clip of Observation 'qvel' is (1.0,), must be a lower and an upper bound"),
     (lambda: Observation("qvel", noise=-1.0), "noise of Observation 'qvel' is -1.0, must be a finite number of at least 0"),
     (lambda: Observation("qvel", noise=(-1.0, 1.0)), "noise of Observation 'qvel' is (-1.0, 1.0), must be a number"),
 ])  # fmt: skip
-def test_rows_of_other_libraries_are_errors_with_the_row_to_write(make, message):
+def test_wrong_rows_are_errors(make, message):
     with pytest.raises((TypeError, ValueError)) as error:
         make()
     assert message in str(error.value)
-
-
-def test_the_rows_of_the_hints_work():
-    class Own(Slide):
-        def observations(self):
-            return (
-                Observation("a", func=lambda now: 0.5 * now.qvel),
-                Observation("b", func=lambda now: now.read("xpos", 1)),
-                Observation("c", func=lambda now: now.qpos - now.default_qpos),
-                Observation("qvel", clip=(-5.0, 5.0), columns=slice(0, 1), noise=0.1),
-            )
-
-    assert StepperVectorEnv(Own(), 2).reset(seed=0)[0].shape == (2, 6)
 
 
 def test_two_rows_of_one_name_are_an_error():

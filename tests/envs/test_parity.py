@@ -48,17 +48,22 @@ def pair(name):
     return theirs, StepperEnv(task, options=replace(stepper.Options.from_model(task.model()), tolerance=1e-12, iterations=200))
 
 
-def differences(theirs, ours, steps):
-    """Largest difference of each row of the observation, of the reward and of each info, over steps from the same states."""
+def from_the_same_states(theirs, ours, steps, seed=0):
+    """Random actions, each after setting the state of Gymnasium's environment in ours."""
     ours.reset(seed=0)
-    rng = np.random.default_rng(0)
-    worst = {}
+    rng = np.random.default_rng(seed)
     for k in range(steps):
         if k % 20 == 0:
             theirs.reset(seed=k)
         mujoco.mj_forward(theirs.model, theirs.data)
         ours.set_state(theirs.data.qpos, theirs.data.qvel)
-        action = rng.uniform(theirs.action_space.low, theirs.action_space.high).astype(np.float64)
+        yield rng.uniform(theirs.action_space.low, theirs.action_space.high).astype(np.float64)
+
+
+def differences(theirs, ours, steps):
+    """Largest difference of each row of the observation, of the reward and of each info, over steps from the same states."""
+    worst = {}
+    for action in from_the_same_states(theirs, ours, steps):
         observation, reward, terminated, truncated, info = theirs.step(action)
         found, found_reward, *flags, found_info = ours.step(action)
         assert flags == [terminated, truncated]
@@ -90,15 +95,8 @@ def test_without_a_refresh_gymnasium_observes_the_last_stage():
 @pytest.mark.parametrize("name", ["Ant", "Humanoid", "HumanoidStandup"])
 def test_forces_of_contacts_are_mujocos(name):
     theirs, ours = pair(name)
-    ours.reset(seed=0)
-    rng = np.random.default_rng(1)
     largest = 0.0
-    for k in range(100):
-        if k % 20 == 0:
-            theirs.reset(seed=k)
-        mujoco.mj_forward(theirs.model, theirs.data)
-        ours.set_state(theirs.data.qpos, theirs.data.qvel)
-        action = rng.uniform(theirs.action_space.low, theirs.action_space.high).astype(np.float64)
+    for action in from_the_same_states(theirs, ours, 100, seed=1):
         theirs.step(action), ours.step(action)
         found, expected = ours.now.cfrc_ext[0, :, 3:], theirs.data.cfrc_ext[:, 3:]
         # Solvers agree to 1e-14 of accelerations of some 1e3 rad/s^2, and soft contacts turn these into forces.

@@ -1,6 +1,5 @@
 """Quantities of `now` that a task reads in `advance`, between steps, resets and other changes of the stepper."""
 
-import pickle
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -149,30 +148,6 @@ def test_what_depends_on_episode_state_is_computed_anew_after_advance():
     envs = StepperVectorEnv(Goal(), N)
     envs.reset(seed=0)
     assert envs.step(np.zeros((N, 1)))[0].tolist() == [[1.0]] * N
-
-
-def test_kept_values_stay_through_later_steps_and_into_a_pickle():
-    class Kept(Script):
-        def advance(self, now):
-            now.sim.step(now.action)
-            now.keep("qpos", now.qpos)
-            now.sim.step(now.action)
-
-        def reward(self, now):
-            return now.qpos[:, 0], {}
-
-    task = Kept()
-    envs = StepperVectorEnv(task, N)
-    envs.reset(seed=0)
-    _, reward, *_ = envs.step(np.full((N, 1), 1.0))
-    half = StepperVectorEnv(Script(script=[("step", [True] * N)]), N)
-    half.reset(seed=0)
-    half.sim.step(np.full((N, 1), 1.0))
-    np.testing.assert_array_equal(reward, half.sim.qpos[:, 0])
-    np.testing.assert_array_equal(envs.now.qpos[:, 0], reward)
-    assert (envs.sim.qpos[:, 0] != reward).all()
-    now = pickle.loads(pickle.dumps(half.now))
-    np.testing.assert_array_equal(now.qpos, half.sim.qpos)
 
 
 def test_a_step_outside_a_hook_renews_the_view():

@@ -1,5 +1,7 @@
 """Terrains: tiles by seed and difficulty, the scene that they make, origins on the surface, and curricula over them."""
 
+from xml.etree import ElementTree
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.envs import Reset, Rng, terrain
-from stepper.envs.terrain import Terrain, TerrainCurriculum, stage_of
+from stepper.envs.terrain import Terrain, TerrainCurriculum
 from stepper.sensors import HeightField
 from stepper.shared.streams import Streams
 
@@ -18,12 +20,8 @@ KINDS = {
     "slope_inv": terrain.PyramidSlope(inverted=True),
     "stairs": terrain.PyramidStairs(),
     "stairs_inv": terrain.PyramidStairs(inverted=True),
-    "stones": terrain.SteppingStones(height_variation=0.02),
-    "gap": terrain.Gap(),
-    "obstacles": terrain.DiscreteObstacles(),
     "wave": terrain.Wave(),
 }
-BOXES = {name: kind for name, kind in KINDS.items() if isinstance(kind, terrain.BoxTerrain)}
 ROBOT = '<mujoco><worldbody><body name="base" pos="0 0 1"><freejoint/><geom name="ball" size=".1" mass="1"/></body></worldbody></mujoco>'
 LINE = np.linspace(-4.0, 4.0, 81)
 
@@ -31,10 +29,10 @@ kinds = st.sampled_from(sorted(KINDS))
 difficulties = st.floats(0.0, 1.0)
 
 
-def loaded(ground, **given):
+def scene(ground):
     spec = mujoco.MjSpec.from_string(ROBOT)
-    ground.add_to(spec, **given)
-    return stepper.load(spec.compile())
+    ground.add_to(spec)
+    return spec.compile()
 
 
 def tile(kind, difficulty, seed=0):
@@ -64,23 +62,16 @@ def test_seeds_give_different_terrains():
 @settings(deadline=None)
 @given(kinds, difficulties, difficulties, st.integers(0, 2**32))
 def test_levels_are_monotone_in_difficulty(kind, one, other, seed):
-    """With the same random numbers a harder tile is at least as uneven, or has at least as much of a pit."""
+    """With the same random numbers a harder tile is at least as uneven."""
     easy, hard = (tile(kind, difficulty, seed) for difficulty in sorted((one, other)))
-    if kind in ("stones", "gap"):
-        # Stones are placed by whole numbers of them and at points of a grid: a tenth of the tile as room.
-        assert (hard < -0.5).mean() >= (easy < -0.5).mean() - (0.1 if kind == "stones" else 0.0)
-    else:
-        assert np.ptp(hard) >= np.ptp(easy) - 1e-12
-        assert np.abs(np.diff(hard)).max() >= np.abs(np.diff(easy)).max() - 1e-12
+    assert np.ptp(hard) >= np.ptp(easy) - 1e-12
+    assert np.abs(np.diff(hard)).max() >= np.abs(np.diff(easy)).max() - 1e-12
 
 
 @pytest.mark.parametrize("kind", sorted(set(KINDS) - {"flat"}))
 def test_the_hardest_is_harder_than_the_easiest(kind):
     easy, hard = tile(kind, 0.0), tile(kind, 1.0)
-    if kind in ("stones", "gap"):
-        assert (hard < -0.5).mean() > 1.5 * (easy < -0.5).mean()
-    else:
-        assert np.ptp(hard) > 2.0 * np.ptp(easy) + 0.05
+    assert np.ptp(hard) > 2.0 * np.ptp(easy) + 0.05
 
 
 @settings(deadline=None, max_examples=20)
@@ -101,12 +92,9 @@ def test_origins_are_on_the_surface_and_borders_at_zero(names, num_rows, seed, s
 
 
 def test_the_scene_has_the_same_heights():
-    """As MuJoCo's rays meet them, to the single precision of its elevations; and by MJCF as by MjSpec."""
+    """As MuJoCo's rays meet them, to the single precision of its elevations; and by elements of MJCF as by MjSpec."""
     ground = Terrain(sub_terrains=KINDS, num_rows=2, border_width=1.0, seed=3)
-    model = loaded(ground)
-    spec = mujoco.MjSpec.from_string(ROBOT)
-    ground.add_to(spec)
-    m = spec.compile()
+    m = scene(ground)
     data = mujoco.MjData(m)
     data.qpos[:3] = 100.0
     mujoco.mj_forward(m, data)
@@ -114,46 +102,22 @@ def test_the_scene_has_the_same_heights():
     met = np.array([-1], np.int32)
     expected = [5.0 - mujoco.mj_ray(m, data, [*xy, 5.0], [0.0, 0.0, -1.0], None, 1, -1, met, None) for xy in places]
     np.testing.assert_allclose(ground.height(places), expected, atol=1e-6)
-    asset, geom = ground.mjcf()
+    asset, geom = (ElementTree.tostring(element, encoding="unicode") for element in ground.elements())
     text = stepper.load(ROBOT.replace("<worldbody>", f"<asset>{asset}</asset><worldbody>{geom}"))
-    for each in (model, text):
+    for each in (stepper.load(m), text):
         read = HeightField(each, "terrain")
         np.testing.assert_allclose(read.elevation + each.geom("terrain").pos[2], ground.elevation, atol=1e-12)
 
 
-def test_boxes_have_the_heights_of_the_field():
-    """At points of the grid, which a box includes with its edges; edges between are ramps in the field and walls as boxes."""
-    ground = Terrain(sub_terrains=BOXES, num_rows=2, size=6.0, border_width=1.0, seed=1)
-    boxes = ground.boxes()
-    low, high = boxes[:, 0] - boxes[:, 1], boxes[:, 0] + boxes[:, 1]
-    # Away from edges, and by more than a cell.
-    places = np.random.default_rng(2).uniform(-1, 1, (500, 2)) * (ground.half - 0.1)
-    near = (np.abs(places[:, None] - low[:, :2]) < 0.11).any(axis=(1, 2)) | (np.abs(places[:, None] - high[:, :2]) < 0.11).any(axis=(1, 2))
-    inside = ((places[:, None] > low[:, :2]) & (places[:, None] < high[:, :2])).all(axis=-1)
-    assert inside.any(axis=1).all()  # They leave no hole.
-    tops = np.where(inside, high[:, 2], -np.inf).max(axis=1)
-    plain = ~near
-    assert plain.sum() > 20
-    # Obstacles of neighbouring tiles are drawn alike; single precision of heights below 3 m.
-    np.testing.assert_allclose(ground.height(places[plain]), tops[plain], atol=1e-6)
-
-
-def test_a_ball_comes_to_rest_on_boxes_and_on_the_field():
-    """At the middle of each tile, where both have the same heights."""
-    ground = Terrain(sub_terrains={name: BOXES[name] for name in ("flat", "stairs", "gap")}, num_rows=2, size=5.0, border_width=0.5)
+def test_a_ball_comes_to_rest_on_the_field():
+    """At the middle of each tile."""
+    ground = Terrain(sub_terrains={name: KINDS[name] for name in ("flat", "stairs", "slope")}, num_rows=2, size=5.0, border_width=0.5)
     origins = ground.origins.reshape(-1, 3)
-    for boxes in (False, True):
-        sim = stepper.Stepper(loaded(ground, boxes=boxes), len(origins))
-        sim.reset(qpos=np.hstack([origins + np.array([0.0, 0.0, 0.12]), np.tile([1.0, 0.0, 0.0, 0.0], (len(origins), 1))]))
-        sim.step(nstep=300)
-        # A ball of 0.1 m; MuJoCo's elevations have single precision.
-        np.testing.assert_allclose(sim.qpos[:, 2] - origins[:, 2], 0.1, atol=1e-4)
-
-
-def test_slopes_have_no_boxes():
-    ground = Terrain(sub_terrains={"hill": terrain.PyramidSlope()}, num_rows=1)
-    with pytest.raises(ValueError, match="sub_terrain 'hill' is a PyramidSlope, which has no boxes"):
-        ground.boxes()
+    sim = stepper.Stepper(stepper.load(scene(ground)), len(origins))
+    sim.reset(qpos=np.hstack([origins + np.array([0.0, 0.0, 0.12]), np.tile([1.0, 0.0, 0.0, 0.0], (len(origins), 1))]))
+    sim.step(nstep=300)
+    # A ball of 0.1 m; MuJoCo's elevations have single precision.
+    np.testing.assert_allclose(sim.qpos[:, 2] - origins[:, 2], 0.1, atol=1e-4)
 
 
 @pytest.mark.parametrize(("given", "said"), [
@@ -178,13 +142,12 @@ def test_wrong_arguments_are_errors(given, said):
 
 
 @pytest.mark.parametrize(("kind", "given", "message"), [
-    (terrain.Gap, {"border_width": -1.0}, "border_width of Gap is -1.0, must be a finite number of at least 0"),
+    (terrain.Wave, {"border_width": -1.0}, "border_width of Wave is -1.0, must be a finite number of at least 0"),
     (terrain.Flat, {"proportion": "8"}, "proportion of Flat is '8', must be a number"),
     (terrain.RandomRough, {"height_range": 0.1}, r"height_range of RandomRough is 0.1, must be two numbers, such as \(0.0, 0.1\)"),
     (terrain.RandomRough, {"height_range": (-0.1, 0.1)}, "height_range of RandomRough is -0.1, must be a finite number of at least 0"),
     (terrain.RandomRough, {"spacing": 0.0}, "spacing of RandomRough is 0.0, must be a finite number above 0"),
     (terrain.Wave, {"num_waves": None}, "num_waves of Wave is None, must be a whole number"),
-    (terrain.DiscreteObstacles, {"width_range": (1.0, 0.3)}, r"width_range of DiscreteObstacles is \(1.0, 0.3\), must be two widths"),
 ])  # fmt: skip
 def test_wrong_arguments_of_kinds_are_errors(kind, given, message):
     with pytest.raises((TypeError, ValueError), match=message):
@@ -199,12 +162,6 @@ def test_wrong_arguments_of_kinds_are_errors(kind, given, message):
 def test_wrong_arguments_of_curricula_are_errors(given, message):
     with pytest.raises(TypeError, match=message):
         TerrainCurriculum(**({"terrain": GROUND} | given))
-
-
-@pytest.mark.parametrize("stages", [None, 3, [0, 1000], "8"])
-def test_stages_that_are_no_pairs_are_errors(stages):
-    with pytest.raises(TypeError, match=r"stages is .*, must be pairs of a number of actions and values"):
-        stage_of(np.zeros(3), stages)
 
 
 GROUND = Terrain(sub_terrains={"flat": terrain.Flat(proportion=3.0), "rough": terrain.RandomRough()}, num_rows=4, border_width=1.0)
@@ -265,14 +222,6 @@ def test_columns_have_their_proportions():
     assert abs((state["terrain_type"] == 0).mean() - 0.75) < 0.04
     counts = np.bincount(state["terrain_level"], minlength=4) / 2000
     assert (np.abs(counts - 0.25) < 0.04).all()
-
-
-def test_commands_widen_by_stages():
-    stages = ((0, (1.0, 0.5)), (100, (1.5, 0.7)), (500, (2.0, 1.0)))
-    found = stage_of(np.array([0, 99, 100, 499, 500, 10**6]), stages)
-    np.testing.assert_array_equal(found[:, 0], [1.0, 1.0, 1.5, 1.5, 2.0, 2.0])
-    with pytest.raises(ValueError, match=r"stages begin at \[5\], must ascend from 0"):
-        stage_of(np.zeros(1), ((5, (1.0,)),))
 
 
 class Plateau(terrain.SubTerrain):

@@ -204,7 +204,7 @@ ERRORS = {
         "  bad.py, line 1: import numpy, no_such_module",
     ],
     "import stepper\nstudy = stepper.lab.Study(model='arm.xml', secs=1)\n": [
-        "bad.py, line 2: TypeError: stepper.lab.Study() takes no 'secs'; did you mean seconds?",
+        "bad.py, line 2: TypeError: Study.__init__() got an unexpected keyword argument 'secs'",
         "  bad.py, line 2: study = stepper.lab.Study(model='arm.xml', secs=1)",
     ],
 }

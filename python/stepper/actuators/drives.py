@@ -9,16 +9,14 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stepper._hints import Hints, hint_keywords
 from stepper.shared.tables import check_numbers, numbers
 
 Number: TypeAlias = "float | ArrayLike"
 Envs: TypeAlias = "np.ndarray[Any, Any] | None"
 
 
-@hint_keywords("stepper.actuators.PID")
 @dataclass(frozen=True, kw_only=True)
-class PID(Hints):
+class PID:
     """Servo (PID controller) that replaces the affine force of an actuator. The control is then the target of the actuator's length.
 
     The length is MJCF's gear times the joint position or tendon length. effort = kp (control - length) + I - kd velocity, where I is the
@@ -59,9 +57,8 @@ class PID(Hints):
         }
 
 
-@hint_keywords("stepper.actuators.DCMotor")
 @dataclass(frozen=True, kw_only=True)
-class DCMotor(Hints):
+class DCMotor:
     """DC motor with a gear without backlash. Parameters refer to the motor shaft, which turns `gear` times as fast as the actuator.
 
     At nominal voltage the torque is stall_torque (1 - speed / no_load_speed). The step treats this back-EMF damping implicitly. Every
@@ -117,9 +114,8 @@ class DCMotor(Hints):
         }
 
 
-@hint_keywords("stepper.Drive")
 @dataclass(frozen=True, kw_only=True)
-class Drive(Hints):
+class Drive:
     """Model of an actuator with delay, servo, lag, motor, gear and friction. The default is an ideal actuator.
 
     The control passes these parts in this order: control range, delay, servo, lag, affine force of the actuator, limits, torque-speed

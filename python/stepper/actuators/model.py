@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stepper._hints import hint_keywords
 from stepper.actuators.drives import PID, DCMotor, Drive, Envs
 from stepper.shared.named_parts import NamedParts, read_part
 from stepper.shared.tables import fitting
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from stepper._stepper import Model
 
 
-@hint_keywords("stepper.ActuatorModel")
 class ActuatorModel(NamedParts[Drive]):
     """Drives of a model's actuators, for `Stepper(..., actuators=)` and `Stepper.randomize(actuators=)`.
 

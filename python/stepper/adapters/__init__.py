@@ -8,8 +8,6 @@ docs/reference/adapters.md has an example of each. Importing an adapter requires
 import importlib
 from typing import Any
 
-from stepper._hints import no_name
-
 _SUBMODULES = (
     *("jax_rollout", "native", "ray", "rllib", "rsl_rl", "sb3"),
     *("torch_rollout", "torchrl"),
@@ -20,7 +18,7 @@ _SUBMODULES = (
 def __getattr__(name: str) -> Any:
     if name in _SUBMODULES:
         return importlib.import_module(f"{__name__}.{name}")
-    raise no_name(__name__, name, _SUBMODULES)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

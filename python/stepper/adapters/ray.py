@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import math
-import pickle
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeAlias
@@ -15,6 +13,7 @@ from numpy.typing import ArrayLike
 from stepper._stepper import Model
 from stepper.adapters.native import Env, make_native
 from stepper.envs.task import Array
+from stepper.shared.arguments import check_whole
 from stepper.shared.machine import require
 from stepper.shared.ray_tasks import each_task, running_ray
 
@@ -25,10 +24,8 @@ from gymnasium.error import ResetNeeded  # noqa: E402
 from gymnasium.spaces import flatdim  # noqa: E402
 from gymnasium.vector import AutoresetMode, VectorEnv  # noqa: E402
 from gymnasium.vector.utils import batch_space  # noqa: E402
-from ray import cloudpickle  # noqa: E402
-from ray.exceptions import ObjectLostError, RayActorError  # noqa: E402
 
-from stepper.envs.vector import StepperVectorEnv  # noqa: E402
+from stepper.envs.vector import StepperVectorEnv, reset_mask, seeds_of  # noqa: E402
 
 Policy: TypeAlias = Callable[[Array, np.random.Generator], ArrayLike]
 """Function that returns actions (n, nu) from observations (n, k) of a block of environments, and from the block's random generator."""
@@ -37,18 +34,12 @@ Call: TypeAlias = tuple[str, tuple[Any, ...]]
 Results: TypeAlias = list[Any]
 """Return values of one method call, one for each block of environments."""
 
-_LOST = (RayActorError, ObjectLostError)
-"""Errors that Ray raises if an actor has died, or if the machine that stored its return value is lost."""
-_ATTEMPTS = 5
-"""Largest number of attempts at a call. Each repetition runs in a new actor; after the last one, the error of the lost actor is raised."""
-
 
 class RayVectorEnv(VectorEnv[Array, Array, Array]):
     """Vector environment that is divided into blocks. Actors of Ray step the blocks.
 
     Results are identical bit for bit to those of one `StepperVectorEnv`, for any number of actors. The model is compiled once and shared
-    through Ray's object store. If an actor dies, a new one restores its blocks: it starts from their last saved state or their seeds, and
-    repeats the calls since then. Ray is started if it is not running.
+    through Ray's object store. Ray is started if it is not running. If an actor is lost, calls raise Ray's error: make new environments.
 
     Args:
         env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
@@ -57,8 +48,6 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
             CPUs for the given number, a warning is issued, and the first call waits until the cluster has grown.
         block_size: Number of environments per block. `run_policy` calls the policy for one block at a time, so that its results do not
             depend on the number of actors.
-        save_every: Number of calls after which this process copies all states as a backup. If an actor dies, at most that many calls are
-            repeated.
         actor_options: Arguments of Ray's `options` for an actor, such as {"resources": ...}. The default is one CPU per thread.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The default `autoreset_mode` is SAME_STEP.
 
@@ -73,14 +62,12 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         *,
         num_actors: int | None = None,
         block_size: int = 64,
-        save_every: int = 200,
         actor_options: dict[str, Any] | None = None,
         **settings: Any,
     ):
         self._actors: list[Any] = []
-        for name, value in (("num_envs", num_envs), ("block_size", block_size), ("save_every", save_every)):
-            if value < 1:
-                raise ValueError(f"{name} is {value}, must be at least 1")
+        for name, value in (("num_envs", num_envs), ("block_size", block_size)):
+            check_whole(name, value, least=1)
         blocks = math.ceil(num_envs / block_size)
         if num_actors is not None and not 1 <= num_actors <= blocks:
             blocks_of = f"the number of blocks of {block_size} in {num_envs} environments: lower block_size for more"
@@ -96,15 +83,13 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         options = {"num_cpus": max(1, one.sim.threads), **(actor_options or {})}
         count = _count(num_actors, blocks, options["num_cpus"] or 0, ray.cluster_resources().get("CPU", 0))
         model = ray.put(one.sim.model)
-        self._start: Callable[[], Any] = lambda: ray.remote(_Host).options(**options).remote(env, model, settings)
-        self._actors = [self._start() for _ in range(count)]
         # Block b belongs to actor b % count.
         self._shares = [list(range(actor, blocks, count)) for actor in range(count)]
-        self._saved: list[bytes | None] = [None] * blocks
-        self._calls: list[list[Call]] = [[] for _ in range(blocks)]
-        self._save_every, self._begun, self._whole, self._rollouts = save_every, False, True, 0
+        sizes = [part.stop - part.start for part in self._slices]
+        start = ray.remote(_Host).options(**options).remote
+        self._actors = [start(env, model, {b: sizes[b] for b in share}, settings) for share in self._shares]
+        self._begun, self._whole, self._rollouts = False, True, 0
         self._seed = int(np.random.SeedSequence().generate_state(1, np.uint32)[0])
-        self._forget()
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -119,23 +104,15 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
             Observations (num_envs, n), and infos.
 
         Raises:
-            ValueError: The number of seeds is not num_envs, the reset_mask is not boolean (num_envs,), or an option is unknown.
+            TypeError, ValueError: The number of seeds is not num_envs, the reset_mask is not boolean (num_envs,), or an option is unknown.
         """
-        seeds = _seeds(seed, self.num_envs)
-        if not self._begun:  # Environments without a seed get one here, so that a lost block can be repeated.
-            seeds = [self._seed + k if value is None else value for k, value in enumerate(seeds)]
-        if unknown := set(options or {}) - {"reset_mask"}:
-            raise ValueError(f"unknown options {sorted(unknown)}, the only option is 'reset_mask'")
-        mask = np.ones(self.num_envs, dtype=bool) if options is None else options.get("reset_mask", np.ones(self.num_envs, dtype=bool))
-        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
-            raise ValueError(f"reset_mask is {mask!r}, must be an array of bool, ({self.num_envs},), with at least one True")
+        seeds, mask = seeds_of(seed, self.num_envs), reset_mask(options, self.num_envs)
         if not self._begun and not mask.all():
             raise ResetNeeded("some environments have no episode yet: call reset without reset_mask first")
         super().reset(seed=seed if isinstance(seed, int) else None)
         if seed is not None:
             self._seed, self._rollouts = seeds[0] or 0, 0
-        if mask.all() and None not in seeds:  # The next states do not depend on earlier calls.
-            self._forget()
+        self._whole |= bool(mask.all()) and None not in seeds  # The next states then do not depend on earlier calls.
         results = self._run([("reset", (seeds[part], mask[part])) for part in self._slices])
         self._begun = True
         observation, infos = self._joined(results)
@@ -205,65 +182,17 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         *arrays, infos = zip(*results, strict=True)
         return *(np.concatenate(array) for array in arrays), _join_infos(infos, sizes)
 
-    def _forget(self) -> None:
-        """Discards the saved states and the recorded calls of all blocks. The next call then creates the blocks again."""
-        self._saved = [None] * len(self._slices)
-        self._calls = [[("make", (part.stop - part.start,))] for part in self._slices]
-        self._whole, self._made = True, False
-
     def _run(self, calls: list[Call]) -> Results:
-        """Runs one method call in every block of environments.
-
-        Returns the result of each block. A new actor replaces one that has died, and repeats the calls since the last backup.
-        """
+        """Runs one method call in every block of environments, and returns the result of each block."""
         if not self._actors:
             raise RuntimeError("the environments are closed")
         if not self._whole:
             raise RuntimeError("a call failed or was interrupted in some environments: call reset(seed=...)")
         self._whole = False  # Set to True again when all blocks have returned.
-        before = [[] if self._made else calls_before for calls_before in self._calls]
-        pending = [
-            actor.run.remote({b: [*before[b], calls[b]] for b in share}) for actor, share in zip(self._actors, self._shares, strict=True)
-        ]
-        results: Results = [None] * len(calls)
-        for k, share in enumerate(self._shares):
-            for attempt in range(_ATTEMPTS):
-                try:
-                    returned = ray.get(pending[k])
-                    break
-                except _LOST:
-                    if attempt + 1 == _ATTEMPTS:
-                        raise
-                    pending[k] = self._replace_actor(k, calls)
-            for block in share:
-                results[block] = returned[block]
-                self._calls[block].append(calls[block])
-        self._whole = self._made = True
-        if max(map(len, self._calls)) > self._save_every:
-            self._save()
-        return results
-
-    def _replace_actor(self, k: int, calls: list[Call]) -> Any:
-        """Starts a new actor in place of actor k, which has died, and repeats the calls since the last backup.
-
-        Returns a Ray reference to the results of `calls`, the last call of each block.
-        """
-        ray.kill(self._actors[k])  # The actor may be alive but unreachable.
-        self._actors[k] = self._start()
-        share = self._shares[k]
-        states = {b: saved for b in share if (saved := self._saved[b]) is not None}
-        return self._actors[k].run.remote({b: [*self._calls[b], calls[b]] for b in share}, states)
-
-    def _save(self) -> None:
-        """Copies the states of all blocks from the actors to this process, and discards the recorded calls that led to these states."""
-        pending = [actor.save.remote() for actor in self._actors]
-        for k, share in enumerate(self._shares):
-            try:
-                states = ray.get(pending[k])
-            except _LOST:
-                continue  # The recorded calls stay, and the next call replaces the actor.
-            for block in share:
-                self._saved[block], self._calls[block] = states[block], []
+        pending = [actor.run.remote({b: calls[b] for b in share}) for actor, share in zip(self._actors, self._shares, strict=True)]
+        results = {block: result for returned in ray.get(pending) for block, result in returned.items()}
+        self._whole = True
+        return [results[block] for block in range(len(calls))]
 
 
 def run_policy(env: Env, policy: Policy, num_envs: int, num_steps: int, *, seed: int | None = None, **settings: Any) -> dict[str, Array]:
@@ -311,42 +240,14 @@ def map_cases(
 
 
 class _Host:
-    """Actor of Ray that contains blocks of environments of one model."""
+    """Actor of Ray that contains blocks of environments of one model; `sizes` are their numbers of environments, by index of the block."""
 
-    def __init__(self, env: Env, model: Model, settings: dict[str, Any]):
-        self._env, self._model, self._settings = env, model, settings
-        self._blocks: dict[int, _Block] = {}
+    def __init__(self, env: Env, model: Model, sizes: dict[int, int], settings: dict[str, Any]):
+        self._blocks = {block: _Block(make_native(env, size, model=model, **settings)) for block, size in sizes.items()}
 
-    def run(self, calls: dict[int, list[Call]], states: dict[int, bytes] | None = None) -> dict[int, Any]:
-        """Restores blocks from pickled states, if any, then makes the calls of each block in order.
-
-        Args:
-            calls: Calls by index of the block. The call "make" creates the block's environments.
-            states: Pickled blocks from `save`, by index of the block.
-
-        Returns:
-            Value of the last call of each block, by index of the block.
-        """
-        for block, state in (states or {}).items():
-            self._blocks[block] = _Unpickler(io.BytesIO(state), self._model).load()
-        results: dict[int, Any] = {}
-        for block, of_block in calls.items():
-            for name, arguments in of_block:
-                if name == "make":
-                    self._blocks[block] = _Block(make_native(self._env, *arguments, model=self._model, **self._settings))
-                    results[block] = None
-                else:
-                    results[block] = getattr(self._blocks[block], name)(*arguments)
-        return results
-
-    def save(self) -> dict[int, bytes]:
-        """Pickled blocks of this actor, without their common model, by index of the block."""
-        states = {}
-        for block, value in self._blocks.items():
-            file = io.BytesIO()
-            _Pickler(file, self._model).dump(value)
-            states[block] = file.getvalue()
-        return states
+    def run(self, calls: dict[int, Call]) -> dict[int, Any]:
+        """Calls a method of each block, and returns the results, by index of the block."""
+        return {block: getattr(self._blocks[block], name)(*arguments) for block, (name, arguments) in calls.items()}
 
 
 class _Block:
@@ -409,28 +310,6 @@ class _Block:
         return out
 
 
-class _Pickler(cloudpickle.CloudPickler):  # type: ignore[misc]
-    """Pickler for environments that writes a reference instead of their model, which is large and which every actor has already."""
-
-    def __init__(self, file: io.BytesIO, model: Model):
-        super().__init__(file)
-        self._model = model
-
-    def persistent_id(self, thing: Any) -> str | None:
-        return "model" if isinstance(thing, Model) and thing == self._model else None
-
-
-class _Unpickler(pickle.Unpickler):
-    """Unpickler that puts `model` in place of the references that `_Pickler` has written instead of the model."""
-
-    def __init__(self, file: io.BytesIO, model: Model):
-        super().__init__(file)
-        self._model = model
-
-    def persistent_load(self, name: str) -> Model:
-        return self._model
-
-
 def _count(num_actors: int | None, blocks: int, each: float, cpus: float) -> int:
     """Number of actors: `num_actors`, or else as many as the cluster's CPUs allow, at least one and at most one per block.
 
@@ -445,20 +324,6 @@ def _count(num_actors: int | None, blocks: int, each: float, cpus: float) -> int
         needed = f"{count} actors with {each:g} CPUs each take {count * each:g}, and the cluster has {cpus:g}"
         warnings.warn(f"{needed}: calls wait until it has grown; lower num_actors, threads or num_cpus of actor_options", stacklevel=3)
     return count
-
-
-def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
-    """Seed of each environment; None for environments without a seed.
-
-    A single seed gives environment i the seed `seed + i`. A sequence has one entry per environment.
-    """
-    if seed is None:
-        return [None] * num_envs
-    if isinstance(seed, int | np.integer):
-        return [int(seed) + k for k in range(num_envs)]
-    if len(seed) != num_envs:
-        raise ValueError(f"there are {len(seed)} seeds, must be {num_envs}: one for each environment, or None for those without")
-    return list(seed)
 
 
 def _join_infos(infos: Sequence[dict[str, Any]], sizes: list[int]) -> dict[str, Any]:

@@ -23,8 +23,7 @@ from stepper.loading import ModelWarning, load
 from stepper.recording.format import HEADER
 from stepper.shared.environments import import_env
 from stepper.shared.machine import require
-from stepper.shared.progress import show_progress
-from stepper.viewer import Player, View, log_rerun
+from stepper.viewer import Player, View
 
 ACTIONS = ("random", "zero")
 STUDIES = (".toml", ".py")
@@ -47,15 +46,14 @@ class ViewOptions:
     setting: str | None
     record: Path | None
     pause: bool
-    rerun: Path | None
     host: str
     port: int
 
 
-_OPTIONAL = ("contact", "keyframe", "actions", "seed", "values", "episode", "setting", "record", "rerun")
+_OPTIONAL = ("contact", "keyframe", "actions", "seed", "values", "episode", "setting", "record")
 """Options that not all kinds of sources take; None if the user does not give them."""
 _TAKEN = {
-    "a recording": ("rerun",),
+    "a recording": (),
     "a study": ("seed", "values", "episode", "setting", "record"),
     "a model": ("contact", "keyframe", "seed"),
     "an environment": ("contact", "actions", "seed", "values"),
@@ -83,7 +81,6 @@ def view(
     setting: Annotated[str | None, typer.Option(help="Name of the study's settings to use.")] = None,
     record: Annotated[Path | None, typer.Option(help="New folder: record the study's episodes there, and open no view.")] = None,
     pause: Annotated[bool, typer.Option("--pause", help="Start paused.")] = False,
-    rerun: Annotated[Path | None, typer.Option(help="New .rrd file for Rerun: convert a recording to it, and open no view.")] = None,
     host: Annotated[str, typer.Option(help="Address to listen on; with 0.0.0.0 other machines can connect.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on, or the next free one.")] = 8080,
 ) -> None:
@@ -97,9 +94,7 @@ def view(
     for name, given, words in (("contact", contact, ("hard", "mujoco")), ("actions", actions, ACTIONS)):
         if given is not None and given not in words:
             raise ValueError(f"{name} is {given!r}, must be {' or '.join(map(repr, words))}")
-    options = ViewOptions(
-        num_envs, model, contact, keyframe, actions, seed, values or None, episode, setting, record, pause, rerun, host, port
-    )
+    options = ViewOptions(num_envs, model, contact, keyframe, actions, seed, values or None, episode, setting, record, pause, host, port)
     path = Path(what)
     is_recording, is_study = (path / HEADER).exists(), path.suffix in STUDIES
     is_model = path.exists() or path.suffix in MODELS
@@ -171,14 +166,9 @@ def _result(study: Study, outcomes: dict[str, float], *, lost: bool) -> str:
 
 
 def _play(folder: Path, options: ViewOptions) -> None:
-    """Shows a recording in the browser, or converts it to a log for the viewer Rerun with the option --rerun."""
+    """Shows a recording in the browser."""
     # The default of 1 means all environments for a recording.
     envs = options.num_envs if options.num_envs > 1 else None
-    if options.rerun is not None:
-        with show_progress() as progress:
-            frames = log_rerun(folder, options.rerun, envs=envs, source=options.model, progress=progress)
-        print(f"wrote {frames} frames to {options.rerun}; show them: rerun {options.rerun}")
-        return
     player = Player(folder, envs=envs, source=options.model, host=options.host, port=options.port)
     print(f"{player.url} plays {folder}; Ctrl-C ends it", flush=True)
     player.run()

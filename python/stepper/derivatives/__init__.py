@@ -15,9 +15,6 @@ set of active constraints: contacts that stick or slip, joints at their limits.
 - `undetermined`: error for gradients through a step without a derivative
 """
 
-from typing import Any
-
-from stepper._hints import no_name
 from stepper.derivatives.kinks import Kink
 from stepper.derivatives.linearize import Linearization, linearize
 from stepper.derivatives.rollout import Gradients, Rollout, rollout
@@ -25,7 +22,3 @@ from stepper.derivatives.smoothing import Smoothing
 from stepper.derivatives.undetermined import UndeterminedDerivative
 
 __all__ = ["Gradients", "Kink", "Linearization", "Rollout", "Smoothing", "UndeterminedDerivative", "linearize", "rollout"]
-
-
-def __getattr__(name: str) -> Any:
-    raise no_name(__name__, name, __all__)

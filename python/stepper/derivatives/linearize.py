@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.derivatives import implicit, nominal_mode
 from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
@@ -26,7 +25,7 @@ Compared with a residual of 1e-6 m/s, the solver needs two or three more sweeps,
 
 
 @dataclass(frozen=True)
-class Linearization(Hints):
+class Linearization:
     """Derivatives of the state after `nstep` steps, returned by `Stepper.linearize`.
 
     A derivative matrix has n = 2 nv + na rows: displacements of qpos (m, rad), then qvel (m/s, rad/s), then act. Displacements of qpos are
@@ -132,7 +131,6 @@ class Linearization(Hints):
         return Kink(int(np.bitwise_or.reduce([np.bitwise_or.reduce(flags, axis=None) for flags in self.kinks.values()], initial=0)))
 
 
-@hint_keywords("Stepper.linearize")
 def linearize(
     sim: Stepper,
     wrt: Sequence[str] | None = None,

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._arrays import array_of
-from stepper._hints import hint_keywords
 from stepper._stepper import State, Stepper
 from stepper.derivatives.copies import rows
 from stepper.derivatives.kinks import Bools
@@ -251,7 +250,6 @@ class Rollout:
         )
 
 
-@hint_keywords("stepper.derivatives.rollout")
 def rollout(
     sim: Stepper,
     ctrl: ArrayLike,

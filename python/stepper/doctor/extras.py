@@ -10,7 +10,7 @@ PACKAGES = {
     "mjcf": ("mujoco-core",),
     "cli": ("jinja2", "matplotlib", "rich", "scipy", "typer"),
     "envs": ("glfw", "gymnasium", "imageio", "mujoco-core", "packaging"),
-    "viewer": ("moviepy", "mujoco-core", "rerun-sdk", "viser"),
+    "viewer": ("moviepy", "mujoco-core", "viser"),
     "train": ("gymnasium", "imageio", "matplotlib", "moviepy", "mujoco-core", "packaging", "rich", "scipy", "torch", "typer"),
     "identify": ("scipy",),
 }

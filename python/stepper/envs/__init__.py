@@ -8,9 +8,6 @@
 docs/reference/environments.md lists the tasks, and shows how to write one. The package needs Gymnasium; `import stepper` does not.
 """
 
-from typing import Any
-
-from stepper._hints import no_name
 from stepper.shared.machine import require
 
 require("gymnasium", "for stepper.envs")
@@ -23,7 +20,6 @@ from stepper.envs.observations import Group, Observation  # noqa: E402
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.rewards import Reward  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
-from stepper.envs.state import EnvState  # noqa: E402
 from stepper.envs.task import MujocoTask, Reset, Task, TaskView, all_within, square_sum, within  # noqa: E402
 from stepper.envs.tasks import TASKS  # noqa: E402
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
@@ -34,7 +30,6 @@ from stepper.shared.view import BatchView, per_moment  # noqa: E402
 __all__ = [
     "TASKS",
     "BatchView",
-    "EnvState",
     "Group",
     "MujocoTask",
     "Observation",
@@ -67,7 +62,3 @@ __all__ = [
 ]
 
 register_tasks()
-
-
-def __getattr__(name: str) -> Any:
-    raise no_name(__name__, name, __all__)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -17,8 +15,7 @@ from stepper._options import Options, Precision, precision_of
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.envs.episode_state import EpisodeState, episode_state_of
-from stepper.envs.groups import ObservationGroups, Observed
-from stepper.envs.state import EnvState, check_settings, restore, save
+from stepper.envs.groups import ObservationGroups
 from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, with_zero_rows
 from stepper.envs.task_results import bounds_of, call_hook, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
 from stepper.envs.terms import TaskTerms
@@ -73,7 +70,7 @@ class Batch:
         check_whole(f"frame_skip of {type(task).__name__}", task.frame_skip, least=1)
         if is_dataclass(task):
             check_fields(task)
-            _check_ranges(task)
+            _check_defaults(task)
         model = model_of(task) if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()
@@ -130,9 +127,12 @@ class Batch:
         """Replaces the view `now` after a reset or change of some environments, so that quantities are read again.
 
         Args:
-            changed: Mask of these environments, (num_envs,).
+            changed: Mask of these environments, (num_envs,). Their action and velocity become zero.
         """
-        self._now = self._now._reread(changed)
+        last = self._now
+        last._expire()
+        self._now = self._moment(with_zero_rows(last.action, changed), with_zero_rows(last.previous_action, changed))
+        self._now.velocity = None if last.velocity is None else with_zero_rows(last.velocity, changed)
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
         """Seeds the random number generators of some environments.
@@ -192,40 +192,6 @@ class Batch:
         self.sim.set_state(qpos, qvel, mask if envs is None else envs)
         self._reread(mask)
 
-    def get_state(self) -> EnvState:
-        """State of all environments, which together with later actions determines all later observations and rewards."""
-        now, weights = self.now, self.terms.rewards.weights
-        return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()}, weights)
-
-    def restore(self, state: EnvState, mask: Array) -> None:
-        """Restores the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings."""
-        check_settings(self.sim, self.task, state, self.terms.rewards.weights)
-        mine, theirs = self._episodes(), state.episodes
-        for name, values in mine.items():
-            if name not in theirs or theirs[name].shape != values.shape:
-                found = f"has shape {theirs[name].shape}" if name in theirs else "is missing"
-                raise ValueError(
-                    f"{name!r} of the state {found}, must have shape {values.shape}: "
-                    "the state is from another task, or from another number of environments"
-                )
-        restore(self.sim, state, mask)
-        last, kept = self._now._step_values(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
-        for name, values in mine.items():
-            if name not in last:
-                values[mask] = theirs[name][mask]
-        self.terms.events.read_parameters(self.sim)
-        self._now = self._now._restored({name: theirs[name] for name in last}, kept, mask)
-
-    def _episodes(self) -> dict[str, Array]:
-        """Arrays (num_envs, ...) by name that describe the running episodes, such as returns and lengths.
-
-        They are references, not copies.
-        """
-        values = {"returns": self.returns, "lengths": self.lengths, "rng": self.streams.state, "ages": self.streams.ages}
-        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now._step_values()
-        values |= self.terms.state() | self.observations.state()
-        return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
-
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
         """Advances all environments by one action, which is `task.frame_skip` time steps.
 
@@ -260,7 +226,7 @@ class Batch:
             self._reread(begins)
         now = self._now
         if before is not None:
-            now.velocity = (task.position(now._without_kept()) - before) / self.dt
+            now.velocity = (task.position(now) - before) / self.dt
             if begins is not None:
                 now.velocity[begins] = 0.0
         now.reward_terms = self.terms.rewards.values(now)
@@ -302,7 +268,7 @@ class Batch:
         self._now = self._moment(action, self._now.action)
         self._now.velocity = None if before is None else np.zeros_like(before)
         call_hook(self.task, "advance", self._now)
-        self._now._end_step()
+        self._now.forget()
         self.lengths += 1
         self.streams.ages += np.uint64(1)
         return before
@@ -338,9 +304,9 @@ class Batch:
         """Extra fields of the info dict after reset and after step."""
         return infos_of(self.task, self._now, self.num_envs)
 
-    def observation(self, out: Observed | None = None) -> Any:
-        """Observations of all environments, (num_envs, n) or a dictionary of such arrays by group, in `out` or in new arrays."""
-        return self.observations.read(self._now, self.observations.arrays(out) if out is None else out)
+    def observation(self) -> Any:
+        """Observations of all environments, (num_envs, n) or a dictionary of such arrays by group."""
+        return self.observations.read(self._now)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state
@@ -361,20 +327,15 @@ def _default_qpos(task: Task, model: Model) -> Array:
     return np.array(model.keyframe(task.keyframe).qpos)
 
 
-def _check_ranges(task: Any) -> None:
-    """Raises ValueError if a range has its upper end first, or `reset_noise_scale` is negative, among the fields of stepper's own tasks."""
-    own = {name for kind in type(task).__mro__ if kind.__module__.startswith("stepper.") for name in inspect.get_annotations(kind)}
-    for field in (field for field in fields(task) if field.name in own):
-        value, name = getattr(task, field.name), f"{field.name} of {type(task).__name__}"
-        if (
-            field.name.endswith("_range")
-            and np.shape(value) == (2,)
-            and all(isinstance(end, Real) for end in value)
-            and value[0] > value[1]
-        ):
-            raise ValueError(f"{name} is {value!r}, must be two numbers, the lower one first")
-        if field.name == "reset_noise_scale":
-            check_number(name, value, least=0.0)
+def _check_defaults(task: Any) -> None:
+    """Raises TypeError if a class gives a field of a dataclass another default in a way that Python's dataclasses ignore."""
+    kind = type(task)
+    for field in fields(task):
+        if field.name in vars(task) and getattr(kind, field.name, field.default) is not field.default:
+            raise TypeError(
+                f"{kind.__name__} changes {field.name} of a dataclass without effect: write @dataclass(frozen=True, kw_only=True) above "
+                f"the class, and the field with its type, {field.name}: {field.type} = {getattr(kind, field.name)!r}"
+            )
 
 
 def _all_finite(values: Array) -> bool:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import did_you_mean_or_all
 from stepper.shared.functions import in_words
 
 Array = NDArray[Any]
@@ -42,9 +41,9 @@ class EpisodeState(dict[str, Array]):
         super().__setitem__(name, np.asarray(value))
 
     def _unknown(self, name: str) -> str:
-        own = f"; define episode_state(self, num_envs), which returns {{{name!r}: np.zeros(num_envs)}}"
-        hint = did_you_mean_or_all(name, self) if self else own
-        return f"{self._task}.episode_state returns no {name!r}{hint}"
+        return (
+            f"{self._task}.episode_state returns no {name!r}, it returns {', '.join(self) or 'nothing'}: define an array of this name there"
+        )
 
     def __reduce__(self) -> Any:
         return EpisodeState, (self._task, dict(self))

@@ -160,17 +160,13 @@ class Events:
         self._events = [(event, _parts(sim.model, event, where)) for event in events]
         _check_conflicts(self._events, where)
         self._current: dict[str, Array] = {}
-        self.read_parameters(sim)
-        self._intervals = [k for k, (event, _) in enumerate(self._events) if event.when == "interval"]
-        self.left = {str(k): np.zeros(self._num_envs, dtype=np.int64) for k in self._intervals}
-
-    def read_parameters(self, sim: Stepper) -> None:
-        """Reads the present parameters of the stepper, which events change."""
         present = sim.randomized if self._events else {}
         for field in dict.fromkeys(part.field for _, selected in self._events for parts in selected for part in parts):
             own = np.asarray(getattr(sim.model, field), np.float64)
             values = np.asarray(present.get(field, np.broadcast_to(own, (self._num_envs, *own.shape))), np.float64)
             self._current[field] = values.reshape(self._num_envs, own.size).copy()
+        self._intervals = [k for k, (event, _) in enumerate(self._events) if event.when == "interval"]
+        self.left = {str(k): np.zeros(self._num_envs, dtype=np.int64) for k in self._intervals}
 
     def __bool__(self) -> bool:
         return bool(self._events)

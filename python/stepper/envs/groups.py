@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 
-from stepper._quantities import output_array
 from stepper.envs.observations import RowMemory
 from stepper.envs.task import Task, TaskView
 from stepper.envs.task_results import POLICY, Table, tables_of
@@ -17,8 +16,6 @@ from stepper.shared.streams import Streams
 
 Array = NDArray[Any]
 T = TypeVar("T")
-Observed: TypeAlias = Array | dict[str, Array]
-"""Observations of all environments: an array (num_envs, n), or a dictionary of such arrays by observation group."""
 
 
 class ObservationGroups:
@@ -69,26 +66,14 @@ class ObservationGroups:
         for memory in self._memories.values():
             memory.begin(envs, self._streams)
 
-    def state(self) -> dict[str, Array]:
-        """Arrays (num_envs, ...) by name that a saved state contains. They are references, not copies."""
-        return {name: value for key, memory in self._memories.items() for name, value in memory.state(f"observed {key}").items()}
+    def read(self, now: TaskView) -> Any:
+        """Observations of all environments in a new array, (num_envs, n), or a dictionary of such arrays by group."""
+        found = {group: self._read_group(now, group, table) for group, table in self._tables.items()}
+        return found if self._all else found[POLICY]
 
-    def arrays(self, out: Any = None) -> Any:
-        """Arrays for the observations of all environments, whose values are not set: `out`, or new arrays if `out` is None."""
-        if not self._all:
-            return output_array(self._shapes[POLICY], self._dtype, out)
-        if out is not None and (not isinstance(out, dict) or out.keys() != self._shapes.keys()):
-            raise ValueError(f"out must be a dictionary of arrays of the observation groups {', '.join(self._shapes)}")
-        return {name: output_array(shape, self._dtype, None if out is None else out[name]) for name, shape in self._shapes.items()}
-
-    def read(self, now: TaskView, out: Any) -> Any:
-        """Observations of all environments, in arrays of `arrays`."""
-        for group, table in self._tables.items():
-            self._read_group(now, group, table, out[group] if self._all else out)
-        return out
-
-    def _read_group(self, now: TaskView, group: str, table: Table, out: Array) -> None:
-        """Writes the observations of a group to an array, (num_envs, n)."""
+    def _read_group(self, now: TaskView, group: str, table: Table) -> Array:
+        """Observations of a group, (num_envs, n)."""
+        out = np.empty(self._shapes[group], self._dtype)
         for row, columns in table:
             memory = self._memories.get(f"{group}.{row.name}") if self._memories else None
             value = row.read(now) if memory is None else row.read(now, memory.bias if row.bias else None)
@@ -102,6 +87,7 @@ class ObservationGroups:
                 np.clip(value, *row.clip, out=out[:, columns], casting="same_kind")
             if row.scale != 1.0:
                 out[:, columns] *= row.scale
+        return out
 
 
 def each_group(observation: Any, function: Callable[[Array], T]) -> Any:

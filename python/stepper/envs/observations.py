@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import WrongArgumentError, hint_keywords
+from stepper._hints import WrongArgumentError
 from stepper.shared.arguments import check_number, check_whole
 from stepper.shared.draws import Draw
 from stepper.shared.fields import COMPOUNDS, RANDOMIZED
@@ -24,7 +24,6 @@ Error = float | Draw
 """Type of an observation error: half width of a uniform error, or random values."""
 
 
-@hint_keywords("stepper.envs.Observation")
 @dataclass(frozen=True)
 class Observation:
     """One observed quantity of a task, a row in the table that `Task.observations` returns. The observation concatenates all rows.
@@ -67,11 +66,7 @@ class Observation:
         if not isinstance(self.name, str):
             raise WrongArgumentError(f"the name of an Observation is {in_words(self.name)}, must be a text: Observation(name, func=...)")
         if self.func is not None and not callable(self.func):
-            elements = isinstance(self.func, str | list | tuple)
-            remedy = f": for elements by name, write func=lambda now: now.read({self.name!r}, {self.func!r})" if elements else ""
-            raise WrongArgumentError(
-                f"func of Observation {self.name!r} is {in_words(self.func)}, must be a function of now, or None{remedy}"
-            )
+            raise WrongArgumentError(f"func of Observation {self.name!r} is {in_words(self.func)}, must be a function of now, or None")
         if self.func is not None:
             check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
         for name, error in (("noise", self.noise), ("bias", self.bias)):
@@ -81,14 +76,7 @@ class Observation:
         check_whole(f"history of Observation {self.name!r}", self.history, least=1)
         if len(self.delays) != 2 or not all(isinstance(end, int) for end in self.delays) or not 0 <= self.delays[0] <= self.delays[1]:
             raise ValueError(f"delay of Observation {self.name!r} is {self.delay!r}, must be a whole number or a tuple of two, in order")
-        if self.clip is not None and np.shape(self.clip)[:1] != (2,):
-            one = isinstance(self.clip, int | float)
-            size = abs(self.clip) if one else 1.0  # type: ignore[arg-type]
-            raise TypeError(
-                f"clip of Observation {self.name!r} is {self.clip!r}, must be a lower and an upper bound: clip=({-size}, {size})"
-            )
-        low, high = (None, None) if self.clip is None else self.clip
-        if low is not None and high is not None and np.any(np.greater(low, high)):
+        if self.clip is not None and (np.shape(self.clip)[:1] != (2,) or np.any(np.greater(*self.clip))):
             raise ValueError(f"clip of Observation {self.name!r} is {self.clip!r}, must be the lower bound and then the upper bound")
 
     @property
@@ -101,13 +89,8 @@ class Observation:
         """Number of observations that the row remembers, the present one among them."""
         return self.history + self.delays[1]
 
-    def read(self, now: TaskView, bias: Array | None = None) -> Array:
-        """Returns the values of this row of the observation table, (num_envs, n), in its unit, with errors and before `clip`.
-
-        Args:
-            now: View of the batch.
-            bias: Errors of the episodes from `bias`, (num_envs, n), in the unit of the row or as factors; None means none.
-        """
+    def quantity(self, now: TaskView) -> Array:
+        """Returns the quantity that this row observes, (num_envs, ...), in its unit, without columns and errors."""
         if self.func is not None:
             value: Array = self.func(now)
         elif self.name in now.task.commands:
@@ -116,6 +99,16 @@ class Observation:
             value = now.parameter(self.name)
         else:
             value = getattr(now, self.name)
+        return value
+
+    def read(self, now: TaskView, bias: Array | None = None) -> Array:
+        """Returns the values of this row of the observation table, (num_envs, n), in its unit, with errors and before `clip`.
+
+        Args:
+            now: View of the batch.
+            bias: Errors of the episodes from `bias`, (num_envs, n), in the unit of the row or as factors; None means none.
+        """
+        value = self.quantity(now)
         flat = value.reshape(len(value), -1)
         flat = flat if self.columns is None else flat[:, self.columns]
         flat = flat if bias is None else _with_error(flat, self.bias, bias)
@@ -183,10 +176,6 @@ class RowMemory:
         self.delay = np.full(num_envs, row.delays[0])
         self.values = np.zeros((num_envs, row.frames, size))
         self.count, self.ages = np.zeros(num_envs, dtype=np.int64), np.zeros(num_envs, dtype=np.uint64)
-
-    def state(self, key: str) -> dict[str, Array]:
-        """Arrays (num_envs, ...) by name that a saved state contains, which begin with `key`. They are references, not copies."""
-        return {f"{key} {name}": getattr(self, name) for name in ("bias", "delay", "values", "count", "ages")}
 
     def begin(self, envs: Array, streams: Streams) -> None:
         """Draws bias and delay of new episodes of the environments `envs`, indices (n,), and forgets their values."""

@@ -11,19 +11,16 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from stepper._arrays import array_of
-from stepper._hints import hint_keywords
 from stepper._options import Options, Precision
-from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
-from stepper.envs.checked_environment import CheckedEnvironment
-from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
+from stepper.envs.drawing import RENDER_MODES, RenderMode, camera_settings
+from stepper.envs.environment import Environment
 from stepper.envs.groups import each_group
 from stepper.envs.making import make_task
-from stepper.envs.state import EnvState
-from stepper.envs.task import Array, Camera, Contact, Task, TaskView, Terms
+from stepper.envs.task import Array, Camera, Contact, Task, Terms
 
 
-class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
+class StepperEnv(Environment, gymnasium.Env[Array, Array]):
     """Single environment of a task. A `StepperVectorEnv` gives an environment with the same seed the same results, bit for bit.
 
     A pickled environment contains its state.
@@ -79,41 +76,11 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
     ):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "dtype": dtype}
         settings |= {"max_episode_steps": max_episode_steps, "rewards": rewards, "groups": groups}
-        self._batch = Batch(make_task(task, arguments, vector=False), 1, **settings)
+        batch = Batch(make_task(task, arguments, StepperEnv), 1, **settings)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
-        self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
-        self.metadata = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / self._batch.dt)}
-        observations = self._batch.observations
-        self.observation_space, self.observation_structure = observations.space, observations.structure
-        self.action_space = self._batch.action_space
-        self._begun = False
+        self.observation_space, self.action_space = self._set_up(batch, render_mode, camera)
+        self.render_mode = render_mode
 
-    @property
-    def sim(self) -> Stepper:
-        """Stepper of the environment, whose arrays have a leading axis of length 1."""
-        return self._batch.sim
-
-    @property
-    def now(self) -> TaskView:
-        """View of the environment after the last step or reset, from which the task computes observations and rewards."""
-        return self._batch.now
-
-    @property
-    def task(self) -> Task:
-        """Task that defines scene, observations and rewards."""
-        return self._batch.task
-
-    @property
-    def reward_weights(self) -> dict[str, float]:
-        """Weight of each term of the reward (`Task.rewards`), by name."""
-        return dict(self._batch.terms.rewards.weights)
-
-    @property
-    def dt(self) -> float:
-        """Simulated time per action, s: the time step times `task.frame_skip`."""
-        return self._batch.dt
-
-    @hint_keywords("StepperEnv.reset")
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Starts a new episode.
 
@@ -137,7 +104,6 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         self._begun = True
         return self._observation(), _info_of_one(self._batch.info())
 
-    @hint_keywords("StepperEnv.step")
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Advances the environment by one action.
 
@@ -162,51 +128,21 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         reward, terminated, truncated, terms = batch.step(action[None])
         return self._observation(), float(reward[0]), bool(terminated[0]), bool(truncated[0]), _info_of_one(batch.info() | terms)
 
-    def get_state(self) -> EnvState:
-        """Returns the state of the environment, for `set_state`.
-
-        Steps after `set_state` give the same results as steps after `get_state`, bit for bit.
-
-        The state contains the stepper's state, parameters of `Stepper.randomize`, applied forces, mocap poses and active equalities. It
-        also contains the episode: the task's episode_state, random number generators of initial states and sensors, return and length. It
-        does not contain the counters of wrappers, such as `TimeLimit` of `gymnasium.make`, or the random number generator of
-        `action_space`.
-
-        Raises:
-            ResetNeeded: `reset` was not called yet.
-        """
-        if not self._begun:
-            raise ResetNeeded("call reset before get_state")
-        return self._batch.get_state()
-
-    @hint_keywords("StepperEnv.set_state")
-    def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None) -> Array:
-        """Sets positions and velocities, or restores a state of `get_state`.
-
-        Positions and velocities do not change the episode: length, episode_state and random numbers stay. An `EnvState` replaces
-        everything: the same actions then give the same observations, rewards, terminations and resets, bit for bit. It may come from
-        another `StepperEnv` with the same task and settings, also from another process.
+    def set_state(self, qpos: Array | None = None, qvel: Array | None = None) -> Array:
+        """Sets positions and velocities. The episode goes on: length, episode_state and random numbers stay.
 
         Args:
-            qpos: Positions (nq,), m and rad; None keeps them. Or an `EnvState` of `get_state`.
-            qvel: Velocities (nv,), m/s and rad/s; None keeps them. Must be None if `qpos` is an `EnvState`.
+            qpos: Positions (nq,), m and rad; None keeps them.
+            qvel: Velocities (nv,), m/s and rad/s; None keeps them.
 
         Returns:
             The observation, (n,), in the units of the task.
 
         Raises:
-            ValueError: A shape is wrong, a number is not finite, or `qvel` is given with an `EnvState`. Or the `EnvState` comes from
-                another task, other arguments of the task or other options of the step. Nothing is changed.
+            ValueError: A shape is wrong, or a number is not finite. Nothing is changed.
         """
         self._check_open("set_state")
-        mask = np.ones(1, dtype=bool)
-        if not isinstance(qpos, EnvState):
-            self._batch.set_state(qpos, qvel, mask)
-        elif qvel is not None:
-            raise ValueError("qvel is given together with a state, which contains velocities: leave it out")
-        else:
-            self._batch.restore(qpos, mask)
-            self._begun = True
+        self._batch.set_state(qpos, qvel, np.ones(1, dtype=bool))
         return self._observation()
 
     def _observation(self) -> Array:
@@ -222,12 +158,11 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
             RuntimeError: MuJoCo's renderer cannot draw on this machine; the message lists what to install.
         """
         self._check_open("render")
-        return None if self.render_mode is None else self._drawing.frames([0])[0]
+        return None if self.render_mode is None or self._drawing is None else self._drawing.frames([0])[0]
 
     def close(self) -> None:
         """Frees the renderer. Later calls of `reset`, `step`, `set_state` and `render` raise gymnasium.error.ClosedEnvironmentError."""
-        self._drawing.close()
-        self._closed = True
+        self._close()
 
 
 def _info_of_one(terms: Terms) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import did_you_mean, no_attribute, raise_error_of_property, replacement
+from stepper._hints import no_attribute, raise_error_of_property
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.envs.actions import Servo, actions_of
 from stepper.envs.assets import cache_per_model, load_quietly, model_file
 from stepper.envs.events import Event
-from stepper.envs.members import TaskType, check_members
 from stepper.envs.observations import Group, Observation
 from stepper.envs.rewards import Reward
 from stepper.sensors import SensorModel
@@ -35,7 +34,7 @@ Camera: TypeAlias = Mapping[str, Any]
 
 _OWN = (
     *("sim", "model", "num_envs", "task", "dt", "action", "previous_action", "reward_terms", "default_qpos", "episode_state", "velocity"),
-    *("_terms", "_streams", "_kept", "_end", "_expired", "_revision_of"),
+    *("_terms", "_streams", "_flags", "_expired", "_revision_of"),
 )
 """Names of the attributes of a `TaskView` that are pickled. Other attributes are quantities, which can be read from the stepper again."""
 
@@ -80,9 +79,7 @@ class TaskView(BatchView):
         self._terms, self._streams = parts["terms"], parts["streams"]
         self.velocity: Any = None
         self.reward_terms: Terms = {}
-        # Values that `keep` has fixed, and the final qpos and qvel of the step that they belong to.
-        self._kept: Terms = {}
-        self._end: tuple[Array, Array] | None = None
+        self._flags = np.zeros(self.num_envs, dtype=np.uint32)
         self._expired = False
         self._revision_of = _REVISIONS[sim.model.nsite == 0]
         self._revision: Array | None = None
@@ -95,17 +92,8 @@ class TaskView(BatchView):
     def stored(self) -> dict[str, Any]:
         """Returns stored values by name: of the stepper's present state, or of the last state that an ended view has read."""
         if self._revision is not (present := self._revision_of(self.sim)) and not self._expired:
-            self._revision, self._values = present, dict(self._kept)
-            if self._end is not None:
-                self._release(self._end)
+            self._revision, self._values = present, {}
         return self._values
-
-    def _release(self, end: tuple[Array, Array]) -> None:
-        """Replaces values that `keep` has fixed by present ones in environments whose state is no longer `end`, its qpos and qvel."""
-        moved = np.any(end[0] != self.sim.qpos, axis=1) | np.any(end[1] != self.sim.qvel, axis=1)
-        if moved.any():
-            for name, value in self._kept.items():
-                self.keep(name, select(moved, getattr(self.sim, name), value))
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this only for attributes that do not exist; quantities are properties (`_quantity`).
@@ -183,74 +171,17 @@ class TaskView(BatchView):
         action = self.action if action is None else action
         self._terms.step(self, action, self.previous_action, self.task.frame_skip if nstep is None else nstep)
 
-    def keep(self, name: str, value: Array) -> None:
-        """Fixes the value of a quantity in this view of the batch, for example a value from the middle of the step.
-
-        Args:
-            name: Name of the quantity, such as "xpos". Reading `now.xpos` then gives this value instead of the one at the end of the step.
-            value: Value, (num_envs, ...), in the unit of the quantity.
-        """
-        self._values[name] = self._kept[name] = value
-
-    def _end_step(self) -> None:
-        """Ends the steps of an action: drops values that were read between them, and notes the state that kept values belong to."""
-        self._end = (self.sim.qpos, self.sim.qvel) if self._kept else None
-        self.forget()
-
-    def _without_kept(self) -> TaskView:
-        """Returns a view of the batch after the same step, without the values that `keep` has fixed."""
-        return self._same_step(self.action, self.previous_action) if self._kept else self
-
-    def _same_step(self, action: Array, previous_action: Array) -> TaskView:
-        """New view of all environments after the same step, without the values that `keep` has fixed.
-
-        Args:
-            action: Actions of the step, (num_envs, n).
-            previous_action: Actions of the step before, (num_envs, n).
-        """
-        shared = {"default_qpos": self.default_qpos, "episode_state": self.episode_state, "terms": self._terms, "streams": self._streams}
-        return TaskView(self.sim, self.task, self.dt, (action, previous_action), **shared)
-
-    def _reread(self, changed: Array) -> TaskView:
-        """Returns a new view of all environments after a reset or change of some of them. This view ends.
-
-        Args:
-            changed: Environments that were reset or set, (num_envs,) bool. Their action and velocity become zero. In the other
-                environments, values that `keep` has fixed remain, unless qpos or qvel differs from that at the end of the step.
-        """
-        made = self._same_step(with_zero_rows(self.action, changed), with_zero_rows(self.previous_action, changed))
-        made.velocity = None if self.velocity is None else with_zero_rows(self.velocity, changed)
-        if self._end is not None and not changed.all():
-            nowhere = np.where(changed, np.nan, 0.0)[:, None]  # NaN equals no state.
-            made._kept, made._end = dict(self._kept), (self._end[0] + nowhere, self._end[1] + nowhere)
-        self._expire()
-        return made
+    def _step(self, ctrl: Array, nstep: int = 1) -> None:
+        """Makes time steps with controls, (num_envs, nu), and adds their flags to `status`."""
+        self.sim.step(ctrl, nstep)
+        self._flags |= self.sim.status
 
     @property
-    def kept(self) -> Terms:
-        """Values that `keep` has fixed, (num_envs, ...) by name of the quantity."""
-        return {name: getattr(self, name) for name in self._kept}
-
-    def _step_values(self) -> Terms:
-        """Returns the arrays of the last step that a saved state contains, by name: actions, and "velocity" for tasks with a position."""
-        return {name: value for name in ("action", "previous_action", "velocity") if (value := getattr(self, name)) is not None}
-
-    def _restored(self, step_values: Terms, kept: Terms, mask: Array) -> TaskView:
-        """Returns a new view of the batch after some environments were restored from a saved state.
-
-        Args:
-            step_values: Action and velocity in the saved state, by name, as returned by `_step_values()`.
-            kept: Values that `keep` had fixed in the saved state, by name of the quantity, as in the attribute `kept`.
-            mask: Environments that were restored, (num_envs,) bool.
-        """
-        made = self._reread(mask)
-        for name, values in step_values.items():
-            setattr(made, name, select(mask, values, getattr(made, name)))
-        for name in {*kept, *made._kept}:
-            present = getattr(made, name)
-            made.keep(name, select(mask, kept.get(name, getattr(self.sim, name)), present))
-        made._end_step()
-        return made
+    def status(self) -> Array:
+        """Flags of `Stepper.status`, (num_envs,) uint32, of all time steps of the last action."""
+        self._check_present("status")
+        flags: Array = self._flags | self.sim.status
+        return flags
 
     def _expire(self) -> None:
         """Ends this view of the batch: quantities that were not read before raise RuntimeError from now on."""
@@ -281,11 +212,6 @@ def _quantity(name: str) -> property:
 for _name in dir(Stepper):
     if inspect.isdatadescriptor(getattr(Stepper, _name)) and not hasattr(TaskView, _name) and _name not in _OWN:
         setattr(TaskView, _name, _quantity(_name))
-
-
-def select(mask: Array, one: Array, other: Array) -> Array:
-    """Array (num_envs, ...) with the rows of `one` in the environments of a mask (num_envs,), and the rows of `other` elsewhere."""
-    return np.where(mask.reshape(-1, *[1] * (other.ndim - 1)), one, other)
 
 
 def with_zero_rows(values: Array, mask: Array) -> Array:
@@ -407,7 +333,7 @@ _INITIAL: dict[str, Callable[[Model], Array]] = {
 """Functions of the model that return the initial values of the arrays of a `Reset`, by name."""
 
 
-class Task(metaclass=TaskType):
+class Task(ABC):
     """Task of a reinforcement-learning environment: scene, observations, reward and resets. Abstract.
 
     Write a task as a frozen dataclass, whose fields are arguments of `gymnasium.make`. All methods work on whole batches: the leading axis
@@ -438,20 +364,6 @@ class Task(metaclass=TaskType):
     def commands(self) -> Mapping[str, Any]:
         """Commands by name, of `stepper.envs.commands`; `now.command(name)` has their values."""
         return {}
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        check_members(cls, Task)
-
-    if not TYPE_CHECKING:  # Type checkers read the arguments from the fields of the class.
-
-        def __getattr__(self, name: str) -> Any:
-            if (of_next_class := getattr(super(), "__getattr__", None)) is not None:
-                return of_next_class(name)
-            raise_error_of_property(self, name)
-            is_quantity = name in _OWN or inspect.isdatadescriptor(getattr(Stepper, name, None))
-            hint = f"; now has it, as now.{name}" if is_quantity else replacement("Task", name) or did_you_mean(name, dir(self))
-            raise AttributeError(f"the task {type(self).__name__} has no attribute {name!r}{hint}")
 
     @abstractmethod
     def model(self) -> Model:
@@ -521,7 +433,7 @@ class Task(metaclass=TaskType):
         """Returns random events: parameters that are drawn at the start, at resets or at intervals, and pushes."""
         return ()
 
-    def reset(self, reset: Reset) -> None:
+    def reset(self, reset: Reset) -> None:  # noqa: B027
         """Sets the beginning of new episodes: initial states, commands and other values of `episode_state`, parameters.
 
         Args:
@@ -538,7 +450,7 @@ class Task(metaclass=TaskType):
         """
         return {}
 
-    def on_end(self, now: TaskView, envs: Array) -> None:
+    def on_end(self, now: TaskView, envs: Array) -> None:  # noqa: B027
         """Hook that is called before environments start their next episode, even if `reset` ends the current episode early.
 
         The hook is not called for episodes without an action. A curriculum measures the progress of the episode here, and changes the level
@@ -563,7 +475,7 @@ class Task(metaclass=TaskType):
     def position(self, now: TaskView) -> Array | None:
         """Returns the quantity, (num_envs, ...), whose rate of change over the last action is `now.velocity`; None for no velocity.
 
-        The quantity is evaluated in the states before and after the action. Values that `now.keep` has fixed are not used.
+        The quantity is evaluated in the states before and after the action.
         """
         return None
 
@@ -572,7 +484,7 @@ class Task(metaclass=TaskType):
         return {}
 
     def advance(self, now: TaskView) -> None:
-        """Steps the simulation by one action: `now.step()`. An override can store quantities between time steps with `now.keep`."""
+        """Steps the simulation by one action: `now.step()`. An override can store quantities between time steps in `now.episode_state`."""
         now.step()
 
 

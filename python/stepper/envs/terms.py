@@ -47,17 +47,6 @@ class TaskTerms:
         self._left = {name: np.zeros(num_envs, dtype=np.int64) for name, command in self.commands.items() if command.every is not None}
         self.delay = np.zeros(num_envs, dtype=np.int64)
 
-    def state(self) -> dict[str, Array]:
-        """Arrays (num_envs, ...) by name that a saved state contains. They are references, not copies."""
-        groups: dict[str, dict[str, Array]] = {
-            "return of": self.rewards.sums,
-            "command": self.drawn,
-            "time of command": self._left,
-            "time of event": self.events.left,
-        }
-        values = {f"{group} {name}": array for group, arrays in groups.items() for name, array in arrays.items()}
-        return values | {"action delay": self.delay}
-
     def begin(self, reset: Reset, is_seeded: Array) -> None:
         """Draws commands, delays and parameters of new episodes. Their random numbers do not change those of `reset.rng`.
 
@@ -132,18 +121,15 @@ class TaskTerms:
             frame_skip: Number of time steps.
         """
         if self.actions is None:
-            now.sim.step(action, frame_skip)
+            now._step(action, frame_skip)
             return
         controls = self.actions.controls(now, action)
         if not self.actions.delays[1]:
-            now.sim.step(controls, frame_skip)
+            now._step(controls, frame_skip)
             return
         held = self.actions.controls(now, before)
-        status = np.zeros(len(action), dtype=np.uint32)
         for k in range(frame_skip):
-            now.sim.step(np.where((self.delay > k)[:, None], held, controls))
-            status |= now.sim.status
-        now.keep("status", status)
+            now._step(np.where((self.delay > k)[:, None], held, controls))
 
     def __getstate__(self) -> dict[str, Any]:
         # Functions of the task may not pickle; `reattach` reads them again.

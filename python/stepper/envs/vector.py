@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from operator import itemgetter
 from typing import Any
 
@@ -15,20 +14,18 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
 from stepper._arrays import array_of
-from stepper._hints import hint_keywords
 from stepper._options import Options, Precision
-from stepper._stepper import Model, Stepper, selected
+from stepper._stepper import Model, selected
 from stepper.envs.batch import Batch
-from stepper.envs.checked_environment import CheckedEnvironment
-from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
-from stepper.envs.groups import Observed, each_group
+from stepper.envs.drawing import RenderMode, camera_settings
+from stepper.envs.environment import Environment
+from stepper.envs.groups import each_group
 from stepper.envs.making import autoreset, make_task
-from stepper.envs.state import EnvState
-from stepper.envs.task import Array, Camera, Contact, Task, TaskView, Terms
+from stepper.envs.task import Array, Camera, Contact, Task, Terms
 from stepper.shared.arguments import check_mapping
 
 
-class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
+class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
     """Vector environment of one task. Later steps do not change returned arrays. A pickle contains the states of the environments.
 
     If a step would give an environment a state that is not finite, its episode is terminated, and its info has "non_finite". The bodies
@@ -71,9 +68,6 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         TypeError: The task does not have one of the `arguments`.
     """
 
-    _drawing: Drawing | None = None
-    """Renderer of pictures; None until the constructor sets it, because Gymnasium calls `close` after an error in the constructor."""
-
     def __init__(
         self,
         task: Task | type[Task] | str,
@@ -100,44 +94,17 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
     ):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "threads": threads, "dtype": dtype}
         settings |= {"max_episode_steps": max_episode_steps, "rewards": rewards, "groups": groups, "model": model}
-        self._batch = Batch(make_task(task, arguments, vector=True), num_envs, **settings)
-        self.num_envs, self.autoreset_mode = num_envs, autoreset(autoreset_mode)
+        batch = Batch(make_task(task, arguments, StepperVectorEnv), num_envs, **settings)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
-        self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
-        frames = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / self._batch.dt)}
-        self.metadata = {"autoreset_mode": self.autoreset_mode, **frames}
-        self.single_observation_space, self.observation_structure = self._batch.observations.space, self._batch.observations.structure
-        self.single_action_space = self._batch.action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self._statistics, self._begun = episode_statistics, False
+        spaces = self._set_up(batch, render_mode, camera)
+        self.render_mode = render_mode
+        self.num_envs, self.autoreset_mode = num_envs, autoreset(autoreset_mode)
+        self.metadata["autoreset_mode"] = self.autoreset_mode
+        self.single_observation_space, self.single_action_space = spaces
+        self.observation_space, self.action_space = (batch_space(space, num_envs) for space in spaces)
+        self._statistics = episode_statistics
         self._over, self._any_over = np.zeros(num_envs, dtype=bool), False
         self._since = np.zeros(num_envs)
-
-    @property
-    def sim(self) -> Stepper:
-        """Stepper of all environments, for reading quantities and for `randomize`."""
-        return self._batch.sim
-
-    @property
-    def now(self) -> TaskView:
-        """View of the batch after the last step or reset, from which the task computes observations and rewards."""
-        return self._batch.now
-
-    @property
-    def task(self) -> Task:
-        """Task that defines scene, observations and rewards."""
-        return self._batch.task
-
-    @property
-    def dt(self) -> float:
-        """Simulated time per action, s: the time step times `task.frame_skip`."""
-        return self._batch.dt
-
-    @property
-    def reward_weights(self) -> dict[str, float]:
-        """Weight of each term of the reward (`Task.rewards`), by name."""
-        return dict(self._batch.terms.rewards.weights)
 
     @property
     def episode_returns(self) -> Array:
@@ -168,14 +135,12 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         """Number of actions after which an episode is truncated; None means no limit."""
         return self._batch.max_episode_steps
 
-    @hint_keywords("StepperVectorEnv.reset")
     def reset(
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
         envs: ArrayLike | None = None,
-        out: Observed | None = None,
     ) -> tuple[Any, dict[str, Any]]:
         """Starts new episodes in all or some environments.
 
@@ -188,7 +153,6 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             envs: The environments to start, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once.
                 None selects all environments; an empty selection does nothing. With indices, a sequence of seeds has k entries in the
                 order of the indices.
-            out: Array for the observations, (num_envs, n), of type `dtype`; with `groups` a dictionary of arrays. None allocates new ones.
 
         Returns:
             Observations of all environments (num_envs, n), or with `groups` a dictionary of such arrays; and the info dict with entries
@@ -201,14 +165,14 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             ResetNeeded: Only some environments are selected, and there was no reset of all environments before.
         """
         self._check_open("reset")
-        observations, mask = self._batch.observations.arrays(out), self._begins(options, envs)
+        mask = self._begins(options, envs)
         if seed is not None and _are_indices(envs) and not isinstance(seed, int | np.integer):
             seed = _scattered(list(seed), np.array(selected(envs, self.num_envs)), self.num_envs)
-        seeds = _seeds(seed, self.num_envs)
+        seeds = seeds_of(seed, self.num_envs)
         if not self._begun and not mask.all():
             raise ResetNeeded("some environments have no episode yet: call reset without envs or reset_mask first")
         if not mask.any():
-            return self._batch.observation(observations), {}
+            return self._batch.observation(), {}
         super().reset(seed=seed if isinstance(seed, int) else None)
         given = np.array([value is not None for value in seeds]) & mask
         if given.any():
@@ -218,22 +182,19 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         self._over[mask] = False
         self._any_over = bool(self._over.any())
         self._since[mask] = time.perf_counter()
-        return self._batch.observation(observations), _infos(self._batch.info(), mask)
+        return self._batch.observation(), _infos(self._batch.info(), mask)
 
-    @hint_keywords("StepperVectorEnv.step")
-    def step(self, actions: Array, *, out: Observed | None = None) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
         """Advances every environment by one action.
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task. A task with `action_bounds` may have another number than nu.
-            out: Array for the observations, as in `reset`.
 
         Returns:
             Observations in the format of `reset`, rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.
 
         Raises:
-            ValueError: `actions` or `out` has a wrong shape or type, or an action is not finite; then nothing is stepped. Or a reward is
-                not finite.
+            ValueError: `actions` has a wrong shape, or an action is not finite; then nothing is stepped. Or a reward is not finite.
             ResetNeeded: `reset` was not called yet; or, with `AutoresetMode.DISABLED`, the episode of an environment has ended.
             ClosedEnvironmentError: `close` was called.
         """
@@ -244,7 +205,6 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             raise ValueError(f"actions have shape {action.shape}, must be {self.action_space.shape}")
         if not self._begun:
             raise ResetNeeded("call reset before step")
-        observations = batch.observations.arrays(out)
         begins = self._over if self._any_over else None
         if begins is not None and self.autoreset_mode == AutoresetMode.DISABLED:
             raise ResetNeeded(f'episodes of environments {np.flatnonzero(begins)[:10].tolist()} are over: reset them with "reset_mask"')
@@ -270,35 +230,14 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             infos |= _infos(batch.info() | terms, np.ones(self.num_envs, dtype=bool))
         else:
             infos |= _infos(batch.info(), np.ones(self.num_envs, dtype=bool)) | _infos(terms, ~begins)
-        return batch.observation(observations), reward, terminated, truncated, infos
+        return batch.observation(), reward, terminated, truncated, infos
 
-    def get_state(self) -> EnvState:
-        """Returns the state of all environments, for `set_state`.
-
-        Steps after `set_state` give the same results as steps after `get_state`, bit for bit.
-        The state contains the stepper's state, parameters of `Stepper.randomize`, applied forces, mocap poses and active equalities. It
-        also contains the episodes: the task's episode_state, random number generators of initial states and sensors, returns, lengths,
-        and flags of ended episodes. It does not contain the counters of wrappers or the random number generator of `action_space`.
-
-        Raises:
-            ResetNeeded: `reset` was not called yet.
-        """
-        if not self._begun:
-            raise ResetNeeded("call reset before get_state")
-        state = self._batch.get_state()
-        return replace(state, episodes=state.episodes | {"over": self._over.copy(), "elapsed": time.perf_counter() - self._since})
-
-    @hint_keywords("StepperVectorEnv.set_state")
-    def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Any:
-        """Sets positions and velocities, or restores a state of `get_state`.
-
-        Positions and velocities do not change the episodes: lengths, episode_state and random numbers stay. An `EnvState` replaces
-        everything: the same actions then give the same observations, rewards, terminations and resets, bit for bit. It may come from
-        another `StepperVectorEnv` with the same task, settings and number of environments, also from another process.
+    def set_state(self, qpos: Array | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Any:
+        """Sets positions and velocities. The episodes go on: lengths, episode_state and random numbers stay.
 
         Args:
-            qpos: Positions, (num_envs, nq) or (nq,), m and rad; None keeps them. Or an `EnvState`, whose row i belongs to environment i.
-            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None keeps them. Must be None if `qpos` is an `EnvState`.
+            qpos: Positions, (num_envs, nq) or (nq,), m and rad; None keeps them.
+            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None keeps them.
             envs: Environments to change, a boolean mask (num_envs,) or integer indices (k,), each once; None selects all environments.
                 With indices, positions and velocities have one row per index, in the order of the indices.
 
@@ -306,26 +245,11 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             Observations, (num_envs, n).
 
         Raises:
-            ValueError: A shape is wrong, a number is not finite, or `qvel` is given with an `EnvState`. Or the `EnvState` comes from
-                another task, other arguments of the task or other options of the step. Nothing is changed.
+            ValueError: A shape is wrong, or a number is not finite. Nothing is changed.
             TypeError, IndexError: An index is not an integer, or out of range.
-            ResetNeeded: An `EnvState` is restored in only some environments, and there was no `reset` of all environments before.
         """
         self._check_open("set_state")
-        mask = _mask_of(envs, self.num_envs)
-        if not isinstance(qpos, EnvState):
-            self._batch.set_state(qpos, qvel, mask, None if envs is None else np.asarray(envs))
-            return self._batch.observation()
-        if qvel is not None:
-            raise ValueError("qvel is given together with a state, which contains velocities: leave it out")
-        if not self._begun and not mask.all():
-            raise ResetNeeded("some environments have no episode yet: call reset before set_state with a state of the other environments")
-        self._batch.restore(qpos, mask)
-        episodes = qpos.episodes
-        # A state of a `StepperEnv` has neither "over" nor "elapsed".
-        self._over[mask] = episodes["over"][mask] if "over" in episodes else False
-        self._since[mask] = time.perf_counter() - (episodes["elapsed"][mask] if "elapsed" in episodes else 0.0)
-        self._any_over, self._begun = bool(self._over.any()), True
+        self._batch.set_state(qpos, qvel, _mask_of(envs, self.num_envs), None if envs is None else np.asarray(envs))
         return self._batch.observation()
 
     def render(self) -> tuple[Array, ...] | None:
@@ -342,9 +266,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Frees the renderer. Later calls of `reset`, `step`, `set_state` and `render` raise gymnasium.error.ClosedEnvironmentError."""
-        self._closed = True
-        if self._drawing is not None:
-            self._drawing.close()
+        self._close()
 
     def __getstate__(self) -> dict[str, Any]:
         # Start times are stored as elapsed times, because another process has another clock.
@@ -356,7 +278,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
     def _begins(self, options: dict[str, Any] | None, envs: ArrayLike | None) -> Array:
         """Mask (num_envs,) of the environments that `reset` starts, from its argument `options` or `envs`."""
         if envs is None:
-            return _mask(options, self.num_envs)
+            return reset_mask(options, self.num_envs)
         if options:
             raise ValueError(f"options has {sorted(options)} and envs is given too: give one of them")
         return _mask_of(envs, self.num_envs)
@@ -382,7 +304,7 @@ def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
     return infos
 
 
-def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
+def seeds_of(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
     """List with a seed or None for each environment, from the argument `seed` of `reset`."""
     if seed is None:
         return [None] * num_envs
@@ -421,7 +343,7 @@ def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int |
     return every
 
 
-def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
+def reset_mask(options: dict[str, Any] | None, num_envs: int) -> Array:
     """Mask (num_envs,) of the environments that `reset` starts, from Gymnasium's "reset_mask" in the options; all if it is absent."""
     if options is not None:
         check_mapping("options", options, '{"reset_mask": mask}')

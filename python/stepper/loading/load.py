@@ -10,7 +10,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from stepper._hints import hint_keywords
 from stepper._stepper import Model, ModelError
 from stepper.loading.additions import complete
 from stepper.loading.findings import warn_about
@@ -36,7 +35,6 @@ _TEXT = "XML text"
 _INSTALL = 'pip install "stepper-sim[mjcf]"'
 
 
-@hint_keywords("stepper.load")
 def load(
     source: Source,
     *,

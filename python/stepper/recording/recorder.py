@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Stepper, selected
 from stepper.loading import origin_of
 from stepper.recording.format import COMPARED, FIELDS, FIRST_DIGEST, FORMAT, KINDS, MODEL, ROWS, append_block, archive_of, write_header
@@ -32,8 +31,7 @@ INTERVAL = 1.0
 """Age of the oldest recorded event in memory at which the events are written, s."""
 
 
-@hint_keywords("stepper.Recorder")
-class Recorder(Hints):
+class Recorder:
     """Writer of the calls and results of a `Stepper` to a folder; a context manager. `close` completes the recording.
 
     `sim.record(path)` is the same as `stepper.Recorder(sim, path)`. Recorded events are written every second. A recording whose process is

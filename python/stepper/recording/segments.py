@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.recording.format import HEADER, Arrays, read_header, read_rows, reading, warn_of_end
 from stepper.recording.verify import recorded_stepper, repeat
@@ -21,7 +20,7 @@ READ = ("qpos", "qvel", "act", "sensordata")
 
 
 @dataclass(frozen=True)
-class Segment(Hints):
+class Segment:
     """Part of a recording with consecutive calls of `Stepper.step`. No reset, `set_state` or change of parameters lies between these calls.
 
     Attributes:
@@ -43,7 +42,6 @@ class Segment(Hints):
     applied: dict[str, np.ndarray[Any, Any]]
 
 
-@hint_keywords("stepper.recording.segments")
 def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
     """Yields the recorded arrays of a recording, one segment after the other.
 

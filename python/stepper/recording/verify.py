@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from stepper._hints import Hints, hint_keywords
 from stepper._options import Options, precision_of
 from stepper._stepper import Model, State, Stepper, __version__
 from stepper.actuators import ActuatorModel
@@ -53,7 +52,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Verification(Hints):
+class Verification:
     """Result of a replay. Its truth value is True if all results are identical bit for bit.
 
     Attributes:
@@ -86,7 +85,6 @@ class Verification(Hints):
         return f"differs at {self.difference}{end}"
 
 
-@hint_keywords("stepper.recording.verify")
 def verify(
     path: str | os.PathLike[str], *, model: Model | None = None, threads: int | None = None, progress: ProgressCallback | None = None
 ) -> Verification:

@@ -1,17 +1,9 @@
 """Sensor errors, commercial devices with data sheets, additional sensors for a model, and heights of height fields."""
 
-from typing import Any
-
-from stepper._hints import no_name
 from stepper.sensors import devices
 from stepper.sensors.heights import HeightField
 from stepper.sensors.model import SensorModel
 from stepper.sensors.readings import Combination, RayFan, SensorSpec
 from stepper.sensors.transfer import Transfer
-from stepper.sensors.view import FieldOfView
 
-__all__ = ["Combination", "FieldOfView", "HeightField", "RayFan", "SensorModel", "SensorSpec", "Transfer", "devices"]
-
-
-def __getattr__(name: str) -> Any:
-    raise no_name(__name__, name, __all__)
+__all__ = ["Combination", "HeightField", "RayFan", "SensorModel", "SensorSpec", "Transfer", "devices"]

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from stepper._hints import hint_keywords
 from stepper.sensors import devices
 from stepper.sensors.transfer import Transfer
 from stepper.shared.named_parts import NamedParts, read_part
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from stepper._stepper import Model
 
 
-@hint_keywords("stepper.SensorModel")
 class SensorModel(NamedParts[Transfer]):
     """Transfer functions of a model's sensors, for `Stepper(..., sensors=)`.
 

@@ -9,15 +9,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stepper._hints import Hints, hint_keywords
 from stepper.shared.tables import check_numbers, numbers
 
 Number: TypeAlias = "float | ArrayLike"
 
 
-@hint_keywords("stepper.Transfer")
 @dataclass(frozen=True, kw_only=True)
-class Transfer(Hints):
+class Transfer:
     """Transfer function of a sensor: errors between the true value and the reading. The default is an ideal sensor.
 
     The errors act in this order: scale and misalignment, bias, drift, noise, quantisation, limits, sample and hold, delay, dropout. Every

@@ -21,7 +21,6 @@ INSTALL = {
     "mujoco.batch": 'pip install "mujoco>=4.0,<5"',
     "gymnasium": 'pip install "stepper-sim[envs]"',
     "moviepy": 'pip install "stepper-sim[viewer]"',
-    "rerun": 'pip install "stepper-sim[viewer]"',
     "jinja2": 'pip install "stepper-sim[cli]"',
     "rich": 'pip install "stepper-sim[cli]"',
     "rsl_rl": "pip install rsl-rl-lib",

@@ -9,13 +9,12 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
-from stepper._hints import Hints
 from stepper.shared.tables import by_name, check_names, fitting, named_tables, read_file
 
 T = TypeVar("T")
 
 
-class NamedParts(Hints, Generic[T]):
+class NamedParts(Generic[T]):
     """Parts (transfer functions of sensors, or drives of actuators) by the name of the element or by pattern. Abstract."""
 
     named: dict[str, T]

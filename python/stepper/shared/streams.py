@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import copy
-import functools
 import hashlib
-import inspect
 import math
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, ParamSpec
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import no_attribute
 from stepper.shared.arguments import check_whole
 
 P = ParamSpec("P")
@@ -124,29 +121,6 @@ class Streams:
         return _mix(words)
 
 
-def _with_arguments(example: str) -> Callable[[Callable[P, Array]], Callable[P, Array]]:
-    """Decorator of a draw: other arguments than those of the function raise TypeError with an example."""
-
-    def checked(draw: Callable[P, Array]) -> Callable[P, Array]:
-        signature = inspect.signature(draw)
-
-        @functools.wraps(draw)
-        def drawn(*given: P.args, **named: P.kwargs) -> Array:
-            if named or len(given) != len(signature.parameters):
-                try:
-                    signature.bind(*given, **named)
-                except TypeError as error:
-                    name = draw.__name__
-                    raise TypeError(
-                        f"Rng.{name}: {error}; write {example}, which gives size numbers for each environment, (n, size)"
-                    ) from None
-            return draw(*given, **named)
-
-        return drawn
-
-    return checked
-
-
 def _shape_of(size: int | tuple[int, ...]) -> tuple[int, ...]:
     """Shape of the numbers of one environment, from the argument `size` of a draw."""
     if type(size) is int and size >= 0:  # A fast test of the usual size.
@@ -178,10 +152,6 @@ class Rng:
     def __init__(self, streams: Streams, envs: Array):
         self._streams, self.envs = streams, envs
 
-    def __getattr__(self, name: str) -> Any:
-        raise no_attribute(Rng, name)
-
-    @_with_arguments("rng.uniform(low, high, size)")
     def uniform(self, low: float, high: float, size: int | tuple[int, ...]) -> Array:
         """Returns uniform random numbers from `low` to `high`, (n, size): `size` for each environment."""
         shape = _shape_of(size)
@@ -192,7 +162,6 @@ class Rng:
         numbers += low
         return numbers
 
-    @_with_arguments("mean + std * rng.normal(size)")
     def normal(self, size: int | tuple[int, ...]) -> Array:
         """Returns standard normal random numbers, (n, size): `size` for each environment, by the Box-Muller method."""
         shape = _shape_of(size)

@@ -23,9 +23,6 @@ Online identification, with an estimate after every sample:
 - `linear`: derivatives over the uncertain range
 """
 
-from typing import Any
-
-from stepper._hints import no_name
 from stepper.sysid.combinations import Combination
 from stepper.sysid.data import Episode, episodes_of
 from stepper.sysid.fit import identify
@@ -45,7 +42,3 @@ __all__ = [
     "episodes_of",
     "identify",
 ]  # fmt: skip
-
-
-def __getattr__(name: str) -> Any:
-    raise no_name(__name__, name, __all__)

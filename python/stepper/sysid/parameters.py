@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stepper._hints import did_you_mean_or_all, hint_keywords
+from stepper._hints import did_you_mean_or_all
 from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, Drive
 from stepper.shared.arguments import check_kind, check_number, check_pair
@@ -93,7 +93,6 @@ READING = ("sensor.bias", "sensor.scale", "sensor.delay")
 """Kinds of parameters that change the sensor readings but not the motion."""
 
 
-@hint_keywords("stepper.sysid.FitParameter")
 @dataclass(frozen=True)
 class FitParameter:
     """Parameter to identify: a quantity of one or more elements, with start, bounds and prior.

@@ -1,4 +1,4 @@
-"""Visualization: pictures from MuJoCo's renderer, a view of environments in the browser, logs for the Rerun viewer.
+"""Visualization: pictures from MuJoCo's renderer, and a view of environments in the browser.
 
     sim = stepper.Stepper(stepper.load("robot.xml"), 16)
     with stepper.viewer.view(sim) as view:
@@ -7,17 +7,9 @@
 docs/how-to/view_and_film.md shows more.
 """
 
-from typing import Any
-
-from stepper._hints import no_name
 from stepper.viewer.live import View, view
 from stepper.viewer.looks import LooksError
 from stepper.viewer.player import Player
 from stepper.viewer.renderer import Renderer
-from stepper.viewer.rerun_log import RerunLog, log_rerun
 
-__all__ = ["LooksError", "Player", "Renderer", "RerunLog", "View", "log_rerun", "view"]
-
-
-def __getattr__(name: str) -> Any:
-    raise no_name(__name__, name, __all__)
+__all__ = ["LooksError", "Player", "Renderer", "View", "view"]

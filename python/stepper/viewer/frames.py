@@ -34,7 +34,6 @@ class Frame:
         status: Flags of `stepper.Status`: (n,).
         residual: Residuals of the last steps, m/s: (n,).
         max_penetration: Largest penetrations of the last call of `step`, m: (n,).
-        energy: Potential and kinetic energy, J: (n, 2).
     """
 
     time: Array
@@ -50,7 +49,6 @@ class Frame:
     status: Array
     residual: Array
     max_penetration: Array
-    energy: Array
 
 
 def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
@@ -72,8 +70,8 @@ def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
     return chosen
 
 
-def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
-    """Frame for drawing of the environments with the indices `envs`, (n,), of a stepper. Energies are 0 unless `energy` is True."""
+def frame_of(sim: Stepper, envs: Array) -> Frame:
+    """Frame for drawing of the environments with the indices `envs`, (n,), of a stepper."""
     listed = sim.contacts()
     row = np.full((sim.num_envs or 1), -1)
     row[envs] = np.arange(len(envs))
@@ -88,7 +86,6 @@ def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
         contact_env=row[listed["env"]],
         contact_pos=listed["pos"],
         contact_force=np.einsum("nij,ni->nj", listed["frame"], listed["force"]),
-        energy=np.column_stack([np.atleast_1d(part)[envs] for part in sim.energy()]) if energy else np.zeros((len(envs), 2)),
     )
 
 
@@ -102,16 +99,9 @@ def sizes_of(sim: Stepper, envs: Array, scene: Scene) -> Array:
     """
     sizes = np.tile(scene.sizes, (len(envs), 1, 1))
     if "geom_size" in sim.randomized:
-        sized = sized_geoms(sim.model)
-        sizes[:, sized] = parameter_of(sim, "geom_size", envs)[:, sized]
+        sized, shape = sized_geoms(sim.model), (sim.num_envs or 1, *sim.model.geom_size.shape)
+        sizes[:, sized] = np.reshape(sim.randomized["geom_size"], shape)[envs][:, sized]
     return sizes
-
-
-def parameter_of(sim: Stepper, name: str, envs: Array) -> Array:
-    """Values of a field of the model in some environments, (n, ...), in the field's unit, including randomized values."""
-    shared = np.asarray(getattr(sim.model, name))
-    own: Array = np.broadcast_to(sim.randomized.get(name, shared), (sim.num_envs or 1, *shared.shape))[envs]
-    return own
 
 
 def values_of(sim: Stepper, name: str, envs: Array) -> Array:

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stepper._hints import hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.shared.arguments import check_kind
 from stepper.viewer.dragging import Drag
@@ -60,7 +59,6 @@ def scene_for(model: Model, source: Any) -> Scene:
     return scene
 
 
-@hint_keywords("stepper.viewer.View")
 class View(Served):
     """View of a running `Stepper` in the browser, with a web server; a context manager.
 
@@ -292,7 +290,6 @@ class View(Served):
             self._applied = _Applied(env, body, without, np.array(forces[env, body], subok=False))
 
 
-@hint_keywords("stepper.viewer.view")
 def view(
     sim: Stepper,
     *,

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from stepper._hints import hint_keywords
 from stepper._stepper import ModelError
 from stepper.viewer.frames import Envs, sizes_of
 from stepper.viewer.live import SHOWN, scene_for
@@ -23,7 +22,6 @@ from stepper.viewer.window import FRAMES, Served, Window
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 
 
-@hint_keywords("stepper.viewer.Player")
 class Player(Served):
     """View of a recording in the browser, with a web server; a context manager.
 

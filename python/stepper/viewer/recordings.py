@@ -91,7 +91,7 @@ class RecordedRun:
         for name, values in self._applied[index].items():
             setattr(self.sim, name, values)
         self.sim.set_state(state["qpos"], state["qvel"], mask, act=state["act"], time=state["time"])
-        here = frame_of(self.sim, self.envs, energy=True)
+        here = frame_of(self.sim, self.envs)
         ctrl = self._columns["ctrl"][min(index + 1, len(self) - 1)]
         self.sim.step(ctrl[0] if self._single else ctrl)
         follows = frame_of(self.sim, self.envs)

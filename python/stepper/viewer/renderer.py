@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.shared.arguments import check_kind, check_mapping, check_whole
 from stepper.shared.machine import require
@@ -37,8 +36,7 @@ _SLANT = (-0.3, 0.4, -1.0)
 _CONFIG = ("distance", "azimuth", "elevation", "lookat", "trackbodyid")
 
 
-@hint_keywords("stepper.viewer.Renderer")
-class Renderer(Hints):
+class Renderer:
     """Draws environments of a `Stepper` with MuJoCo's renderer, which needs OpenGL; a context manager.
 
     On Linux without a screen it uses EGL, unless the environment variable MUJOCO_GL is set.
@@ -107,7 +105,6 @@ class Renderer(Hints):
         # Python also calls this finalizer at its exit, before OpenGL is unloaded.
         self._freeing = weakref.finalize(self, self._renderer.close)
 
-    @hint_keywords("render")
     def render(self, sim: Stepper, env: int = 0) -> Array:
         """Picture of the current state of an environment, (height, width, 3) uint8, RGB.
 

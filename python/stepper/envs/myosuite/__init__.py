@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from stepper._hints import no_name
 from stepper.envs.myosuite.pose import NUMERALS, MyoPose
 
 _FIST = "0 0 0 .0824475 -.0904 -.681555 -.514888 0 -.013964 -.0458132 0 .67553 -.020944 .76979 .65982 0 0 0 0 .479155 -.099484 .95831 0"
@@ -18,7 +17,3 @@ MYOSUITE: dict[str, tuple[type[MyoPose], dict[str, Any]]] = {
 """Class and arguments of each task, by MyoSuite's names without "myo" and version."""
 
 __all__ = ["MYOSUITE", "MyoPose"]
-
-
-def __getattr__(name: str) -> Any:
-    raise no_name(__name__, name, __all__)

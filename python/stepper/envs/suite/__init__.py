@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from stepper._hints import no_name
 from stepper.envs.suite.acrobot import Acrobot
 from stepper.envs.suite.base import SuiteTask
 from stepper.envs.suite.cartpole import Cartpole
@@ -76,7 +75,3 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
 """Class and arguments of each task, by dm_control's names "domain-task"."""
 
 __all__ = ["SUITE", "SuiteTask"]
-
-
-def __getattr__(name: str) -> Any:
-    raise no_name(__name__, name, __all__)

@@ -1,8 +1,5 @@
 """Gymnasium's MuJoCo tasks, version 5, one file each, by their registered names."""
 
-from typing import Any
-
-from stepper._hints import no_name
 from stepper.envs.task import Task
 from stepper.envs.tasks.ant import Ant
 from stepper.envs.tasks.half_cheetah import HalfCheetah
@@ -39,7 +36,3 @@ __all__ = [
     "Swimmer",
     "Walker2d",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    raise no_name(__name__, name, __all__)

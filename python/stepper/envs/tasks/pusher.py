@@ -41,13 +41,17 @@ class Pusher(MujocoTask):
             Observation("goal", func=lambda now: _body_position(now, "goal"), unit="m"),
         )
 
+    def episode_state(self, num_envs: int) -> Terms:
+        """Positions of bodies before the last time step, m, and qpos after it; NaN before the first action."""
+        model = self.model()
+        return {"xpos": np.zeros((num_envs, model.nbody, 3)), "qpos": np.full((num_envs, model.nq), np.nan)}
+
     def advance(self, now: TaskView) -> None:
-        """Steps the simulation by one action. As in Gymnasium, `now.xpos` has the body positions before the last time step."""
-        now.sim.step(now.action, self.frame_skip - 1)
-        now.keep("xpos", now.sim.xpos)
-        before = now.sim.status
-        now.sim.step(now.action)
-        now.keep("status", np.asarray(before | now.sim.status))
+        """Steps the simulation by one action, and stores the positions of bodies before the last time step."""
+        now.step(nstep=self.frame_skip - 1)
+        now.episode_state["xpos"][:] = now.xpos
+        now.step(nstep=1)
+        now.episode_state["qpos"][:] = now.qpos
 
     def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: minus weighted distances of the cylinder from the fingertips and from the goal, minus a cost of squared controls."""
@@ -73,6 +77,8 @@ class Pusher(MujocoTask):
 
 
 def _body_position(now: TaskView, body: str) -> Array:
-    """Position of a body, (num_envs, 3), m."""
-    place: Array = now.xpos[:, now.sim.model.body_names.index(body)]
+    """Position of a body before the last time step, (num_envs, 3), m; its present position after a reset or `set_state`."""
+    k, state = now.sim.model.body_names.index(body), now.episode_state
+    is_present = np.any(state["qpos"] != now.qpos, axis=1)
+    place: Array = np.where(is_present[:, None], now.xpos[:, k], state["xpos"][:, k])
     return place

@@ -1,20 +1,17 @@
-"""Curricula: harder terrain for environments that make progress, and values, such as command ranges, that depend on the actions so far."""
+"""Curriculum: harder terrain for environments that make progress."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from stepper._hints import hint_keywords
 from stepper.envs.task import Array, Reset, Terms
 from stepper.envs.terrain.generator import Terrain
 from stepper.shared.arguments import check_number, check_whole
 
 
-@hint_keywords("stepper.envs.terrain.TerrainCurriculum")
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TerrainCurriculum:
     """Curriculum over a terrain. Each environment has a tile: its row is the level (0 is the easiest), its column the kind of terrain.
@@ -124,27 +121,3 @@ class TerrainCurriculum:
         away = places[:, :2] - episode_state["terrain_origin"][envs, :2]
         distances: Array = np.hypot(away[:, 0], away[:, 1])
         return distances
-
-
-def stage_of(steps: Array, stages: Sequence[tuple[int, tuple[float, ...]]]) -> Array:
-    """Returns the values of a curriculum with stages, such as ranges of commands, for environments with given numbers of actions.
-
-    Args:
-        steps: Number of actions of each environment so far, (n,). Count them in `Task.episode_state`, under a name in `Task.carried`.
-        stages: Pairs of the number of actions at which a stage begins, ascending from 0, and the k values that apply in this stage.
-
-    Returns:
-        Values of the stage of each environment, (n, k), in the units of the values in `stages`.
-
-    Raises:
-        TypeError: The stages are not pairs.
-        ValueError: The stages do not begin with 0, or do not ascend.
-    """
-    try:
-        begins = [begin for begin, _ in stages]
-    except (TypeError, ValueError):
-        raise TypeError(f"stages is {stages!r}, must be pairs of a number of actions and values, as [(0, (-1.0, 1.0))]") from None
-    if not begins or begins[0] != 0 or begins != sorted(set(begins)):
-        raise ValueError(f"stages begin at {begins}, must ascend from 0: give numbers of actions such as 0 and 1000")
-    values: Array = np.array([value for _, value in stages])[np.searchsorted(begins, steps, side="right") - 1]
-    return values

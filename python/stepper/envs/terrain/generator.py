@@ -7,13 +7,12 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
-from xml.etree.ElementTree import Element, tostring
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from stepper._hints import hint_keywords
 from stepper.envs.task import Array
-from stepper.envs.terrain.sub_terrains import BoxTerrain, SubTerrain
+from stepper.envs.terrain.sub_terrains import SubTerrain
 from stepper.sensors import HeightField
 from stepper.shared.arguments import check_number, check_pair, check_whole
 
@@ -28,7 +27,6 @@ _BASE_THICKNESS = 0.5
 """Thickness of the ground below its lowest point, m."""
 
 
-@hint_keywords("stepper.envs.terrain.Terrain")
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terrain:
     """Terrain of square tiles. Difficulty increases from row to row along x; each column along y has one kind. The middle is at the origin.
@@ -156,52 +154,20 @@ class Terrain:
         """Whether points (..., 2) m are outside the terrain or within `margin` m of its outer edge, (...) bool; for `Task.truncated`."""
         return np.asarray(np.any(np.abs(xy) > self.half - margin, axis=-1))
 
-    def boxes(self) -> Array:
-        """Returns the boxes that make up the terrain, (n, 2, 3) m: centre and half sides of each.
-
-        Steps of the boxes are vertical, steps of a height field are ramps. A height field is simulated faster.
-
-        Raises:
-            ValueError: A kind of terrain does not consist of boxes.
-        """
-        found = []
-        for column, (name, kind) in enumerate(self.sub_terrains.items()):
-            if not isinstance(kind, BoxTerrain):
-                raise ValueError(f"sub_terrain {name!r} is a {type(kind).__name__}, which has no boxes: add_to(spec) makes a height field")
-            for row in range(self.num_rows):
-                corners = kind.boxes(self.size, self.difficulties[row], self._rng(row, column))
-                corners = corners[(corners[:, 1] > corners[:, 0] + _CELL_TOLERANCE).all(axis=1)]
-                place = [*self.origins[row, column, :2], 0.0]
-                found.append(np.stack([corners.mean(axis=1) + place, (corners[:, 1] - corners[:, 0]) / 2], axis=1))
-        return np.concatenate([*found, self._border()])
-
-    def add_to(self, spec: mujoco.MjSpec, name: str = "terrain", *, boxes: bool = False, **attributes: Any) -> None:
+    def add_to(self, spec: mujoco.MjSpec, name: str = "terrain", **attributes: Any) -> None:
         """Adds the terrain to a MuJoCo scene, which `stepper.load(spec.compile())` reads.
 
         Args:
             spec: The scene, which is changed in place.
-            name: Name of the height field and of its geom. Boxes have this name with a number, such as "terrain_0".
-            boxes: Whether to add boxes instead of a height field.
-            **attributes: Attributes of the geoms, such as friction, rgba or contype.
-
-        Raises:
-            ValueError: `boxes` is set, and a kind of terrain does not consist of boxes.
+            name: Name of the height field and of its geom.
+            **attributes: Attributes of the geom, such as friction, rgba or contype.
         """
         import mujoco  # noqa: PLC0415 - an optional package
 
-        if boxes:
-            for k, (pos, size) in enumerate(self.boxes()):
-                spec.worldbody.add_geom(name=f"{name}_{k}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=pos, size=size, **attributes)
-            return
         data, lowest, size = self._field()
         spec.add_hfield(name=name, nrow=len(data), ncol=data.shape[1], size=size, userdata=data.ravel())
         kind = mujoco.mjtGeom.mjGEOM_HFIELD
         spec.worldbody.add_geom(name=name, type=kind, hfieldname=name, pos=[0.0, 0.0, lowest], **attributes)
-
-    def mjcf(self, name: str = "terrain", **attributes: str) -> tuple[str, str]:
-        """Returns the MJCF texts of the height field: an element for `<asset>`, and a geom with the given attributes for `<worldbody>`."""
-        asset, geom = self.elements(name, **attributes)
-        return tostring(asset, encoding="unicode"), tostring(geom, encoding="unicode")
 
     def elements(self, name: str = "terrain", **attributes: str) -> tuple[Element, Element]:
         """Returns the MJCF elements of the height field: the asset, and the geom with the given attributes."""
@@ -236,12 +202,3 @@ class Terrain:
     def _rng(self, row: int, column: int) -> np.random.Generator:
         """Random number generator of the tile in the given row and column of the terrain."""
         return np.random.default_rng([self.seed, row, column])
-
-    def _border(self) -> Array:
-        """Boxes of the flat border around all tiles, (4, 2, 3) m: centre and half sides; (0, 2, 3) without a border."""
-        (x, y), width = self.half, self.border_width
-        if not width:
-            return np.empty((0, 2, 3))
-        sides = [((x - width / 2, 0.0), (width / 2, y)), ((0.0, y - width / 2), (x - width, width / 2))]
-        signs = ((1.0, sides[0]), (-1.0, sides[0]), (1.0, sides[1]), (-1.0, sides[1]))
-        return np.array([[[s * a, s * b, -_BASE_THICKNESS / 2], [*half, _BASE_THICKNESS / 2]] for s, ((a, b), half) in signs])

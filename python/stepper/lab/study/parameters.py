@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import did_you_mean, hint_keywords, unknown_field
+from stepper._hints import did_you_mean, unknown_field
 from stepper._options import Options
 from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
@@ -48,7 +48,6 @@ OF_MODEL = frozenset({"field", "sensor", "actuator"})
 """Types of parameters (values of `Parameter.kind`) whose selectors name elements of the model."""
 
 
-@hint_keywords("stepper.lab.Parameter")
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
     """Parameter of a study: a number that may vary, its range and the source of the range.

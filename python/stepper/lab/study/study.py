@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper import _stepper
-from stepper._hints import did_you_mean, hint_keywords
+from stepper._hints import did_you_mean
 from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
@@ -72,7 +72,6 @@ class _Source:
             return load(source if compiled is None else compiled, strict=False), compiled
 
 
-@hint_keywords("stepper.lab.Study")
 @dataclass(frozen=True, kw_only=True)
 class Study:
     """Simulation experiment: episodes of a model with a controller, measured outcomes and uncertain parameters.

@@ -7,6 +7,7 @@ step was solved.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from stepper._hints import Called, did_you_mean, replacement
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__
@@ -67,6 +68,9 @@ _MODULE_OF = {
 }
 """Submodule of each name that is imported at its first use."""
 
+for _name in ("contacts", "energy", "mass_matrix", "memory", "momentum", "worst_row"):
+    setattr(Stepper, _name, Called(getattr(Stepper, _name)))
+
 
 def __getattr__(name: str) -> Any:
     if name in _SUBMODULES:
@@ -75,7 +79,7 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(f"stepper.{_MODULE_OF[name]}"), name)
         globals()[name] = value
         return value
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}{replacement('engine', name) or did_you_mean(name, __all__)}")
 
 
 def __dir__() -> list[str]:

@@ -1,10 +1,15 @@
-"""Error messages for unknown names, with similar names, and for assignments to read-only attributes of the compiled library."""
+"""Error messages for unknown names, and for assignments to read-only attributes of the compiled library.
+
+`_guesses.toml` has the names that users of other simulators try, with the name or call to use instead; `difflib` finds similar names.
+"""
 
 from __future__ import annotations
 
 import difflib
 import functools
-from collections.abc import Collection, Iterable
+import tomllib
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
 from typing import Any
 
 from stepper import _stepper
@@ -20,6 +25,22 @@ class WrongArgumentError(TypeError):
     """Wrong argument of a call: an unknown keyword, or a value of a wrong type. The command line prints the message without a traceback."""
 
 
+@functools.cache
+def _guesses() -> dict[str, dict[str, str]]:
+    """Replacement of each name, by section of `_guesses.toml`."""
+    sections = tomllib.loads(Path(__file__).with_name("_guesses.toml").read_text("utf-8"))
+    return {
+        section: {name: text.replace("NAME", name) for text, names in rows.items() for name in names.split()}
+        for section, rows in sections.items()
+    }
+
+
+def replacement(section: str, name: str) -> str:
+    """End of an error message with the replacement of an unknown name: "; use ...", or "" if `_guesses.toml` does not have the name."""
+    text = _guesses().get(section, {}).get(name, "")
+    return f"; {text[2:]}" if text.startswith(": ") else f"; use {text}" if text else ""
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """End of an error message with up to three known names that are similar to an unknown one: "; did you mean ...?", or ""."""
     similar = difflib.get_close_matches(name, [other for other in known if not other.startswith("_")])
@@ -32,7 +53,7 @@ def did_you_mean_or_all(name: str, known: Collection[str]) -> str:
 
 
 def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeError:
-    """Error for an attribute that a class does not have, with a hint: the class that has it, or similar names.
+    """Error for an attribute that a class does not have, with a hint: its replacement, the class that has it, or similar names.
 
     Args:
         owner: The class.
@@ -40,7 +61,10 @@ def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeE
         more: Names of further attributes, which only the instances have.
     """
     other, place = {Model: (Stepper, "sim"), Stepper: (Model, "sim.model")}.get(owner, (owner, ""))
-    hint = f"; use {place}.{name}" if name[0] != "_" and hasattr(other, name) and other is not owner else ""
+    sections = (owner.__name__, *(("Stepper",) if owner.__name__ == "TaskView" else ()), "engine")
+    hint = next(filter(None, (replacement(section, name) for section in sections)), "")
+    if not hint and name[0] != "_" and hasattr(other, name) and other is not owner:
+        hint = f"; use {place}.{name}"
     known = {*dir(owner), *more, *(f"{place}.{each}" for each in dir(other) if place and each[0] != "_")}
     return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint or did_you_mean(name, known)}")
 
@@ -90,6 +114,48 @@ def raise_error_of_property(instance: Any, name: str) -> None:
         object.__getattribute__(instance, name)
 
 
+class Called:
+    """Descriptor of a method of a stepper that takes no argument, such as `energy`. Operations on `sim.energy` raise errors with the call.
+
+    Args:
+        method: The method of the class.
+    """
+
+    def __init__(self, method: Callable[..., Any]):
+        self._method = method
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+        return self._method if instance is None else _Uncalled(self._method.__get__(instance))
+
+
+class _Uncalled:
+    """Method of a stepper that can be called, and raises an error with the call in place of any other operation.
+
+    Args:
+        method: Method of an instance.
+    """
+
+    def __init__(self, method: Callable[..., Any]):
+        self.__doc__, self.__name__, self.__wrapped__ = method.__doc__, method.__name__, method
+
+    def __call__(self, *args: Any, **keywords: Any) -> Any:
+        return self.__wrapped__(*args, **keywords)
+
+    def __repr__(self) -> str:
+        return f"<method {self.__name__} of a stepper.Stepper; sim.{self.__name__}() calls it>"
+
+    def __getattr__(self, name: str) -> Any:
+        remedy = "" if name.startswith("__") else f": write sim.{self.__name__}().{name}"
+        raise AttributeError(f"sim.{self.__name__} is a method without an attribute {name!r}{remedy}")
+
+    def _refuse(self, *_: Any) -> Any:
+        raise TypeError(f"sim.{self.__name__} is a method: write sim.{self.__name__}()")
+
+    __add__ = __array__ = __bool__ = __eq__ = __float__ = __format__ = __ge__ = __getitem__ = __gt__ = __iter__ = __le__ = __len__ = _refuse
+    __lt__ = __mul__ = __ne__ = __neg__ = __radd__ = __rmul__ = __rsub__ = __rtruediv__ = __sub__ = __truediv__ = _refuse
+    __hash__ = None  # type: ignore[assignment]
+
+
 def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
     """Error message for an unknown keyword argument of a call, such as "Stepper.reset", with similar keywords, or all of them."""
     return f"{call}() takes no {name!r}{did_you_mean_or_all(name, known) if known else '; it has no arguments'}"
@@ -107,7 +173,7 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
     if name in _fields():
         hint = f"; all environments of a stepper share this one: make a stepper.Stepper of model.replace({name}=...)"
     else:
-        hint = did_you_mean(name, known) or f"; {listed} lists the fields"
+        hint = replacement("fields", name) or did_you_mean(name, known) or f"; {listed} lists the fields"
     return f"{where}: there is no field {name!r}{hint}"
 
 

@@ -113,7 +113,7 @@ class Grasp:
 
 
 ACCURACY = {"f64": ("f64", 1e-6), "f64 at 1e-4": ("f64", 1e-4), "f32": ("f32", 1e-4)}
-"""Precision and tolerance, m/s, of a solve. The default in both precisions is 1e-4 m/s."""
+"""Precision and tolerance, m/s, of a solve. The default in both precisions is 9e-5 to 1e-4 m/s for these objects."""
 
 
 @pytest.mark.parametrize("timestep", [0.002, 0.005])
@@ -205,14 +205,15 @@ def shaken_part(half: float, force: float) -> str:
 def test_a_small_part_is_held_or_flagged(precision, timestep, half):
     """A part of 0.4 to 2 mm that is shaken for 3 s with at most 6 m/s^2 moves by less than 1 % of its size, or NOT_CONVERGED is set.
 
-    In f64 no flag is allowed; in f32 one is allowed below 2 mm, because the smallest default tolerance is above the rounding error of f32.
+    In f64 no flag is allowed; in f32 one is allowed below 2 mm, because rounding in f32 can leave a larger residual than the default tolerance.
     """
     for force in (0.1, 1.0):
         sim = stepper.Stepper(stepper.load(shaken_part(half, force)), options=stepper.Options(timestep=timestep), precision=precision)
         mass, start, status, most = HAND + 0.04 + sim.model.body_mass[-1], None, 0, 0.0
         for t in np.arange(0, 3.5, 0.01):
             sim.step([mass * (G + 6 * np.sin(2 * np.pi * max(t - 0.5, 0))), 0, 0], round(0.01 / timestep))
-            place = np.append(sim.qpos[3:6] - [0, 0, sim.qpos[0]], half * sim.qpos[7:])
+            # A corner moves by half the diagonal times the angle, which is twice the vector part of the quaternion.
+            place = np.append(sim.qpos[3:6] - [0, 0, sim.qpos[0]], 2 * np.sqrt(3) * half * sim.qpos[7:])
             start = place if t >= 0.4 and start is None else start
             status |= int(sim.status)
             most = max(most, 0.0 if start is None else np.abs(place - start).max())

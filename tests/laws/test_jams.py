@@ -90,7 +90,7 @@ def test_arms_that_begin_jammed_are_solved(seed):
 def test_motors_that_load_a_jam_do_not_make_it_unresolved():
     """Without contacts 300 N m would throw the arms. While they do not move, the gain of energy is rounding error.
 
-    Coulomb's law has several solutions here. In one of them the jam opens, which of 400 random arms this one does last.
+    Coulomb's law has several solutions here. In one of them the jam opens. Of 400 random arms, this jam holds longest.
     """
     joints = arms(693).split("<joint ")
     text = joints[0] + "".join(f'<joint name="{k}" {joint}' for k, joint in enumerate(joints[1:]))

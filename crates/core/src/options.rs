@@ -113,12 +113,13 @@ pub struct Options {
     pub error: Option<f64>,
     /// Solver of the constraint problem.
     pub solver: Solver,
-    /// Largest number of Gauss-Seidel iterations (sweeps), and of Newton iterations for each island of an environment.
+    /// Limit of Gauss-Seidel iterations (sweeps) in each pass of the solver, and of Newton iterations for each island of an environment, of
+    /// which a pass makes up to six times this number.
     ///
-    /// [`Solver::Auto`] makes at most 50 sweeps, and in 64 bits at most 25 before the first Newton iteration.
+    /// [`Solver::Auto`] makes at most 50 sweeps a pass, and at most 25 before the first Newton iteration.
     pub iterations: u32,
     /// Largest residual at which the solver stops, m/s. `None` selects the smallest of three speeds, but at least 1e-6 m/s: 1e-4 m/s, 0.6 %
-    /// of the velocity that gravity adds in a step, and 0.006 rad/s times the smallest radius of gyration of a free body.
+    /// of the velocity that gravity adds in a step, and 0.006 rad/s times the radius of gyration of the smallest body with a free joint.
     ///
     /// There are two exceptions. Hard contact in 32 bits ignores gravity, and MuJoCo's contact law in 64 bits has 1e-6 m/s.
     pub tolerance: Option<f64>,
@@ -142,7 +143,7 @@ pub struct Options {
     pub max_contacts: Option<u32>,
 }
 
-/// Number of Gauss-Seidel iterations (sweeps) after which [`Solver::Auto`] continues with Newton's method.
+/// Largest number of Gauss-Seidel iterations (sweeps) of [`Solver::Auto`] in a pass.
 ///
 /// A sweep processes eight lanes at once. A Newton iteration processes one lane and costs as much as ten sweeps. Evidence: time of a step
 /// of an environment on one core, for 128 humanoids, in microseconds. With 50 sweeps the fewest environments are unsolved.
@@ -178,7 +179,7 @@ const FINE_TOLERANCE: f64 = 1e-6;
 /// Evidence: errors of twelve robots under random control are those of 1e-6 m/s (docs/development/decisions/tolerance.md).
 const MAX_TOLERANCE: f64 = 1e-4;
 
-/// Angular velocity of a small free body that the default tolerance permits, rad/s.
+/// Angular velocity of a small free body across its length that the default tolerance permits, rad/s.
 ///
 /// Evidence: two fingers press a cube of 2 mm with 1 N and shake it for 4 s. In 32 bits it slips by 0.28 mm with 1e-4 m/s, by 20 nm with
 /// the 5e-6 m/s of this rate.
@@ -191,8 +192,9 @@ pub struct ModelScales {
     pub timestep: f64,
     /// Magnitude of gravity, m/s^2.
     pub gravity: f64,
-    /// Smallest radius of gyration of a free body, m; infinite if there is none.
-    pub smallest_body: f64,
+    /// Radius of gyration of the smallest body with a free joint, m; infinite if there is none. The radius is that about the axis of the
+    /// largest moment of inertia, so that a thin rod counts as long.
+    pub smallest_gyration_radius: f64,
     /// Integrator that the model file selects; `None` if it selects none.
     pub integrator: Option<Integrator>,
 }
@@ -205,7 +207,7 @@ impl ModelScales {
         Self {
             timestep: model.timestep,
             gravity: model.gravity.iter().map(|g| g * g).sum::<f64>().sqrt(),
-            smallest_body: gyration.fold(f64::INFINITY, f64::min),
+            smallest_gyration_radius: gyration.fold(f64::INFINITY, f64::min),
             integrator: model.requested.as_ref().and_then(|requested| Integrator::of_source(&requested.integrator)),
         }
     }
@@ -224,7 +226,7 @@ fn default_tolerance(contact: ContactLaw, precision: Precision, timestep: f64, s
         _ if scales.gravity > 0.0 => SHARE_OF_GRAVITY * scales.gravity.min(USUAL_GRAVITY) * timestep,
         _ => SHARE_OF_GRAVITY * USUAL_GRAVITY * timestep,
     };
-    by_gravity.min(MAX_TURN_RATE * scales.smallest_body).clamp(FINE_TOLERANCE, MAX_TOLERANCE)
+    by_gravity.min(MAX_TURN_RATE * scales.smallest_gyration_radius).clamp(FINE_TOLERANCE, MAX_TOLERANCE)
 }
 
 impl Default for Options {
@@ -387,7 +389,7 @@ impl StepSettings {
         (FINE_TOLERANCE / self.tolerance).max(1.0)
     }
 
-    /// Largest numbers of Gauss-Seidel iterations and of Newton iterations in a solve.
+    /// Limits of Gauss-Seidel iterations and of Newton iterations in a pass of a solve.
     pub fn iteration_limits(&self) -> [u32; 2] {
         match self.solver {
             Solver::Auto => [self.iterations.min(AUTO_SWEEPS), self.iterations],

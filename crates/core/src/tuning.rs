@@ -234,9 +234,10 @@ pub(crate) const CORRECTION_NEWTON_THRESHOLD: f64 = 1e-2;
 /// of stage 5.
 pub(crate) const CORRECTION_ITERATIONS: f64 = 10.0;
 
-/// Largest number of Newton iterations of an island's position correction if the tolerance is at least 1e-6 m/s.
+/// Limit of Newton iterations of an island's position correction if the tolerance is at least 1e-6 m/s; the solver makes up to six times as
+/// many.
 ///
-/// Evidence: with 5 a gripper that begins within its palm stays there, with 6 it opens (test_impossible_demands.py). Of 120 jammed pairs of
+/// Evidence, with an earlier Newton method: with 5 a gripper that begins within its palm stays there, with 6 it opens (test_impossible_demands.py). Of 120 jammed pairs of
 /// arms, 8 and 50 iterations leave the same overlaps after a second, within 0.1 %.
 pub(crate) const CORRECTION_NEWTON_STEPS: f64 = 8.0;
 

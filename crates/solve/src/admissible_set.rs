@@ -1,7 +1,7 @@
 //! Sets of admissible impulses for Newton's method, lane by lane in scalar f64, for any number of rows.
 //!
 //! A set has the residual of its natural map, and Alart and Curnier's map (1991) with its derivative. The impulses lambda are a solution if
-//! the map of `lambda - rho v` is lambda, where v are the velocities of the rows. A new type of set needs a variant in this file only.
+//! the map of `lambda - rho v` is lambda, where v are the velocities of the rows. Only `newton/response.rs` lists the types of sets too.
 
 use crate::vectors::{TILE, add_scaled, norm, tile};
 
@@ -170,7 +170,8 @@ impl AdmissibleSet {
         }
     }
 
-    /// Distance of the map's argument `x` from the boundary of the region of `mode`, N s; negative outside the region.
+    /// Measure of how far the map's argument `x` is from the boundary of the region of `mode`, N s; negative outside the region. It is linear
+    /// in the distance.
     ///
     /// The second result is true if the nearest boundary is that between sticking and slipping.
     pub(crate) fn margin(&self, mode: Mode, x: &[f64]) -> (f64, bool) {

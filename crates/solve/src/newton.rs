@@ -1,7 +1,7 @@
 //! Proximal Newton method on the exact friction law: the robust solver, for the lanes that sweeps do not bring to the tolerance.
 //!
-//! The solver treats each island (set of coupled constraints) of each lane in scalar f64. The unknown is w, whose metric is the identity.
-//! A proximal step solves
+//! The solver treats each island (set of coupled constraints) of each lane in scalar f64. The unknown is the scaled velocity change w;
+//! |w|^2 / 2 is its kinetic energy. The rows have the velocities Y w + g. A proximal step solves
 //!
 //! ```text
 //! lambda' = P(lambda - rho (Y w + g)),   w = Y^T lambda'
@@ -9,8 +9,9 @@
 //!
 //! by Newton's method, where P is the map of Alart and Curnier (Computer Methods in Applied Mechanics and Engineering 92, 1991): for a
 //! contact, the normal impulse is max(0, x_n), and the tangential one x_t, shortened to mu times the normal impulse. Fixed points
-//! `lambda' = lambda` solve the exact Coulomb problem. The steps are rho = kappa dim / trace(G_ii), where dim is the number of rows.
-//! Redundant supports do no harm, because the matrix is the identity plus a part that is positive semidefinite without slip. If many
+//! `lambda' = lambda` solve the exact Coulomb problem. The step size is rho = kappa dim / trace(G_ii), where dim is the number of rows of
+//! a constraint and G_ii its block of the Delassus matrix. Compliances are left out here.
+//! Redundant supports do no harm, because Newton's matrix is the identity plus a part that is positive semidefinite if no contact slips. If many
 //! impulses are possible, the solver finds those near the start, or those of least norm if the first step starts from zero.
 //!
 //! Convergence is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
@@ -62,7 +63,7 @@ pub struct Newton {
 pub struct Work {
     /// Number of islands (sets of coupled constraints) on which Newton's method worked.
     pub islands: u32,
-    /// Number of Newton steps. Each factorises a matrix and evaluates at most some 30 points along its direction.
+    /// Number of Newton steps. Each factorises a matrix and evaluates at most four points along its direction.
     pub steps: u32,
     /// Number of rounds of the outer loop of Newton's method. Each evaluates the problem a few times.
     pub rounds: u32,
@@ -75,7 +76,7 @@ struct LaneOutcome {
     residual: f64,
     /// Number of Newton steps.
     steps: u32,
-    /// Whether the residual of any island has become smaller or meets the tolerance.
+    /// Whether the result of any island replaces the impulses before it.
     better: bool,
 }
 
@@ -84,7 +85,8 @@ impl Newton {
     /// in a search for least norm. Lanes whose residual is not finite are always skipped.
     ///
     /// `residual` has the residual of each lane, m/s, and gets the new one. `step_counts` has numbers of Newton steps, which increase by
-    /// the steps of this call. A residual may increase, but then remains within the tolerance. If many impulses are possible, the solver
+    /// the steps of this call. A residual may increase if it remains within the tolerance, or in a search for least norm if its product with
+    /// the sum of the impulses decreases. If many impulses are possible, the solver
     /// finds those near the start, or those of least norm if the search is for these.
     pub fn solve<'a, R: Real>(
         &mut self,

@@ -1,12 +1,13 @@
 //! Outer loop of Newton's method: proximal steps of one island, from its warm start to the tolerance.
 //!
 //! A proximal step with kappa changes the impulses as if each row had the additional compliance 1 / rho, which acts on the change alone
-//! (`ProximalStep`). A long step switches too many contacts for Newton's method. A short step is a small correction, and unlike a sweep it
+//! (`ProximalStep`). With a large kappa, too many contacts change their mode for Newton's method to converge. A short step is a small correction, and unlike a sweep it
 //! moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998). Its length depends on how well Newton's method
 //! converges. Long steps from zero impulses give those of least norm (in the metric of 1/rho) if many impulses are possible.
 //!
 //! Every loop has a bound. A search makes at most [`STEPS_RATIO`] times `Search::steps` Newton steps, and as many rounds. Besides its Newton
-//! steps, each round evaluates the problem at most twice. The search ends when the longest step makes no progress.
+//! steps, each round evaluates the problem at most twice. The search ends when proximal steps with the largest
+//! kappa make no progress.
 
 use crate::newton::island::Island;
 use crate::newton::proximal_step::ProximalStep;
@@ -14,8 +15,8 @@ use stepper_real::Real;
 
 /// First kappa: the ratio of the proximal step length to the step of the natural map, the function that is zero at the solution.
 ///
-/// Measured on 107 problems of a G1, a Panda, two arms, a heap of thirty boxes and a wall: 10, 30, 100 and 300 need 5.7, 6.4, 8.1 and 9.8
-/// Newton steps for the G1, 11.5, 10.5, 12.3 and 15.7 for the wall.
+/// Measured on 107 problems of a G1, a Panda, two arms, a heap of thirty boxes and a wall: 10, 30, 100 and 300 need 5.7, 6.5, 8.1 and 9.8
+/// Newton steps for the G1, 11.5, 11.0, 12.3 and 15.7 for the wall.
 const FIRST_KAPPA: f64 = 30.0;
 /// First kappa of a search for impulses of least norm.
 const LEAST_NORM_KAPPA: f64 = 1e5;
@@ -30,7 +31,7 @@ const LAST_KAPPA: f64 = 1e6;
 const LEAST_PROGRESS: f64 = 0.9;
 /// Error of a proximal step, as a fraction of the residual before the step.
 const INNER_ERROR: f64 = 0.3;
-/// Largest number of Newton steps of a proximal step.
+/// Largest number of Newton steps of a proximal step. The step fails earlier if its error grows tenfold.
 const MOST_STEPS: u32 = 6;
 /// Largest number of Newton steps of a proximal step after which the next proximal step is longer.
 const FEW_STEPS: u32 = 3;
@@ -129,14 +130,14 @@ impl ProximalPoint {
                 Some(1) => kappa = (10.0 * kappa).min(MOST_KAPPA),
                 Some(steps) if steps <= FEW_STEPS => kappa = (3.0 * kappa).min(MOST_KAPPA),
                 Some(_) => {}
-                None if kappa <= LEAST_KAPPA => break,
+                None if kappa <= LEAST_KAPPA || is_exact => break,
                 None => kappa = (0.3 * kappa).max(LEAST_KAPPA),
             }
             inner_error = if is_exact { 0.1 * search.tolerance } else { INNER_ERROR * self.residual.max(search.tolerance) };
         }
-        // The remaining error of a sticking contact would accumulate from step to step. One more long proximal step removes nearly all of
-        // it.
-        if self.steps > 0 && self.best.residual <= search.tolerance {
+        // The remaining error of a sticking contact would accumulate from one time step to the next. One more proximal step with a large
+        // kappa removes nearly all of it.
+        if self.steps > 0 && self.steps < most_steps && self.best.residual <= search.tolerance {
             self.rounds += 1;
             self.make_step::<R>(rows, LAST_KAPPA, 0.1 * search.tolerance, most_steps.min(self.steps + LAST_STEPS));
         }
@@ -146,7 +147,7 @@ impl ProximalPoint {
 
     /// Makes a proximal step with an error of at most `enough`, m/s. Returns its number of Newton steps.
     ///
-    /// Returns `None`, and changes nothing, if Newton's method does not converge. `most_steps` limits the Newton steps of the whole search.
+    /// Returns `None`, and changes no impulse, if Newton's method does not converge. `most_steps` limits the Newton steps of the whole search.
     fn make_step<R: Real>(&mut self, rows: &mut Island, kappa: f64, enough: f64, most_steps: u32) -> Option<u32> {
         self.step.kappa = kappa;
         self.before.save(rows, self.residual);

@@ -172,11 +172,11 @@ impl ProximalStep {
 
 /// Largest number of coordinates of an island whose matrix is factorised with pivoting if the skyline factorisation fails.
 ///
-/// The skyline factorisation accepts pivots of either sign, and fails if a pivot is too small. With pivoting in every step instead, 280
-/// problems of robots, grasps and heaps, and 29 of a wall hit by a ball, take the same number of steps.
+/// The skyline factorisation accepts pivots of either sign, and fails if a pivot is too small. With pivoting in every step of an earlier
+/// method, 280 problems of robots, grasps and heaps, and 29 of a wall hit by a ball, took the same number of steps.
 const LARGEST_DENSE: usize = 256;
-/// Smallest length of a step, as a fraction of the full Newton step. The search halves the length until the
-/// error decreases.
+/// Smallest length of a step, as a fraction of the full Newton step. The search halves the length until the error decreases, and takes the
+/// smallest length all the same.
 const LEAST_LENGTH: f64 = 0.125;
 
 /// Factors in the argument c lambda - rho v of a constraint's map: factor c of the impulse lambda, and step rho of the velocity v.

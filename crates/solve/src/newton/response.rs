@@ -457,7 +457,7 @@ impl LaneResponse {
 }
 
 /// Step rho of a constraint's natural map lambda - P_K(lambda - rho u), kg: number of rows divided by the trace of its block of the
-/// Delassus matrix, compliance included. The residual uses the same step. Here lambda is the impulse, u the velocity, and P_K the
+/// Delassus matrix, compliance included. Here lambda is the impulse, u the velocity, and P_K the
 /// projection on the admissible impulses. The map is zero at the solution.
 fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
     let (_, entries) = lane.entries(block);

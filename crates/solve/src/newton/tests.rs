@@ -51,7 +51,7 @@ fn equalities_hold_and_compliance_gives() {
     }
     let result = newton.solve_lane::<f64>(SEARCH);
     assert!(result.residual <= 1e-11, "{}", result.residual);
-    // A linear problem: proximal steps of one Newton step each, with kappa 1e2, 1e3, 1e4, 1e5, and one to polish.
+    // A linear problem: proximal steps of one Newton step each, with kappa 3e1, 3e2, 3e3, 3e4, and one to polish.
     assert!(result.steps <= 5, "{}", result.steps);
     assert!(velocities(&newton.lane).iter().all(|v| v.abs() <= 1e-10));
     assert!(newton.lane.lambda.iter().all(|l| l.abs() > 1e-3));

@@ -92,7 +92,7 @@ mod tests {
     use crate::options::{ModelScales, Options, StepSettings};
 
     fn settings(timestep: f64) -> StepSettings {
-        let scales = ModelScales { timestep, gravity: 9.81, smallest_body: f64::INFINITY, integrator: None };
+        let scales = ModelScales { timestep, gravity: 9.81, smallest_gyration_radius: f64::INFINITY, integrator: None };
         Options::default().resolve(&scales, Precision::F64).unwrap()
     }
 

@@ -135,7 +135,7 @@ def scene_times(name: str, precision: Any, num_envs: int) -> Callable[[int], dic
     scene = next((scene for scene in scenes.ALL if scene.name == name), None)
     if scene is None:
         raise SystemExit(f"no scene is called {name!r}: python -m many_contacts --list")
-    # Each build has a file of its own, so that none reads what the other writes.
+    # Each process writes another file, so that none reads what the other writes.
     file = Path(f"out/versions/{os.getpid()}/{name.replace(' ', '_')}.xml")
     play = measure.player(scene, assets.written(scene.spec(assets.Assets(Path("out/corpus"))), file), num_envs, precision)
     return lambda _: play()

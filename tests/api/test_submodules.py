@@ -26,7 +26,7 @@ def test_every_folder_is_an_attribute():
 def test_importing_stepper_imports_none_that_is_slow():
     """The binary and what belongs to its classes. `python tests/helpers/wheel.py` measures the time."""
     found = said("-c", "import stepper, sys; print(*sorted(name for name in sys.modules if name.startswith('stepper')))")
-    assert found.split() == ["stepper", "stepper._options", "stepper._status", "stepper._stepper"]
+    assert found.split() == ["stepper", "stepper._hints", "stepper._options", "stepper._status", "stepper._stepper"]
 
 
 @pytest.mark.parametrize("name", ["ActuatorModel", "ModelWarning", "SensorModel", "load"])

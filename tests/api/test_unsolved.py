@@ -149,8 +149,8 @@ def test_a_rejected_step_has_an_infinite_residual_and_names_its_cause():
 
 def test_iterations_include_newton_steps():
     swept, both = stack(solver="pgs"), stack(solver="newton")
-    swept.step(nstep=5)
-    both.step(nstep=5)
+    swept.step()
+    both.step()
     assert swept.iterations > 0 and swept.newton_steps == 0
     assert both.iterations > both.newton_steps > 0
     for sim in (swept, both):

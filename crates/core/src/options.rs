@@ -113,13 +113,13 @@ pub struct Options {
     pub error: Option<f64>,
     /// Solver of the constraint problem.
     pub solver: Solver,
-    /// Limit of Gauss-Seidel iterations (sweeps) in each pass of the solver, and of Newton iterations for each island of an environment, of
-    /// which a pass makes up to six times this number.
+    /// Limit of Gauss-Seidel iterations (sweeps) in each pass of the solver. Of Newton iterations, a pass makes up to six times this number
+    /// for each island of an environment.
     ///
     /// [`Solver::Auto`] makes at most 50 sweeps a pass, and at most 25 before the first Newton iteration.
     pub iterations: u32,
-    /// Largest residual at which the solver stops, m/s. `None` selects the smallest of three speeds, but at least 1e-6 m/s: 1e-4 m/s, 0.6 %
-    /// of the velocity that gravity adds in a step, and 0.006 rad/s times the radius of gyration of the smallest body with a free joint.
+    /// Largest residual at which the solver stops, m/s. `None` selects the smallest of three speeds, but at least 1e-6 m/s. They are 1e-4
+    /// m/s, 0.6 % of the velocity that gravity adds in a step, and 0.006 rad/s times the radius of gyration of the smallest free body.
     ///
     /// There are two exceptions. Hard contact in 32 bits ignores gravity, and MuJoCo's contact law in 64 bits has 1e-6 m/s.
     pub tolerance: Option<f64>,

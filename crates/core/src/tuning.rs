@@ -237,8 +237,8 @@ pub(crate) const CORRECTION_ITERATIONS: f64 = 10.0;
 /// Limit of Newton iterations of an island's position correction if the tolerance is at least 1e-6 m/s; the solver makes up to six times as
 /// many.
 ///
-/// Evidence, with an earlier Newton method: with 5 a gripper that begins within its palm stays there, with 6 it opens (test_impossible_demands.py). Of 120 jammed pairs of
-/// arms, 8 and 50 iterations leave the same overlaps after a second, within 0.1 %.
+/// Evidence, with an earlier Newton method: with 5 a gripper that begins within its palm stays there, with 6 it opens
+/// (test_impossible_demands.py). Of 120 jammed pairs of arms, 8 and 50 iterations leave the same overlaps after a second, within 0.1 %.
 pub(crate) const CORRECTION_NEWTON_STEPS: f64 = 8.0;
 
 /// Largest speed of a position correction, as a multiple of `max_correction_speed`. The speed divided by [`CORRECTION_ARM`] is the largest

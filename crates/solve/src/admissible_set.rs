@@ -25,7 +25,8 @@ pub enum AdmissibleSet {
 impl AdmissibleSet {
     /// Impulses by Alart and Curnier's map for the argument `x`, N s or N m s; written to `z`.
     ///
-    /// For a cone, the normal impulse is `max(0, x_n)`. The tangential one is `x_t`, shortened to mu times the normal impulse if it is longer.
+    /// For a cone, the normal impulse is `max(0, x_n)`. The tangential one is `x_t`, shortened to mu times the normal impulse if it is
+    /// longer.
     #[inline(always)]
     pub(crate) fn map(&self, x: &[f64], z: &mut [f64]) {
         match *self {
@@ -170,8 +171,8 @@ impl AdmissibleSet {
         }
     }
 
-    /// Measure of how far the map's argument `x` is from the boundary of the region of `mode`, N s; negative outside the region. It is linear
-    /// in the distance.
+    /// Measure of how far the map's argument `x` is from the boundary of the region of `mode`, N s; negative outside the region. It is
+    /// linear in the distance.
     ///
     /// The second result is true if the nearest boundary is that between sticking and slipping.
     pub(crate) fn margin(&self, mode: Mode, x: &[f64]) -> (f64, bool) {

@@ -7,12 +7,12 @@
 //! lambda' = P(lambda - rho (Y w + g)),   w = Y^T lambda'
 //! ```
 //!
-//! by Newton's method, where P is the map of Alart and Curnier (Computer Methods in Applied Mechanics and Engineering 92, 1991): for a
-//! contact, the normal impulse is max(0, x_n), and the tangential one x_t, shortened to mu times the normal impulse. Fixed points
+//! by Newton's method, where P is the map of Alart and Curnier (Computer Methods in Applied Mechanics and Engineering 92, 1991). For a
+//! contact, the normal impulse is max(0, x_n). The tangential one is x_t, shortened to mu times the normal impulse. Fixed points
 //! `lambda' = lambda` solve the exact Coulomb problem. The step size is rho = kappa dim / trace(G_ii), where dim is the number of rows of
-//! a constraint and G_ii its block of the Delassus matrix. Compliances are left out here.
-//! Redundant supports do no harm, because Newton's matrix is the identity plus a part that is positive semidefinite if no contact slips. If many
-//! impulses are possible, the solver finds those near the start, or those of least norm if the first step starts from zero.
+//! a constraint and G_ii its block of the Delassus matrix. Compliances are left out here. Redundant supports do no harm, because Newton's
+//! matrix is the identity plus a part that is positive semidefinite if no contact slips. If many impulses are possible, the solver finds
+//! those near the start, or those of least norm if the first step starts from zero.
 //!
 //! Convergence is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
 
@@ -58,7 +58,8 @@ pub struct Newton {
 
 /// Effort of the last call of Newton's method, in all its lanes and islands together.
 ///
-/// With a limit of n steps, there are at most [`STEPS_RATIO`] n Newton steps and as many rounds per island. These limits bound the time for which other lanes wait.
+/// With a limit of n steps, there are at most [`STEPS_RATIO`] n Newton steps and as many rounds per island. These limits bound the time for
+/// which other lanes wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Number of islands (sets of coupled constraints) on which Newton's method worked.
@@ -85,9 +86,9 @@ impl Newton {
     /// in a search for least norm. Lanes whose residual is not finite are always skipped.
     ///
     /// `residual` has the residual of each lane, m/s, and gets the new one. `step_counts` has numbers of Newton steps, which increase by
-    /// the steps of this call. A residual may increase if it remains within the tolerance, or in a search for least norm if its product with
-    /// the sum of the impulses decreases. If many impulses are possible, the solver
-    /// finds those near the start, or those of least norm if the search is for these.
+    /// the steps of this call. A residual may increase if it remains within the tolerance, or in a search for least norm if its product
+    /// with the sum of the impulses decreases. If many impulses are possible, the solver finds those near the start, or those of least norm
+    /// if the search is for these.
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,

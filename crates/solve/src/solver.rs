@@ -19,8 +19,8 @@ pub struct Settings<R> {
     /// Largest number of sweeps (Gauss-Seidel iterations) in each pass. A pass is a number of sweeps followed by Newton steps. A lane that
     /// sweeps makes at least one sweep.
     pub sweeps: u32,
-    /// Limit of Newton steps in each pass, per island: they are at most [`STEPS_RATIO`](crate::newton::STEPS_RATIO) times this number. A pass
-    /// is a number of sweeps followed by Newton steps. With 0, Newton's method is not used.
+    /// Limit of Newton steps in each pass, per island: they are at most [`STEPS_RATIO`](crate::newton::STEPS_RATIO) times this number. A
+    /// pass is a number of sweeps followed by Newton steps. With 0, Newton's method is not used.
     pub newton_steps: u32,
     /// Residual at which a lane is solved, m/s.
     pub tolerance: R,
@@ -83,8 +83,9 @@ const MAX_SLIP_RATIO: f64 = 10.0;
 /// The two methods give each other a better start: sweeps find which contacts slip, and Newton's method solves problems with very different
 /// masses.
 ///
-/// Measured with an earlier Newton method on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps. With one, two and three passes between the
-/// first and the last, 0.17, 0.16 and 0.11 % of the racecar's steps are unsolved, and 0.27, 0.06 and 0.06 % of the doggo's.
+/// Measured with an earlier Newton method on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps. With one, two
+/// and three passes between the first and the last, 0.17, 0.16 and 0.11 % of the racecar's steps are unsolved, and 0.27, 0.06 and 0.06 % of
+/// the doggo's.
 pub const PASSES: usize = 4;
 
 /// Largest number of sweeps of the first pass, if Newton's method may follow. The other lanes of a group wait for lanes that need more.

@@ -211,8 +211,8 @@ impl Island {
     }
 }
 
-/// Dot products of `N` rows with the numbers of `x` in the tiles `tiles` (four consecutive numbers each). The rows are in `y`, one after the
-/// other. Of each product, four partial sums are added at the end, so that additional tiles of zeros would change nothing.
+/// Dot products of `N` rows with the numbers of `x` in the tiles `tiles` (four consecutive numbers each). The rows are in `y`, one after
+/// the other. Of each product, four partial sums are added at the end, so that additional tiles of zeros would change nothing.
 #[inline(always)]
 fn multiply_rows<const N: usize>(y: &[f64], tiles: &[usize], x: &[f64]) -> [f64; N] {
     let mut sums = [[0.0; TILE]; N];

@@ -1,13 +1,14 @@
 //! Outer loop of Newton's method: proximal steps of one island, from its warm start to the tolerance.
 //!
 //! A proximal step with kappa changes the impulses as if each row had the additional compliance 1 / rho, which acts on the change alone
-//! (`ProximalStep`). With a large kappa, too many contacts change their mode for Newton's method to converge. A short step is a small correction, and unlike a sweep it
-//! moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998). Its length depends on how well Newton's method
-//! converges. Long steps from zero impulses give those of least norm (in the metric of 1/rho) if many impulses are possible.
+//! (`ProximalStep`). With a large kappa, too many contacts change their mode for Newton's method to converge. A short step is a small
+//! correction, and unlike a sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998). Its length depends
+//! on how well Newton's method converges. Long steps from zero impulses give those of least norm (in the metric of 1/rho) if many impulses
+//! are possible.
 //!
-//! Every loop has a bound. A search makes at most [`STEPS_RATIO`] times `Search::steps` Newton steps, and as many rounds. Besides its Newton
-//! steps, each round evaluates the problem at most twice. The search ends when proximal steps with the largest
-//! kappa make no progress.
+//! Every loop has a bound. A search makes at most [`STEPS_RATIO`] times `Search::steps` Newton steps, and as many rounds. Besides its
+//! Newton steps, each round evaluates the problem at most twice. The search ends when proximal steps with the largest kappa make no
+//! progress.
 
 use crate::newton::island::Island;
 use crate::newton::proximal_step::ProximalStep;
@@ -47,8 +48,9 @@ pub struct Search<T> {
     pub steps: u32,
     /// Residual at which the search stops, m/s.
     pub tolerance: T,
-    /// Whether the search is for impulses of least norm (in the metric of 1/rho). They do not depend on the initial impulses or on the order
-    /// of the rows. They meet the tolerance, or reduce the residual or its product with the sum of all impulses (a bound of the energy error).
+    /// Whether the search is for impulses of least norm (in the metric of 1/rho). They do not depend on the initial impulses or on the
+    /// order of the rows. They meet the tolerance, or reduce the residual or its product with the sum of all impulses (a bound of the
+    /// energy error).
     pub least_norm: bool,
 }
 
@@ -147,7 +149,8 @@ impl ProximalPoint {
 
     /// Makes a proximal step with an error of at most `enough`, m/s. Returns its number of Newton steps.
     ///
-    /// Returns `None`, and changes no impulse, if Newton's method does not converge. `most_steps` limits the Newton steps of the whole search.
+    /// Returns `None`, and changes no impulse, if Newton's method does not converge. `most_steps` limits the Newton steps of the whole
+    /// search.
     fn make_step<R: Real>(&mut self, rows: &mut Island, kappa: f64, enough: f64, most_steps: u32) -> Option<u32> {
         self.step.kappa = kappa;
         self.before.save(rows, self.residual);

@@ -228,6 +228,22 @@ def test_calibrate_a_study(tmp_path: Path) -> None:
     assert len(again.table) == rows
 
 
+def test_given_tolerances_are_certified_without_a_search(tmp_path: Path) -> None:
+    """Tolerances that are fine enough get a certificate for exactly these, and those of a set without the slope get none."""
+    found = lab.calibrate(toy(), tmp_path, margin=0.3, samples=16, worlds=93, tolerances={"wind": 0.02, "slope": 0.01})
+    assert found.holds
+    assert {own.name: own.tolerance for own in found.parameters} == pytest.approx({"wind": 0.02, "slope": 0.01})
+    assert len(found.certificates) == 1
+    assert found.certificates[0].confidence == 0.95
+    assert "given, not searched" in (tmp_path / "toy/calibrate.md").read_text()
+    without = lab.calibrate(toy(), tmp_path, margin=0.3, samples=16, worlds=93, tolerances={"wind": 0.02})
+    # The slope alone decides in which of the worlds around the threshold success ends.
+    assert not without.holds
+    for tolerances, text in (({"gust": 0.1}, "no parameters that vary"), ({"wind": 0.0}, "tolerance of wind")):
+        with pytest.raises(ValueError, match=text):
+            lab.calibrate(toy(), tmp_path, margin=0.3, samples=16, worlds=93, tolerances=tolerances)
+
+
 def test_calibrate_a_number(tmp_path: Path) -> None:
     """Without a condition of success, errors of episodes do not cancel: a parameter that acts with opposite signs must be measured."""
     outcome = lab.Outcome(

@@ -27,12 +27,9 @@ def main() -> None:
     if given.data is None:
         parser.error("no data: give the folder that has cube_toss/cube_toss.npz with --data (make reality DATA=FOLDER)")
 
-    def both(engine: Any, experiment: cube.Experiment) -> list[Any]:
-        return [row for fit in (False, True) for row in cube.measured(engine, given.data, nuisances=fit, experiment=experiment)]
-
     runs: list[tuple[str, Any, Callable[[Any], list[Any]]]] = [
-        ("cube_toss", engines.engines, lambda engine: both(engine, cube.CUBE)),
-        ("elbow_toss", elbow.engines, lambda engine: both(engine, elbow.ELBOW)),
+        ("cube_toss", engines.engines, lambda engine: list(cube.measured(engine, given.data))),
+        ("elbow_toss", elbow.engines, lambda engine: list(cube.measured(engine, given.data, elbow.ELBOW))),
         ("multiarm_pendulum", lambda: pendulum.ENGINES, lambda engine: list(pendulum.measured(engine, given.data))),
     ]
 

@@ -5,14 +5,14 @@ B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world im
 published fits used all tosses; here the half with even numbers is fitted, and the odd half is predicted.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from stepper.lab.calibration.fit import bootstrap, fit
+from stepper.lab.calibration.fit import Fit, bootstrap, fit
 
 from reality.engines import Table, TossEngine
 from reality.recordings import HALF, PERIOD, Toss, cube_tosses, free_fall, turn
@@ -45,6 +45,8 @@ class Experiment:
         bounds: Bounds of fitted parameters of the object by their name in `table`.
         nuisances: Bounds of fitted nuisances by their name in `table`.
         samples: Number of samples of a toss in its mean error and in fits; None uses all.
+        draws, rounds: Number of draws per round, and of rounds, of a fit.
+        continued: Whether a fit with nuisances starts at the fit without them.
     """
 
     name: str
@@ -56,29 +58,47 @@ class Experiment:
     nuisances: dict[str, tuple[float, float]]
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
     samples: int | None = None
+    draws: int = 16
+    rounds: int = 5
+    continued: bool = False
 
     def errors(self, poses: Array, tosses: Sequence[Toss]) -> tuple[Array, Array, Array]:
         """Error, distance (m) and angle (rad) of simulated poses at each sample, (tosses, samples) each; NaN after the end of a toss.
 
-        All three are means over the bodies.
+        All three are means over the bodies. They are infinite where the simulation diverged.
         """
-        error, far, angle = (np.full(poses.shape[:2], np.nan) for _ in range(3))
-        for k, toss in enumerate(tosses):
-            n, real = len(toss.pose), self.bodies(toss.pose)
-            made = self.bodies(poses[k, :n])
-            distance, turned = np.linalg.norm(made[..., :3] - real[..., :3], axis=-1), turn(made[..., 3:], real[..., 3:])
-            error[k, :n] = (distance**2 / self.size + turned**2).mean(axis=1)
-            far[k, :n], angle[k, :n] = distance.mean(axis=1), turned.mean(axis=1)
-        return error, far, angle
+        recorded = np.full(poses.shape, np.nan)
+        for toss, row in zip(tosses, recorded, strict=True):
+            row[: len(toss.pose)] = toss.pose
+        real, made = self.bodies(recorded), self.bodies(poses)
+        distance, turned = np.linalg.norm(made[..., :3] - real[..., :3], axis=-1), turn(made[..., 3:], real[..., 3:])
+        diverged = ~np.isnan(recorded).any(axis=-1) & np.isnan(poses).any(axis=-1)
+        distance[diverged], turned[diverged] = np.inf, np.inf
+        return (distance**2 / self.size + turned**2).mean(axis=-1), distance.mean(axis=-1), turned.mean(axis=-1)
 
 
 CUBE = Experiment("cube_toss", HALF, Table, cube_tosses, free_fall, lambda pose: pose[..., None, :], OFFSETS)
 
 
 def fitted(
-    engine: TossEngine, tosses: Sequence[Toss], gravity: float, *, nuisances: bool, experiment: Experiment = CUBE
-) -> tuple[dict[str, float], Table, dict[str, float], int]:
-    """Parameters of an engine, the model, and its fitted parameters, that fit tosses best; and the number of evaluations."""
+    engine: TossEngine,
+    tosses: Sequence[Toss],
+    gravity: float,
+    *,
+    nuisances: bool,
+    start: Array | None = None,
+    experiment: Experiment = CUBE,
+) -> tuple[dict[str, float], Table, dict[str, float], Fit]:
+    """Parameters of an engine, the model, and its fitted parameters, that fit tosses best; and the fit.
+
+    Args:
+        engine: The engine.
+        tosses: The tosses.
+        gravity: Gravity, m/s^2.
+        nuisances: Whether to fit the nuisances too.
+        start: Values of a fit without nuisances, at which the search starts; None searches everywhere.
+        experiment: The experiment.
+    """
     extra = {**experiment.bounds, **(experiment.nuisances if nuisances else {})}
     bounds = {**engine.bounds, **extra}
     count, some = len(engine.bounds), tosses[:: engine.stride]
@@ -93,20 +113,35 @@ def fitted(
         return np.array([np.nanmean(experiment.errors(poses, some)[0], axis=1).mean() for poses in simulated])
 
     low, high = np.array(list(bounds.values())).T
-    found = fit(loss, low, high, samples=16, rounds=5)
-    return *parts(found.values), found.evaluations
+    if start is not None:
+        nominal = [getattr(experiment.table(), name) for name in experiment.nuisances]
+        start = np.clip(np.r_[start, nominal], low, high)
+    found = fit(loss, low, high, samples=experiment.draws, rounds=experiment.rounds, start=start)
+    return *parts(found.values), found
 
 
-def measured(engine: TossEngine, folder: Path, *, nuisances: bool, experiment: Experiment = CUBE, progress: Any = print) -> Iterator[Row]:
-    """Rows of an engine: fit of the even tosses, errors of both halves at each time step, errors against time since the first contact."""
+def measured(engine: TossEngine, folder: Path, experiment: Experiment = CUBE, progress: Any = print) -> Iterator[Row]:
+    """Rows of an engine, without nuisances and with them: fit of the even tosses, errors of both halves at each time step.
+
+    Errors against time since the first contact follow.
+    """
+    start = None
+    for nuisances in (False, True):
+        start = yield from _measured(engine, folder, start, nuisances=nuisances, experiment=experiment, progress=progress)
+
+
+def _measured(
+    engine: TossEngine, folder: Path, start: Array | None, *, nuisances: bool, experiment: Experiment, progress: Any
+) -> Generator[Row, None, Array | None]:
+    """Rows of an engine with nuisances or without them. Returns the values at which the next fit starts."""
     even = np.arange(0, len(experiment.tosses(folder, Table().gravity)), 2)
     gravity = experiment.gravity(folder, even) if nuisances else Table().gravity
     every = experiment.tosses(folder, gravity)
-    values, table, extra, evaluations = fitted(engine, every[::2], gravity, nuisances=nuisances, experiment=experiment)
+    values, table, extra, found = fitted(engine, every[::2], gravity, nuisances=nuisances, start=start, experiment=experiment)
     told = values | ({"gravity": gravity} if nuisances else {}) | extra
     about = {"engine": engine.name, "nuisances": "fitted" if nuisances else "none"}
     text = "; ".join(f"{name} {value:.4g}" for name, value in told.items())
-    progress(f"{engine.name}: {text} ({evaluations} evaluations)")
+    progress(f"{engine.name}: {text} (loss {found.loss:.5f}, {found.evaluations} evaluations)")
     for half, tosses in (("fitted", every[::2]), ("held out", every[1::2])):
         for substeps in REFINED:
             error, far, angle = experiment.errors(engine.poses(values, table, tosses, substeps), tosses)
@@ -132,3 +167,4 @@ def measured(engine: TossEngine, folder: Path, *, nuisances: bool, experiment: E
                 "distance_percent": 100.0 * far[inside, at[inside]].mean() / (2.0 * experiment.size),
                 "angle_deg": np.degrees(angle[inside, at[inside]].mean()), "parameters": text,
             }  # fmt: skip
+    return found.values if experiment.continued else None

@@ -8,14 +8,11 @@ from atlas.mjcf import numbers
 from stepper.lab.engines import MujocoEngine
 
 from reality.cube import Experiment
-from reality.engines import SOFT, OfAtlas, Table, TossEngine
+from reality.engines import Compliant, OfAtlas, Table, TossEngine
 from reality.recordings import ELBOW_CENTRE, ELBOW_HALF, ELBOW_HINGE, PERIOD, elbow_bodies, elbow_tosses
 
 MASS, INERTIA = 0.37, 0.0006167
 """Mass of a link, kg, and its moments of inertia, kg m^2, as published: nominal values, not measured ones."""
-
-STRIDE = 4
-"""Every how many-th toss of the even half is fitted."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +54,12 @@ ELBOW = Experiment(
     elbow_tosses,
     lambda folder, which: float(np.median([toss.fall for toss in np.array(elbow_tosses(folder), object)[which]])),
     elbow_bodies,
-    {"offset": (-0.003, 0.001), "radius": (0.0005, 0.006), "inertia": (0.3, 1.5)},
-    {"hinge_damping": (0.0, 0.002), "hinge_friction": (0.0, 0.005)},
+    {"offset": (-0.003, 0.003), "radius": (0.0005, 0.006), "inertia": (0.3, 1.5)},
+    {"hinge_damping": (0.0, 0.006), "hinge_friction": (0.0, 0.015)},
     samples=2 + round(0.1 / PERIOD),
+    draws=32,
+    rounds=16,
+    continued=True,
 )
 """Tosses of the elbow. Errors are those of the first 0.1 s after the first contact."""
 
@@ -68,11 +68,11 @@ def engines() -> list[TossEngine]:
     """Engines that toss the elbow."""
     friction = {"friction": (0.05, 0.5)}
     return [
-        OfAtlas("stepper", friction | {"restitution": (0.0, 0.5)}, STRIDE, Stepper("stepper")),
+        OfAtlas("stepper", friction | {"restitution": (0.0, 0.5)}, engine=Stepper("stepper")),
+        Compliant("stepper, compliant table", friction | {"log stiffness": (2.5, 5.5), "log damping": (0.3, 3.0)}),
         OfAtlas(
             "MuJoCo, elliptic cone",
-            friction | SOFT | {"impedance": (0.5, 0.98)},
-            STRIDE,
-            Mujoco("MuJoCo", MujocoEngine("elliptic", cone="ELLIPTIC")),
+            friction | {"log stiffness": (3.0, 6.5), "log damping": (1.0, 3.7), "impedance": (0.1, 0.98)},
+            engine=Mujoco("MuJoCo", MujocoEngine("elliptic", cone="ELLIPTIC")),
         ),
     ]

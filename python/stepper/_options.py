@@ -71,7 +71,8 @@ class Options:
         tolerance: Largest residual at which the solver stops, m/s. The residual is the error of the contact conditions, expressed as a
             velocity (natural map). None uses 0.6 % of the velocity that gravity adds in a step, from 1e-6 to 1e-4. The relative
             error of contact forces then does not grow with shorter steps. Hard contact with precision="f32" uses 1e-4. In both
-            precisions, the default is at most 0.006 rad/s times the radius of gyration of the smallest free body. It is at least 1e-6. contact="mujoco" with "f64" uses 1e-6.
+            precisions, it is at most 0.006 rad/s times the radius of gyration of the smallest free body, but at least 1e-6. The setting
+            contact="mujoco" with "f64" uses 1e-6.
         rtol: Factor of the speed of the environment's fastest degree of freedom before the step (its number in rad/s or m/s). The
             solver stops at the smaller of `rtol` times this speed and `tolerance`, so that environments at rest do not creep. With
             precision="f32", rounding limits this to environments in which a free body has three contacts with another. A large

@@ -205,7 +205,7 @@ def shaken_part(half: float, force: float) -> str:
 def test_a_small_part_is_held_or_flagged(precision, timestep, half):
     """A part of 0.4 to 2 mm that is shaken for 3 s with at most 6 m/s^2 moves by less than 1 % of its size, or NOT_CONVERGED is set.
 
-    In f64 no flag is allowed; in f32 one is allowed below 2 mm, because rounding in f32 can leave a larger residual than the default tolerance.
+    In f64 no flag is allowed. In f32 one is allowed below 2 mm, because rounding can leave a larger residual than the default tolerance.
     """
     for force in (0.1, 1.0):
         sim = stepper.Stepper(stepper.load(shaken_part(half, force)), options=stepper.Options(timestep=timestep), precision=precision)

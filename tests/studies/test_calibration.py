@@ -144,6 +144,24 @@ def test_fit_finds_the_bottom_of_a_rough_loss() -> None:
         fit(lambda samples: np.full(len(samples), np.nan), np.zeros(2), np.ones(2))
 
 
+def test_a_fit_that_starts_at_given_values_is_never_worse() -> None:
+    """The search improves a start beside the bottom, and keeps a start in a hole that it cannot find, 0.001 wide."""
+    start, hole = np.array([0.4, 0.25, 0.3]), np.array([0.8, 0.9, 0.7])
+
+    def bowl(samples: Array) -> Array:
+        return np.asarray(((samples - 0.3) ** 2).sum(axis=1))
+
+    def deep(samples: Array) -> Array:
+        return bowl(samples) - 2.0 * (np.abs(samples - hole).max(axis=1) < 0.0005)
+
+    for seed in range(10):
+        improved = fit(bowl, np.zeros(3), np.ones(3), seed=seed, start=start)
+        assert improved.loss < 0.5 * bowl(start[None])[0]
+        kept = fit(deep, np.zeros(3), np.ones(3), seed=seed, start=hole)
+        assert np.array_equal(kept.values, hole)
+        assert kept.loss == deep(hole[None])[0]
+
+
 def test_bootstrap_covers_the_mean() -> None:
     """95 % intervals of the mean of 50 normal numbers cover it in 89 to 99 % of 200 samples, four standard errors around 94 %."""
     rng = np.random.default_rng(0)
@@ -208,6 +226,22 @@ def test_calibrate_a_study(tmp_path: Path) -> None:
     again = lab.calibrate(repeated, tmp_path, margin=0.3, samples=32, worlds=93, tries=2)
     assert again.document.markdown() == found.document.markdown()
     assert len(again.table) == rows
+
+
+def test_given_tolerances_are_certified_without_a_search(tmp_path: Path) -> None:
+    """Tolerances that are fine enough get a certificate for exactly these, and those of a set without the slope get none."""
+    found = lab.calibrate(toy(), tmp_path, margin=0.3, samples=16, worlds=93, tolerances={"wind": 0.02, "slope": 0.01})
+    assert found.holds
+    assert {own.name: own.tolerance for own in found.parameters} == pytest.approx({"wind": 0.02, "slope": 0.01})
+    assert len(found.certificates) == 1
+    assert found.certificates[0].confidence == 0.95
+    assert "given, not searched" in (tmp_path / "toy/calibrate.md").read_text()
+    without = lab.calibrate(toy(), tmp_path, margin=0.3, samples=16, worlds=93, tolerances={"wind": 0.02})
+    # The slope alone decides in which of the worlds around the threshold success ends.
+    assert not without.holds
+    for tolerances, text in (({"gust": 0.1}, "no parameters that vary"), ({"wind": 0.0}, "tolerance of wind")):
+        with pytest.raises(ValueError, match=text):
+            lab.calibrate(toy(), tmp_path, margin=0.3, samples=16, worlds=93, tolerances=tolerances)
 
 
 def test_calibrate_a_number(tmp_path: Path) -> None:

@@ -176,6 +176,10 @@ def calibrate(
             min=1, help="Number of recordings to fit: the first episodes of a study whose episodes are recordings. The others check."
         ),
     ] = None,
+    measured: Annotated[
+        list[str] | None,
+        typer.Option(help="Tolerance of a measurement, 'friction=0.01' in its unit, to certify without a search. Repeat it for more."),
+    ] = None,
     parameter: Varied = None,
     setting: Setting = USUAL,
     seed: Seed = None,
@@ -199,9 +203,22 @@ def calibrate(
             )  # fmt: skip
         else:
             found = lab.calibrate(
-                own, out, margin=margin, samples=samples, worlds=worlds, tries=tries, parameters=names, setting=setting, progress=progress
-            )
+                own, out, margin=margin, samples=samples, worlds=worlds, tries=tries, parameters=names,
+                tolerances=_tolerances(measured), setting=setting, progress=progress,
+            )  # fmt: skip
     show(found)
+
+
+def _tolerances(texts: list[str] | None) -> dict[str, float] | None:
+    """Tolerances by parameter, of texts such as "friction=0.01"; None without texts."""
+    found = {}
+    for text in texts or ():
+        name, _, value = text.rpartition("=")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise typer.BadParameter(f"--measured is {text!r}, must be NAME=TOLERANCE, such as 'friction=0.01'") from None
+    return found or None
 
 
 def explain(

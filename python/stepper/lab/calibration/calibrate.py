@@ -72,6 +72,7 @@ class Calibration:
         table: Table of all episodes.
         document: The report.
         files: Files that were written.
+        searched: Whether the set and its tolerances were searched, not given.
     """
 
     study: Study
@@ -85,6 +86,7 @@ class Calibration:
     table: Table
     document: Document
     files: tuple[Path, ...]
+    searched: bool = True
 
     @property
     def holds(self) -> bool:
@@ -144,6 +146,7 @@ def calibrate(
     worlds: int = 208,
     tries: int = 3,
     parameters: Sequence[str] | None = None,
+    tolerances: Mapping[str, float] | None = None,
     setting: str = USUAL,
     progress: ProgressCallback | None = None,
 ) -> Calibration:
@@ -162,6 +165,8 @@ def calibrate(
         worlds: Number of worlds of each certificate, of the search, and of the proof of minimality.
         tries: Largest number of certificates that are tried. The probability of an error is divided among them.
         parameters: Names, or selectors with a range; None selects all parameters with low and high.
+        tolerances: Tolerances of measurements by parameter, in its unit. They get the certificate, in one try, without a search. None
+            searches the set and its tolerances.
         setting: Name of the settings.
         progress: Progress callback with a text and the fraction done.
 
@@ -170,13 +175,15 @@ def calibrate(
         the files of `rank`.
 
     Raises:
-        ValueError: As in `rank`; or the margin is not above 0; or there are too few worlds for a certificate; or no tolerance passes.
+        ValueError: As in `rank`; or the margin is not above 0; or there are too few worlds for a certificate; or no tolerance passes; or a
+            tolerance is given for an unknown parameter, or is not above 0.
         MissingPackageError: SciPy is not installed.
     """
     study = study_of(study)
     check_number("margin", margin, above=0.0)
     check_whole("tries", tries, least=1)
     check_whole("worlds", worlds, least=1)
+    tries = tries if tolerances is None else 1
     if worlds < (least := worlds_for(0, tries)):
         raise ValueError(
             f"worlds is {worlds}, must be at least {least} for a certificate with {tries} tries: give more worlds or fewer tries"
@@ -185,6 +192,7 @@ def calibrate(
     study, names = ranking.study, [entry.parameter for entry in ranking.ranks]
     check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
     space = _space(study, names)
+    given = None if tolerances is None else _fractions(tolerances, names, space)
     importance = np.array([entry.total for entry in ranking.ranks])
     with Results(study, out) as results:
         at = progress or (lambda *_: None)
@@ -192,19 +200,17 @@ def calibrate(
         comparison = Comparison(study, names, setting, results.journal, lambda n: at(f"calibrate {study.name}", min(0.99, n / expected)))
         rng = np.random.default_rng([study.seed, _SEARCH])
         search = Search(comparison, space, margin, importance, count=worlds, rng=rng)
-        chosen, tolerances, certificates = _certified(search, study.seed, worlds, tries)
+        chosen, fractions, certificates = _certified(search, study.seed, worlds, tries, given)
         last = certificates[-1].trial
         fresh = space.draw(np.random.default_rng([study.seed, _CERTIFICATE, len(certificates)]), worlds)
         nominal = last if not chosen else search.trial(np.full(len(names), UNMEASURED), *fresh)
         proof = space.draw(np.random.default_rng([study.seed, _MINIMALITY]), worlds)
         widths = space.high - space.low
-        required = tuple(
-            MeasuredParameter(names[k], float(tolerances[k] * widths[k]), search.weaker(tolerances, k, *proof)) for k in chosen
-        )
+        required = tuple(MeasuredParameter(names[k], float(fractions[k] * widths[k]), search.weaker(fractions, k, *proof)) for k in chosen)
         left = tuple(name for k, name in enumerate(names) if k not in chosen)
         found = Calibration(
             study, setting, margin, required, left, tuple(certificates), nominal, ranking, Table(list(comparison.rows.values())),
-            Document(f"Calibration of {study.name}"), (),
+            Document(f"Calibration of {study.name}"), (), tolerances is None,
         )  # fmt: skip
         document, pictures = document_of(found, results.folder)
         files = [*found.table.save(results.folder, "calibrate_table"), *document.save(results.folder, "calibrate"), *pictures]
@@ -221,12 +227,24 @@ def _space(study: Study, names: Sequence[str]) -> Space:
     return Space(ends[:, 0], ends[:, 1], np.array([np.nan if value is None else float(value) for value in unchanged]))
 
 
-def _certified(search: Search, seed: int, worlds: int, tries: int) -> tuple[list[int], Array, list[Certificate]]:
-    """Set, tolerances and certificates of all tries, of which the last one holds unless all fail."""
+def _fractions(tolerances: Mapping[str, float], names: Sequence[str], space: Space) -> Array:
+    """Given tolerances as fractions of the ranges, (parameters,); `UNMEASURED` for all other parameters."""
+    if unknown := set(tolerances) - set(names):
+        raise ValueError(f"tolerances has {sorted(unknown)}, which are no parameters that vary: choose from {', '.join(names)}")
+    for name, tolerance in tolerances.items():
+        check_number(f"tolerance of {name}", tolerance, above=0.0)
+    return np.array([tolerances.get(name, UNMEASURED) for name in names]) / (space.high - space.low)
+
+
+def _certified(search: Search, seed: int, worlds: int, tries: int, given: Array | None) -> tuple[list[int], Array, list[Certificate]]:
+    """Set, tolerances and certificates of all tries, of which the last one holds unless all fail. Given tolerances are tried once."""
     certificates: list[Certificate] = []
     for number in range(1, tries + 1):
-        chosen = search.smallest()
-        tolerances = search.widest(chosen)
+        if given is None:
+            chosen = search.smallest()
+            tolerances = search.widest(chosen)
+        else:
+            chosen, tolerances = [k for k, tolerance in enumerate(given) if np.isfinite(tolerance)], given
         drawn = search.space.draw(np.random.default_rng([seed, _CERTIFICATE, number]), worlds)
         certificates.append(Certificate(search.trial(tolerances, *drawn), confidence_of(tries), number, tries))
         if certificates[-1].holds:
@@ -246,6 +264,7 @@ def summary(found: Calibration) -> dict[str, Any]:
         "outcome": measured(found.study),
         "margin": found.margin,
         "holds": found.holds,
+        "searched": found.searched,
         "measure": {
             own.name: {
                 "tolerance": own.tolerance,

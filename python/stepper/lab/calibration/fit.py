@@ -21,6 +21,8 @@ Loss = Callable[[Array], Array]
 """Function of parameter values, (samples, parameters), that returns the loss of each sample, (samples,)."""
 _SMOOTHING = 0.7
 """Weight of a round's mean and deviation in the average with the last round, so that a lucky round cannot end the search."""
+_START_SPREAD = 0.15
+"""Standard deviation of the first round around given values, as a fraction of the bounds."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,9 @@ class Fit:
     evaluations: int
 
 
-def fit(loss: Loss, low: Array, high: Array, *, samples: int = 20, elite: int = 6, rounds: int = 6, seed: int = 0) -> Fit:
+def fit(
+    loss: Loss, low: Array, high: Array, *, samples: int = 20, elite: int = 6, rounds: int = 6, seed: int = 0, start: Array | None = None
+) -> Fit:
     """Minimises a rough loss within bounds.
 
     Args:
@@ -51,6 +55,8 @@ def fit(loss: Loss, low: Array, high: Array, *, samples: int = 20, elite: int = 
         elite: Number of best samples of a round to which the distribution is fitted.
         rounds: Number of rounds.
         seed: Seed of the samples.
+        start: Values that fit well, such as those of a fit of fewer parameters, (parameters,). The first round is drawn around them, and
+            they are the result unless the search finds a smaller loss.
 
     Returns:
         The fitted values.
@@ -60,8 +66,10 @@ def fit(loss: Loss, low: Array, high: Array, *, samples: int = 20, elite: int = 
     sobol = require("scipy.stats", "to fit parameters").qmc.Sobol(len(low), rng=rng)
     unit = sobol.random_base2(int(np.ceil(np.log2(2 * samples))))[: 2 * samples]
     mean, spread, count = np.full(len(low), 0.5), np.full(len(low), 0.3), 0
+    if start is not None:
+        mean, spread = (np.asarray(start, float) - low) / (high - low), np.full(len(low), _START_SPREAD)
     for number in range(rounds):
-        if number:
+        if number or start is not None:
             unit = np.clip(mean + spread * rng.standard_normal((samples, len(low))), 0.0, 1.0)
         losses = np.asarray(loss(low + unit * (high - low)), float)
         count += len(losses)
@@ -69,11 +77,13 @@ def fit(loss: Loss, low: Array, high: Array, *, samples: int = 20, elite: int = 
         if not np.isfinite(losses[order[:2]]).all():
             raise ValueError(f"round {number + 1} of the fit has fewer than two samples with a finite loss: narrow the bounds")
         best = unit[order[np.isfinite(losses[order])]]
-        weight = _SMOOTHING if number else 1.0
+        weight = _SMOOTHING if number or start is not None else 1.0
         mean = weight * best.mean(axis=0) + (1.0 - weight) * mean
-        spread = weight * best.std(axis=0, ddof=1) + (1.0 - weight) * spread * (number > 0)
-    values = low + mean * (high - low)
-    return Fit(values, spread * (high - low), float(loss(values[None])[0]), count + 1)
+        spread = weight * best.std(axis=0, ddof=1) + (1.0 - weight) * spread
+    ends = [low + mean * (high - low)] + ([] if start is None else [np.asarray(start, float)])
+    losses = np.asarray(loss(np.array(ends)), float)
+    least = int(np.argmin(np.where(np.isfinite(losses), losses, np.inf)))
+    return Fit(ends[least], spread * (high - low), float(losses[least]), count + len(ends))
 
 
 def bootstrap(values: Array, statistic: Callable[..., Array] = np.mean, *, resamples: int = 2000, seed: int = 0) -> tuple[float, float]:

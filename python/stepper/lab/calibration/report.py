@@ -133,7 +133,9 @@ def _assumed(found: Calibration) -> Section:
         f"The outcome is that of {counted(found.study.episodes, 'episode')} per world with the study's seed, not the expectation over all "
         "episodes. Worlds and their models share starts and random numbers.",
         "The set is the smallest if a measurement of one more parameter never makes a model worse. The table above shows for each "
-        "parameter of the set that less fails; it does not compare all sets of the same size.",
+        "parameter of the set that less fails; it does not compare all sets of the same size."
+        if found.searched
+        else "The set and its tolerances were given, not searched. A smaller set may pass unless the table above shows that it fails.",
     ]
     return Section("What was assumed", words)
 

@@ -175,8 +175,8 @@ def calibrate(
         the files of `rank`.
 
     Raises:
-        ValueError: As in `rank`; or the margin is not above 0; or there are too few worlds for a certificate; or no tolerance passes; or a
-            tolerance is given for an unknown parameter, or is not above 0.
+        ValueError: As in `rank`; or the margin is not above 0; or there are too few worlds for a certificate; or no tolerance passes. Also
+            if a tolerance is given for an unknown parameter, or is not above 0.
         MissingPackageError: SciPy is not installed.
     """
     study = study_of(study)

@@ -55,8 +55,8 @@ def fit(
         elite: Number of best samples of a round to which the distribution is fitted.
         rounds: Number of rounds.
         seed: Seed of the samples.
-        start: Values that fit well, such as those of a fit of fewer parameters, (parameters,). The first round is drawn around them, and
-            they are the result unless the search finds a smaller loss.
+        start: Values that fit well, such as those of a fit of fewer parameters, (parameters,), in the units of the parameters. The first
+            round is drawn around them, and they are the result unless the search finds a smaller loss.
 
     Returns:
         The fitted values.

@@ -150,7 +150,7 @@ class Search:
         return Trial(tolerances, int(self.exceeds(found).sum()), len(found), found)
 
     def exceeds(self, differences: Array) -> NDArray[np.bool_]:
-        """Whether differences exceed the margin; differences of means of the same numbers may be rounded differently."""
+        """Whether differences, (k,), exceed the margin, (k,). Differences of means of the same numbers may be rounded differently."""
         return np.asarray(differences > self.margin * (1.0 + 1e-9))
 
     def passes(self, tolerances: Array) -> bool:

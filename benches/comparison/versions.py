@@ -75,13 +75,12 @@ def main() -> None:
 
 
 def robots() -> Iterator[str]:
-    """Paths of the robots whose packages are installed."""
+    """Robots whose packages are installed: package and file, "gymnasium/envs/..."."""
     for package, file in MODELS:
-        found = find_spec(package)
-        if found is None or found.origin is None:
+        if find_spec(package) is None:
             print(f"skipped {file}: {package} is not installed", file=sys.stderr)
         else:
-            yield str(Path(found.origin).parent / file)
+            yield f"{package}/{file}"
 
 
 def ask(worker: subprocess.Popen[str], request: str, seed: int) -> dict[str, float]:
@@ -109,9 +108,12 @@ def answer(integrator: str, precision: Any, num_envs: int, *, scenes: bool) -> N
         print(json.dumps(measured[request](seed)), flush=True)
 
 
-def robot_times(path: str, integrator: str, precision: Any, num_envs: int) -> Callable[[int], dict[str, float]]:
+def robot_times(robot: str, integrator: str, precision: Any, num_envs: int) -> Callable[[int], dict[str, float]]:
     """Function that steps a robot under random controls, whose seed is its argument."""
-    model = load(path, strict=False)
+    package, _, file = robot.partition("/")
+    found = find_spec(package)
+    assert found is not None and found.origin is not None
+    model = load(str(Path(found.origin).parent / file), strict=False)
     settings: dict[str, Any] = {"integrator": integrator} if integrator else {}
     sim = Stepper(model, num_envs, options=Options(**settings), precision=precision, threads=1)
 
@@ -124,7 +126,7 @@ def robot_times(path: str, integrator: str, precision: Any, num_envs: int) -> Ca
         begin = time.process_time()
         for control in controls[WARM_UP:]:
             sim.step(control)
-        return {"/".join(Path(path).with_suffix("").parts[-2:]): (time.process_time() - begin) / STEPS / num_envs * 1e6}
+        return {f"{package}/{Path(file).stem}": (time.process_time() - begin) / STEPS / num_envs * 1e6}
 
     return measure
 

@@ -4,7 +4,7 @@ import dataclasses
 import hashlib
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,7 +23,7 @@ from stepper.shared.machine import one_core
 
 from many_contacts.engines import FINE, LAW, PGS, Batch, Ours, Theirs
 from many_contacts.episodes import episode
-from many_contacts.scene import Array, Scene, Script
+from many_contacts.scene import Array, Phase, Scene, Script
 
 CHUNK = 20
 """Number of steps in a turn of an engine. Between turns, states are measured and finished environments are reset."""
@@ -123,7 +123,7 @@ def measure(scene: Scene, path: Path, plan: Plan, model: Model | None = None) ->
     """
     model, note = read(path) if model is None else (model, "")
     compiled = mujoco.MjModel.from_xml_path(str(path))
-    script = _warmed_up(scene, scene.script(compiled, plan.num_envs, np.random.default_rng(plan.seed)), model, path)
+    script = _script(scene, path, model, plan.num_envs, plan.seed)
     peers = min(plan.num_envs, plan.peers)
     with one_core():
         ours = {
@@ -176,38 +176,32 @@ def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
         stepper.ModelError: stepper cannot load the model.
     """
     model, _ = read(path)
-    compiled = mujoco.MjModel.from_xml_path(str(path))
-    script = _warmed_up(scene, scene.script(compiled, plan.num_envs, np.random.default_rng(plan.seed)), model, path)
+    script = _script(scene, path, model, plan.num_envs, plan.seed)
     for precision in plan.precisions:
         batch = Ours(model, plan.num_envs, precision=precision, options=None, setting="default")
         restarts = np.zeros(plan.num_envs, np.intp)
         batch.begin(script)
-        first = 0
-        for phase in scene.phases:
+        for phase, chunks in _chunks(scene):
             with episode(batch.sim, folder, scene.row(phase)) if phase.timed else nullcontext():
-                for begin in range(first, first + phase.steps, CHUNK):
-                    chunk(batch, script, range(begin, min(begin + CHUNK, first + phase.steps)))
+                for steps in chunks:
+                    chunk(batch, script, steps)
                     restart(batch, script, restarts)
-            first += phase.steps
 
 
 def player(scene: Scene, path: Path, num_envs: int, precision: Precision) -> Callable[[], dict[str, float]]:
     """Function that plays a scene's episode in stepper with default options. It returns the time of each phase, us per environment step."""
     model, _ = read(path)
-    compiled = mujoco.MjModel.from_xml_path(str(path))
-    script = _warmed_up(scene, scene.script(compiled, num_envs, np.random.default_rng(0)), model, path)
+    script = _script(scene, path, model, num_envs, seed=0)
     batch = Ours(model, num_envs, precision=precision, options=None, setting="default")
 
     def play() -> dict[str, float]:
         batch.begin(script)
-        times, restarts, first = {}, np.zeros(num_envs, np.intp), 0
-        for phase in scene.phases:
+        times, restarts = {}, np.zeros(num_envs, np.intp)
+        for phase, chunks in _chunks(scene):
             total = 0.0
-            for begin in range(first, first + phase.steps, CHUNK):
-                steps = range(begin, min(begin + CHUNK, first + phase.steps))
+            for steps in chunks:
                 total += chunk(batch, script, steps) * len(steps)
                 restart(batch, script, restarts)
-            first += phase.steps
             if phase.timed:
                 times[scene.row(phase)] = total / phase.steps
         return times
@@ -215,11 +209,21 @@ def player(scene: Scene, path: Path, num_envs: int, precision: Precision) -> Cal
     return play
 
 
-def _warmed_up(scene: Scene, script: Script, model: Model, path: Path) -> Script:
-    """Copy of a script whose initial states are those after the first `scene.lead` steps, in which objects fall and settle.
+def _chunks(scene: Scene) -> Iterator[tuple[Phase, list[range]]]:
+    """Phases of a scene, with the steps of each turn of an engine."""
+    first = 0
+    for phase in scene.phases:
+        end = first + phase.steps
+        yield phase, [range(begin, min(begin + CHUNK, end)) for begin in range(first, end, CHUNK)]
+        first = end
+
+
+def _script(scene: Scene, path: Path, model: Model, num_envs: int, seed: int) -> Script:
+    """Script of a scene whose initial states are those after the first `scene.lead` steps, in which objects fall and settle.
 
     stepper makes these steps in f64, for all engines. A file next to the model's file `path` caches the states.
     """
+    script = scene.script(mujoco.MjModel.from_xml_path(str(path)), num_envs, np.random.default_rng(seed))
     if not scene.lead:
         return script
     digest = hashlib.sha256(path.read_bytes() + repr(LEAD).encode())
@@ -282,13 +286,11 @@ def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, me
         restarts = {batch.name: np.zeros(batch.num_envs, np.intp) for batch in batches}
         for batch in batches:
             batch.begin(script)
-        first = 0
-        for phase in scene.phases:
-            for turn, begin in enumerate(range(first, first + phase.steps, CHUNK)):
-                steps = range(begin, min(begin + CHUNK, first + phase.steps))
+        for phase, chunks in _chunks(scene):
+            for turn, steps in enumerate(chunks):
                 for batch in order:
                     track = tracks[batch.name, phase.name]
-                    if k == 0 and phase.held and begin == first:
+                    if k == 0 and phase.held and turn == 0:
                         track.before = meter.places(batch, phase.held)
                     spent = chunk(batch, script, steps, partial(batch.record, phase.name) if k == 0 else None)
                     if k == 0:
@@ -298,7 +300,6 @@ def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, me
                     track.times[turn].append(spent)
                     restart(batch, script, restarts[batch.name])
                 order = order[1:] + order[:1]
-            first += phase.steps
             if k == 0 and phase.held:
                 for batch in batches:
                     tracks[batch.name, phase.name].after = meter.places(batch, phase.held)

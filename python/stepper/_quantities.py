@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._arrays import array_of
-from stepper._hints import did_you_mean_or_all
+from stepper._hints import did_you_mean_or_all, replacement
 from stepper._stepper import Model, Stepper
 
 Array = NDArray[Any]
@@ -46,8 +46,8 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
     if name not in KINDS:
         if name in now.model.sensor_names:
             raise ValueError(f"there is no quantity {name!r}, but a sensor: read('sensordata', {name!r})")
-        hint = f"; use sim.{name}" if hasattr(Stepper, name) else did_you_mean_or_all(name, sorted(KINDS))
-        raise ValueError(f"there is no quantity {name!r}{hint}")
+        hint = f"; use sim.{name}" if hasattr(Stepper, name) else replacement("Stepper", name)
+        raise ValueError(f"there is no quantity {name!r}{hint or did_you_mean_or_all(name, sorted(KINDS))}")
     values = np.asarray(getattr(now, name))
     if of is not None:
         axis = 0 if now.num_envs is None else 1

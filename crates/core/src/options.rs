@@ -187,21 +187,21 @@ const MAX_TURN_RATE: f64 = 6e-3;
 
 /// Quantities of a model from which options follow that the user has not set.
 #[derive(Clone, Copy, Debug)]
-pub struct ModelScales {
+pub(crate) struct ModelScales {
     /// Time step of the model, s.
-    pub timestep: f64,
+    pub(crate) timestep: f64,
     /// Magnitude of gravity, m/s^2.
-    pub gravity: f64,
+    pub(crate) gravity: f64,
     /// Radius of gyration of the smallest body with a free joint, m; infinite if there is none. The radius is that about the axis of the
     /// largest moment of inertia, so that a thin rod counts as long.
-    pub smallest_gyration_radius: f64,
+    pub(crate) smallest_gyration_radius: f64,
     /// Integrator that the model file selects; `None` if it selects none.
-    pub integrator: Option<Integrator>,
+    pub(crate) integrator: Option<Integrator>,
 }
 
 impl ModelScales {
     /// Scales of a model.
-    pub fn of(model: &Description) -> Self {
+    pub(crate) fn of(model: &Description) -> Self {
         let free = model.joints.iter().filter(|joint| joint.kind == JointKind::Free).map(|joint| &model.bodies[joint.body]);
         let gyration = free.map(|body| (body.inertia.into_iter().fold(0.0, f64::max) / body.mass).sqrt()).filter(|radius| *radius > 0.0);
         Self {
@@ -271,7 +271,7 @@ impl Options {
     ///
     /// # Errors
     /// [`Error::Option`] for an integrator that the contact law does not have.
-    pub fn resolve(&self, scales: &ModelScales, precision: Precision) -> Result<StepSettings, Error> {
+    pub(crate) fn resolve(&self, scales: &ModelScales, precision: Precision) -> Result<StepSettings, Error> {
         let integrator = self.integrator_of(scales.integrator)?;
         let timestep = self.timestep.unwrap_or(scales.timestep);
         Ok(StepSettings {

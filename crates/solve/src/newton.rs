@@ -48,8 +48,6 @@ pub struct Newton {
     ordering: Ordering,
     /// Proximal-point method of one island.
     proximal: ProximalPoint,
-    /// Velocities of the island's rows, m/s.
-    v: Vec<f64>,
     /// Indices of the lane's constraints that are in the island.
     members: Vec<usize>,
     /// Effort of the last call of Newton's method.
@@ -128,18 +126,18 @@ impl Newton {
         self.ordering.list_blocks(&self.lane);
         for name in 0..self.islands.count {
             self.gather_island(name);
-            let before = self.island.residual(&mut self.v);
+            let before = self.island.residual();
             let energy_before = before * self.island.total_impulse();
             let mut after = before;
             if search.least_norm || before > search.tolerance {
-                let steps = self.proximal.solve::<R>(&mut self.island, search);
+                let steps = self.proximal.solve::<R>(&mut self.island, before, search);
                 result.steps += steps;
                 let work = &mut self.work;
                 *work = Work { islands: work.islands + 1, steps: work.steps + steps, rounds: work.rounds + self.proximal.rounds };
                 for x in self.island.lambda.iter_mut().chain(&mut self.island.w) {
                     *x = R::Scalar::from_f64(*x).to_f64();
                 }
-                after = self.island.residual(&mut self.v);
+                after = self.island.residual();
             }
             // All comparisons are false for a NaN, which is no solution.
             let mut better = after < before || after <= search.tolerance;

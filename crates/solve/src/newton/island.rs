@@ -57,6 +57,8 @@ pub(super) struct Island {
     /// Scaled velocity change w = sum_i y_i lambda_i by the impulses lambda_i, where y_i are the rows of the scaled Jacobian. Its kinetic
     /// energy is |w|^2 / 2. It is zero in the coordinates that fill the last tile.
     pub(super) w: Vec<f64>,
+    /// Workspace of [`Island::residual`]: velocities of all rows, m/s.
+    v: Vec<f64>,
 }
 
 impl Island {
@@ -190,10 +192,10 @@ impl Island {
         self.w = w;
     }
 
-    /// Natural-map residual of the exact Coulomb problem, m/s; [`crate::residual()`] has its definition. Writes the velocities of all rows
-    /// to `v`, m/s, including those due to compliances.
-    pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
-        self.multiply(&self.w, v);
+    /// Natural-map residual of the exact Coulomb problem, m/s; [`crate::residual()`] has its definition.
+    pub(super) fn residual(&mut self) -> f64 {
+        let mut v = std::mem::take(&mut self.v);
+        self.multiply(&self.w, &mut v);
         let mut worst = 0.0;
         for block in &self.blocks {
             for i in block.rows.clone() {
@@ -207,6 +209,7 @@ impl Island {
             );
             worst = Real::max_or_nan(worst, own);
         }
+        self.v = v;
         worst
     }
 }

@@ -59,10 +59,10 @@ pub struct Search<T> {
 pub(super) struct ProximalPoint {
     /// Equation of the current proximal step.
     step: ProximalStep,
-    /// Velocities of all rows of the island at the current impulses, m/s.
-    v: Vec<f64>,
     /// Impulses with the smallest residual so far.
     best: SavedImpulses,
+    /// Residual of `best`, m/s.
+    best_residual: f64,
     /// Impulses before the current proximal step.
     before: SavedImpulses,
     /// Residual of the current impulses, m/s.
@@ -73,23 +73,20 @@ pub(super) struct ProximalPoint {
     pub(super) rounds: u32,
 }
 
-/// Copy of an island's impulses, with their scaled velocity change w and their residual.
+/// Copy of an island's impulses, with their scaled velocity change w.
 #[derive(Clone, Debug, Default)]
 struct SavedImpulses {
     /// Impulse of each row, N s.
     lambda: Vec<f64>,
     /// Scaled velocity change w by the impulses, in coordinates in which its kinetic energy is |w|^2 / 2.
     w: Vec<f64>,
-    /// Residual of the saved impulses, m/s.
-    residual: f64,
 }
 
 impl SavedImpulses {
-    /// Copies the impulses of an island. `residual` is their residual, m/s.
-    fn save(&mut self, rows: &Island, residual: f64) {
+    /// Copies the impulses of an island.
+    fn save(&mut self, rows: &Island) {
         self.lambda.clone_from(&rows.lambda);
         self.w.clone_from(&rows.w);
-        self.residual = residual;
     }
 
     /// Copies the saved impulses back to an island.
@@ -100,14 +97,14 @@ impl SavedImpulses {
 }
 
 impl ProximalPoint {
-    /// Improves the impulses of the island `rows` by proximal steps. Returns the number of Newton steps.
+    /// Improves the impulses of the island `rows`, whose residual is `residual`, m/s, by proximal steps. Returns the number of Newton steps.
     ///
     /// The residual never increases, unless impulses of least norm are sought.
-    pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, search: Search<f64>) -> u32 {
+    pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, residual: f64, search: Search<f64>) -> u32 {
         self.step.reset(rows);
         (self.steps, self.rounds) = (0, 0);
-        self.residual = rows.residual(&mut self.v);
-        self.best.save(rows, self.residual);
+        (self.residual, self.best_residual) = (residual, residual);
+        self.best.save(rows);
         let most_steps = search.steps.saturating_mul(STEPS_RATIO);
         let (mut kappa, mut inner_error) = (FIRST_KAPPA, INNER_ERROR * self.residual.max(search.tolerance));
         // Whether the error of a proximal step must be below the tolerance, however large the residual is.
@@ -115,10 +112,10 @@ impl ProximalPoint {
         if search.least_norm {
             // A proximal step from zero impulses. Newton's method starts at the current motion.
             rows.lambda.fill(0.0);
-            self.best.residual = f64::INFINITY;
+            self.best_residual = f64::INFINITY;
             (kappa, inner_error) = (LEAST_NORM_KAPPA, 0.1 * search.tolerance);
         }
-        while self.steps < most_steps && self.best.residual > search.tolerance && self.residual.is_finite() {
+        while self.steps < most_steps && self.best_residual > search.tolerance && self.residual.is_finite() {
             self.rounds += 1;
             let last = self.residual;
             match self.make_step::<R>(rows, kappa, inner_error, most_steps) {
@@ -139,7 +136,7 @@ impl ProximalPoint {
         }
         // The remaining error of a sticking contact would accumulate from one time step to the next. One more proximal step with a large
         // kappa removes nearly all of it.
-        if self.steps > 0 && self.steps < most_steps && self.best.residual <= search.tolerance {
+        if self.steps > 0 && self.steps < most_steps && self.best_residual <= search.tolerance {
             self.rounds += 1;
             self.make_step::<R>(rows, LAST_KAPPA, 0.1 * search.tolerance, most_steps.min(self.steps + LAST_STEPS));
         }
@@ -153,7 +150,7 @@ impl ProximalPoint {
     /// search.
     fn make_step<R: Real>(&mut self, rows: &mut Island, kappa: f64, enough: f64, most_steps: u32) -> Option<u32> {
         self.step.kappa = kappa;
-        self.before.save(rows, self.residual);
+        self.before.save(rows);
         let start = self.step.evaluate(rows);
         for taken in 1..=MOST_STEPS {
             if self.steps >= most_steps {
@@ -178,9 +175,10 @@ impl ProximalPoint {
     fn accept_step(&mut self, rows: &mut Island) {
         rows.lambda.copy_from_slice(&self.step.z);
         rows.compute_w();
-        self.residual = rows.residual(&mut self.v);
-        if self.residual < self.best.residual {
-            self.best.save(rows, self.residual);
+        self.residual = rows.residual();
+        if self.residual < self.best_residual {
+            self.best_residual = self.residual;
+            self.best.save(rows);
         }
     }
 }

@@ -97,7 +97,8 @@ impl SavedImpulses {
 }
 
 impl ProximalPoint {
-    /// Improves the impulses of the island `rows`, whose residual is `residual`, m/s, by proximal steps. Returns the number of Newton steps.
+    /// Improves the impulses of the island `rows`, whose residual is `residual`, m/s, by proximal steps. Returns the number of
+    /// Newton steps.
     ///
     /// The residual never increases, unless impulses of least norm are sought.
     pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, residual: f64, search: Search<f64>) -> u32 {

@@ -255,9 +255,9 @@ fn redundant_contacts_share() {
             }
         }
     });
-    // With friction nothing guarantees a solution. Of 35,000 draws 0.48 % remained unsolved. Their rows couple normal and tangent as no
+    // With friction nothing guarantees a solution. Of 20,007 draws 0.01 % remained unsolved. Their rows couple normal and tangent as no
     // machine does.
-    solved.at_least(0.993, "solved");
+    solved.at_least(0.9995, "solved");
 }
 
 /// Rounding error of velocities, m/s: a few units in the last place of the sum of all normal impulses and limit impulses.
@@ -306,7 +306,7 @@ fn nearly_all_random_problems_are_solved() {
 
 /// Largest fraction of the problems that may remain unsolved, for friction coefficients up to 0.3 and up to 1.5. The test prints the
 /// measured fractions.
-const MOST_LEFT: [f64; 2] = [0.01, 0.05];
+const MOST_LEFT: [f64; 2] = [0.005, 0.01];
 
 /// Problem with one contact, whose normal and tangential rows are coupled by the number `coupling`. If the size of the coupling exceeds
 /// 1/mu, pressing makes the contact slide, and sliding makes it press (Painleve 1895). `slip` is the slip velocity without impulses, m/s.

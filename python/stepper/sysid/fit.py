@@ -25,7 +25,7 @@ from stepper.sysid.combinations import combinations_of
 from stepper.sysid.data import Data, episodes_of
 from stepper.sysid.findings import undetermined, warnings_of
 from stepper.sysid.inertia import Array
-from stepper.sysid.minima import SPREAD, beyond, sobol
+from stepper.sysid.minima import starts_around
 from stepper.sysid.nullspace import EQUAL_FIT, FLAT_EXCESS, FLAT_STD, SIGNIFICANT, FlatSet, cost_ratio
 from stepper.sysid.parameters import Block, FitParameter, bind, natural, value_slopes, write
 from stepper.sysid.residuals import Linearized, Residuals, Together
@@ -49,6 +49,8 @@ HOPELESS = 1e-3
 
 At 1e-2, the other order of two springs with a ratio of 12 was missed in 4 of 24 runs, at 1e-3 in 1.
 """
+OTHER_STARTS = 8
+"""Number of searches for other minima."""
 BETTER = 3
 """Largest number of times that other minima are searched. Noise and searches are repeated if one of these is better than the estimate."""
 COARSE, FINE = 1e-4, 1e-4
@@ -96,8 +98,7 @@ def identify(
         noise: Standard deviations of channels by name, each a number or (dim,), in the channel's unit. The noise of other channels is
             estimated from the residuals.
         starts: Number of first searches. One starts at the start values of the parameters (`FitParameter.start`, by default the model's
-            values). The others start at the best points of a Sobol sequence around these values. The sequence has at least eight points
-            for each of the other searches.
+            values). The others start at points of a Sobol sequence around these values that fit the first part of the data best.
         step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
             earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.
@@ -141,11 +142,12 @@ def identify(
     first = _first_noise(simulator)
     residuals.sigma = np.where(np.isnan(known), first, known)
     solver = _Solver(optimize, residuals, most=max_evaluations, progress=progress or silent)
-    searches = solver.search(_starts(qmc, residuals, starts, seed))
+    searches = solver.search([residuals.start, *starts_around(qmc, residuals, residuals.start, starts - 1, seed)])
     for attempt in range(BETTER):
         searches = _with_noise(solver, residuals, searches, known)
         best, likely = min(searches, key=lambda s: s.cost), cost_ratio(residuals, SIGNIFICANT)
-        searches += solver.search(beyond(qmc, residuals, best.x, best.at, seed + 1 + attempt), known=_distinct(searches, likely))
+        others = starts_around(qmc, residuals, best.x, OTHER_STARTS, seed + 1 + attempt)
+        searches += solver.search(others, known=_distinct(searches, likely))
         if min(s.cost for s in searches) * cost_ratio(residuals, EQUAL_FIT) >= best.cost:
             break
     lowest, *ends = _distinct(searches, likely)
@@ -403,27 +405,6 @@ def _noise_left(residuals: Residuals, at: Linearized) -> Array:
             if len(column) > 1:
                 sigma[j] = max(float(np.sqrt(np.mean(column**2) * free)), MIN_NOISE * largest, 1e-12)
     return sigma
-
-
-def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
-    """Start points x of `count` least-squares searches, (n + starts,) each: n parameters, then uncertain initial coordinates.
-
-    The first point has the start values of the parameters. The others are the points with the smallest residuals from a Sobol sequence
-    around the first. The sequence has at least eight points for each of the other searches.
-
-    Args:
-        qmc: Module `scipy.stats.qmc`.
-        residuals: Residuals of the fit, by which the points are ranked.
-        count: Number of searches.
-        seed: Seed of the Sobol sequence.
-    """
-    points = [residuals.start]
-    if count > 1:
-        drawn = 1 << int(np.ceil(np.log2(8 * (count - 1))))
-        around = sobol(qmc, residuals, residuals.start, np.full(residuals.n, SPREAD), count=drawn, seed=seed)
-        costs = (residuals.residuals(around) ** 2).sum(axis=1)
-        points += list(around[np.argsort(costs, kind="stable")[: count - 1]])
-    return points
 
 
 def _concluded(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -79,6 +80,21 @@ class Residuals:
                 reading of period k - 1.
         """
         out = Residuals(self.simulator.with_episodes([shifted(episode, shift) for episode in self.simulator.episodes]), self.step)
+        out.sigma = self.sigma
+        return out
+
+    def first_part(self, share: float) -> Residuals:
+        """Residuals of the first periods of all episodes, at least one of each, with the same noise.
+
+        Args:
+            share: Number of these periods, divided by the number of periods of an episode.
+        """
+        parts = []
+        for e in self.simulator.episodes:
+            count = math.ceil(share * len(np.asarray(e.ctrl)))
+            readings, applied = ({name: np.asarray(rows)[:count] for name, rows in kind.items()} for kind in (e.readings, e.applied))
+            parts.append(replace(e, ctrl=np.asarray(e.ctrl)[:count], readings=readings, applied=applied))
+        out = Residuals(self.simulator.with_episodes(parts), self.step)
         out.sigma = self.sigma
         return out
 

@@ -23,12 +23,12 @@ FARTHEST_OF_SEVERAL = 1.5
 """Largest change of each logarithm of a parameter with several. At `FARTHEST`, an identification of ten numbers made 2.5 times the steps."""
 DRAWN = 128
 """Number of points of the Sobol sequence. It is a power of two, for which the sequence is balanced."""
-FIRST_PART = 0.25
+FIRST_PART = 0.5
 """Part of the time of each episode that is simulated at these points.
 
 Pendulums, springs and balls with two minima (19 scenes): with all of the time, 4 of 114 runs missed the other one, with a quarter, none.
 """
-APART = 3.0
+APART = 1.0
 """Distance in units of the scales within which a chosen point increases the sum of squares of other points.
 
 At 3 and at 10, equally many runs of these scenes missed the other minimum. Without the increase, 12 did, because points were too similar.

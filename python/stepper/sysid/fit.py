@@ -146,8 +146,8 @@ def identify(
     for attempt in range(BETTER):
         searches = _with_noise(solver, residuals, searches, known)
         best, likely = min(searches, key=lambda s: s.cost), cost_ratio(residuals, SIGNIFICANT)
-        others = starts_around(qmc, residuals, best.x, OTHER_STARTS, seed + 1 + attempt)
-        searches += solver.search(others, known=_distinct(searches, likely))
+        far = starts_around(qmc, residuals, best.x, OTHER_STARTS, seed + 1 + attempt)
+        searches += solver.search(far, known=_distinct(searches, likely))
         if min(s.cost for s in searches) * cost_ratio(residuals, EQUAL_FIT) >= best.cost:
             break
     lowest, *ends = _distinct(searches, likely)

@@ -50,8 +50,9 @@ def starts_around(qmc: Any, residuals: Residuals, x: Array, count: int, seed: in
     """
     if not count:
         return []
-    points = _drawn(qmc, residuals, x, seed)
-    costs = np.nan_to_num((residuals.first_part(FIRST_PART).residuals(points) ** 2).sum(axis=1), nan=np.inf)
+    points, first = _drawn(qmc, residuals, x, seed), residuals.first_part(FIRST_PART)
+    costs = np.nan_to_num((first.residuals(points) ** 2).sum(axis=1), nan=np.inf)
+    residuals.simulator.steps += first.simulator.steps
     out = [x]
     for _ in range(count):
         costs = costs * (1 + APART**2 / np.maximum(((points - out[-1]) ** 2).sum(axis=1), 1e-12))

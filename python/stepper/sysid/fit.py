@@ -142,7 +142,8 @@ def identify(
     first = _first_noise(simulator)
     residuals.sigma = np.where(np.isnan(known), first, known)
     solver = _Solver(optimize, residuals, most=max_evaluations, progress=progress or silent)
-    searches = solver.search([residuals.start, *starts_around(qmc, residuals, residuals.start, starts - 1, seed)])
+    near = starts_around(qmc, residuals, residuals.start, starts - 1, seed, first=True)
+    searches = solver.search([residuals.start, *near])
     for attempt in range(BETTER):
         searches = _with_noise(solver, residuals, searches, known)
         best, likely = min(searches, key=lambda s: s.cost), cost_ratio(residuals, SIGNIFICANT)

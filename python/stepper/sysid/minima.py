@@ -19,13 +19,13 @@ from stepper.sysid.residuals import Residuals
 
 FARTHEST = 4.5
 """Largest change of a logarithm from the centre of the points, a factor e^4.5 = 90. That of other numbers is 9 scales."""
-FARTHEST_OF_SEVERAL = 1.5
-"""Largest change of each logarithm of a parameter that has several.
+NEAR = 1.5
+"""Largest change of all numbers in first searches, and of logarithms of a parameter that has several.
 
-At `FARTHEST`, an identification of ten numbers made 2.5 times the steps.
+At `FARTHEST`, an identification of ten numbers made 2.5 times the steps, and first searches of a held box 1.7 times the evaluations.
 """
-DRAWN = 128
-"""Number of points of the Sobol sequence, a power of two. Twice as many found no more minima of pendulums, springs and balls."""
+DRAWN = 8
+"""Least number of points of the Sobol sequence per search. Twice as many found no more minima of pendulums, springs and balls."""
 FIRST_PART = 0.5
 """Part of the time of each episode that is simulated at these points.
 
@@ -38,7 +38,7 @@ At 3, 5 of 120 runs of pendulums missed a minimum, at 1, 2. Without the increase
 """
 
 
-def starts_around(qmc: Any, residuals: Residuals, x: Array, count: int, seed: int) -> list[Array]:
+def starts_around(qmc: Any, residuals: Residuals, x: Array, count: int, seed: int, *, first: bool = False) -> list[Array]:
     """Start points of `count` searches around a point x, but far from it and from each other, (n + starts,) each.
 
     Args:
@@ -47,32 +47,38 @@ def starts_around(qmc: Any, residuals: Residuals, x: Array, count: int, seed: in
         x: Estimate or start values, (n + starts,), in units of the scales.
         count: Number of start points.
         seed: Seed of the Sobol sequence.
+        first: Whether these are the first searches: they start nearer to x, and may start at similar points.
     """
     if not count:
         return []
-    points, first = _drawn(qmc, residuals, x, seed), residuals.first_part(FIRST_PART)
-    costs = np.nan_to_num((first.residuals(points) ** 2).sum(axis=1), nan=np.inf)
-    residuals.simulator.steps += first.simulator.steps
+    # A Sobol sequence is balanced if the number of its points is a power of two.
+    drawn = 1 << int(np.ceil(np.log2(DRAWN * count)))
+    points, part = _drawn(qmc, residuals, x, seed, count=drawn, first=first), residuals.first_part(FIRST_PART)
+    costs = np.nan_to_num((part.residuals(points) ** 2).sum(axis=1), nan=np.inf)
+    residuals.simulator.steps += part.simulator.steps
+    apart = APART / 10 if first else APART
     out = [x]
     for _ in range(count):
-        costs = costs * (1 + APART**2 / np.maximum(((points - out[-1]) ** 2).sum(axis=1), 1e-12))
+        costs = costs * (1 + apart**2 / np.maximum(((points - out[-1]) ** 2).sum(axis=1), 1e-12))
         out.append(points[costs.argmin()])
     return out[1:]
 
 
-def _drawn(qmc: Any, residuals: Residuals, x: Array, seed: int) -> Array:
-    """Points of a Sobol sequence around a point x, within the bounds, (DRAWN, n + starts).
+def _drawn(qmc: Any, residuals: Residuals, x: Array, seed: int, *, count: int, first: bool) -> Array:
+    """Points of a Sobol sequence around a point x, within the bounds, (count, n + starts).
 
     Vectors such as a centre of mass are drawn around that of x, and then shrunk by a factor of up to 90: lengths have no natural scale.
+    Those of the `first` searches are not shrunk.
     """
-    points, first = np.tile(x, (DRAWN, 1)), 0
-    drawn = qmc.Sobol(residuals.n + len(residuals.blocks), seed=seed).random(DRAWN)
+    points, begin = np.tile(x, (count, 1)), 0
+    drawn = qmc.Sobol(residuals.n + len(residuals.blocks), seed=seed).random(count)
     for k, block in enumerate(residuals.blocks):
-        own = slice(first, first + block.size)
-        first += block.size
-        reach = 2 * FARTHEST if not block.kind.log else FARTHEST if block.size == 1 else FARTHEST_OF_SEVERAL
+        own = slice(begin, begin + block.size)
+        begin += block.size
+        vector = block.size > 1 and not block.kind.log
+        reach = NEAR if first or (block.size > 1 and block.kind.log) else FARTHEST if block.kind.log else 2 * FARTHEST
         low, high = np.maximum(residuals.low[own], x[own] - reach), np.minimum(residuals.high[own], x[own] + reach)
         points[:, own] = low + drawn[:, own] * (high - low)
-        if block.size > 1 and not block.kind.log:
+        if vector and not first:
             points[:, own] *= np.exp(-FARTHEST * drawn[:, [residuals.n + k]])
     return np.asarray(np.clip(points, residuals.low, residuals.high))

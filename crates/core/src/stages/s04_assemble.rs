@@ -54,19 +54,13 @@ pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>,
         assembler.problem.elastic = any_elastic(contacts);
         for k in 0..contacts.slots() {
             let lanes = contacts.lanes_of(k);
-            let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
-            if sliding != 0 {
-                assembler.builder.gather_dofs(assembler.problem, compiled, contacts, k, sliding);
-                assembler.add_contact(input, contacts, k, sliding);
+            let rolling = rolling_lanes(compiled, contacts, k, lanes);
+            if lanes != rolling {
+                assembler.add_contact(input, contacts, k, lanes & !rolling);
             }
-        }
-        // Contacts with torsional or rolling friction have six rows instead of three, and a separate list.
-        if compiled.has_rolling_friction {
-            for k in 0..contacts.slots() {
-                let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));
-                if rolling != 0 {
-                    assembler.add_rolling_contact(input, contacts, k, rolling);
-                }
+            // Contacts with torsional or rolling friction have six rows instead of three.
+            if rolling != 0 {
+                assembler.add_rolling_contact(input, contacts, k, rolling);
             }
         }
         assembler.finish(compiled, contacts);
@@ -83,8 +77,8 @@ impl<R: Real> Assembler<'_, R> {
         velocity.impulses.clear();
         problem.impulse_indices.clear();
         builder.velocity_scales.clear();
-        problem.sliding_slots.clear();
-        problem.rolling_slots.clear();
+        problem.contact_slots.clear();
+        problem.rotation_scales.clear();
         problem.curvature_terms.clear();
         problem.deferred.clear();
         problem.impacts.clear();

@@ -6,17 +6,11 @@
 //! row of zeros.
 
 use crate::cone::{masked, positive};
-use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, NaturalStep, least_tangent, slip_multiplier};
+use crate::constraints::local_solver::{LocalSolver, NaturalStep, least_tangent, slip_multiplier};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Number of tangential rows of a contact with rolling friction.
 const T: usize = 5;
-
-/// Contact with sliding, torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
-pub type RollingContact<R> = FrictionContact<R, 6, RollingSolver<R>>;
-
-/// Contacts with torsional or rolling friction.
-pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 
 /// Solver of a single contact with torsional and rolling friction.
 ///

@@ -46,7 +46,6 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the six rows of the contact in slot `k`, in the lanes `lanes` (bits) in which it has torsional or rolling friction.
     pub(crate) fn add_rolling_contact(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         kernel!(R, || {
-            self.builder.gather_dofs(self.problem, input.compiled, contacts, k, lanes);
             let RowInput { compiled, mass, .. } = *input;
             let slot = &contacts.data[k];
             let friction = Friction::of(compiled, contacts, k, lanes);
@@ -82,6 +81,7 @@ impl<R: Real> Assembler<'_, R> {
                     _ => None,
                 },
                 impulse: [push[0], push[1] * factor, push[2] * factor, torque[0], torque[1], torque[2]],
+                rotation_scale: Some(friction.scale),
             };
             self.push_contact_rows(
                 input,
@@ -94,12 +94,7 @@ impl<R: Real> Assembler<'_, R> {
                     let t = s * factor;
                     [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
                 },
-                #[inline(always)]
-                |problem| &mut problem.rolling_contacts,
-                #[inline(always)]
-                |impulses| &mut impulses.rolling_contacts,
             );
-            self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
         })
     }
 }

@@ -252,7 +252,7 @@ impl<R: Real> CollisionSearch<R> {
         kernel!(R, || {
             for contact in &problem.deferred {
                 let tolerance = touch_tolerance(query, contact.slot);
-                let velocity = problem.rows.normal_velocity_above_target(contact.contact, w);
+                let velocity = problem.rows.contacts.normal_velocity_above_target(contact.contact, w);
                 let rate = velocity - contact.bias;
                 let end = query.contacts.data[contact.slot].point.distance + query.closing_time_of_slot(contact.slot) * rate;
                 let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-tolerance).and_not(contact.bounces));

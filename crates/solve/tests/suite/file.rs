@@ -10,8 +10,8 @@ use stepper_solve::{FORMAT_VERSION, Iterate, LoadedProblem, Problem, Settings, S
 const N: usize = 8;
 const SETTINGS: Settings<f64> = Settings::new(5, 40, 1e-9);
 
-/// Random problem with an eliminated equality, a limit with a compliance, and contacts with three and six rows, of which one has a
-/// compliance.
+/// Random problem with an eliminated equality, a limit with a compliance, and contacts with three, six and three rows, of which one
+/// has a compliance.
 ///
 /// The problem uses the `numbers`, which are in -1 to 1, one after the other. The iterate has impulses that are not all zero.
 fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
@@ -36,11 +36,13 @@ fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
             problem.contacts.set_compliance(0.1);
         }
         iterate.contacts.extend([0.1, 0.01, number() * 0.01]);
+        if k == 0 {
+            let y: Vec<[f64; 6]> = (0..N).map(|_| [(); 6].map(|()| number())).collect();
+            problem.push_contact(&all[1..], |c| y[c], true, 0.3, [(); 6].map(|()| number()));
+            iterate.contacts.extend([0.1, 0.0, 0.0, 0.01, 0.0, 0.0]);
+        }
     }
-    let y: Vec<[f64; 6]> = (0..N).map(|_| [(); 6].map(|()| number())).collect();
-    problem.push_contact(&all[1..], |c| y[c], true, 0.3, [(); 6].map(|()| number()));
     iterate.scalars.extend([number(), 0.2]);
-    iterate.contacts.extend([0.1, 0.0, 0.0, 0.01, 0.0, 0.0]);
     iterate.compute_w(&problem);
     (problem, iterate)
 }

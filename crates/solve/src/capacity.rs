@@ -12,7 +12,9 @@ pub struct Capacity {
     pub scalar_entries: usize,
     /// Number of contacts with three rows.
     pub contacts: usize,
-    /// Number of contacts with six rows, which have torsional or rolling friction.
+    /// Number of contacts with four rows, which have torsional friction.
+    pub torsional_contacts: usize,
+    /// Number of contacts with six rows, which have rolling friction.
     pub rolling_contacts: usize,
     /// Largest number of coordinates at which one contact has Jacobian entries in any of its lanes.
     pub columns_per_contact: usize,
@@ -26,11 +28,11 @@ impl Capacity {
 
     /// Number of contacts with any number of rows.
     pub fn all_contacts(&self) -> usize {
-        self.contacts + self.rolling_contacts
+        self.contacts + self.torsional_contacts + self.rolling_contacts
     }
 
     /// Number of rows of all contacts together.
     pub(crate) fn contact_rows(&self) -> usize {
-        3 * self.contacts + 6 * self.rolling_contacts
+        3 * self.contacts + 4 * self.torsional_contacts + 6 * self.rolling_contacts
     }
 }

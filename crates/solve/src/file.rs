@@ -149,7 +149,7 @@ impl Payload {
         let mut capacity = Capacity::of_coordinates(dimension);
         capacity.scalars = self.scalars.len();
         let (mut problem, mut iterate) = (Problem::<R>::new(&capacity), Iterate::<R>::new(&capacity));
-        for (what, list, rows) in [("scalar row", &self.scalars, &[1][..]), ("contact", &self.contacts, &[3, 6])] {
+        for (what, list, rows) in [("scalar row", &self.scalars, &[1][..]), ("contact", &self.contacts, &[3, 4, 6])] {
             if let Some(i) = list.iter().position(|saved| !saved.is_sound(dimension, rows)) {
                 return Err(format!("{what} {i} has numbers that no {what} has"));
             }

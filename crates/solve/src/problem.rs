@@ -99,8 +99,8 @@ impl<R: Real> Problem<R> {
         self.scalars.is_empty() && self.contacts.is_empty()
     }
 
-    /// Appends a contact with three rows (n, t1, t2), or with six rows (n, t1, t2, spin, roll1, roll2) if it has rolling friction. The rows
-    /// have the entries `y` at the coordinates `columns`, ascending.
+    /// Appends a contact with three rows (n, t1, t2), with four rows (n, t1, t2, spin) if it has torsional friction, or with six rows
+    /// (n, t1, t2, spin, roll1, roll2) if it has rolling friction. The rows have the entries `y` at the coordinates `columns`, ascending.
     ///
     /// The contact exists in the lanes `exists`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
     /// velocity before any impulse, plus its bias (minus the target velocity). The rows must be scaled so that all of them have the

@@ -25,7 +25,7 @@ pub struct ConstraintProblem<R: Real> {
     pub impulse_indices: Vec<usize>,
     /// Slot of each contact of the problem, ascending. An elastic contact that neither bounces nor rests in this step has no rows.
     pub contact_slots: Vec<ContactSlot<R>>,
-    /// Lengths, m, that scale the three rotation rows of each contact with torsional or rolling friction.
+    /// Lengths, m, that scale the rotation rows (spin, roll1, roll2) of each contact with torsional or rolling friction.
     pub(crate) rotation_scales: Vec<V3<R>>,
     /// Lanes with at least one row. Rows of deferred contacts do not count, nor do those that a doubtful collision activated.
     pub constrained: R::Mask,
@@ -58,9 +58,9 @@ pub struct ContactSlot<R: Real> {
     pub slot: usize,
     /// Lanes of the slot with the contact.
     pub lanes: R::Mask,
-    /// Whether the contact has torsional or rolling friction, and therefore six rows. Otherwise it has three.
+    /// Whether the contact has torsional or rolling friction, and therefore more than three rows.
     pub rolls: bool,
-    /// Index of the contact among those with the same number of rows.
+    /// Index of the contact among those with the same value of `rolls`.
     pub index: usize,
 }
 
@@ -145,7 +145,7 @@ impl<R: Real> ConstraintProblem<R> {
         let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
         let (soft_contacts, soft_columns) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).columns_per_contact);
         let capacity = capacity_of(compiled, max_contacts, R::LANES);
-        let with_rotation = if compiled.has_rolling_friction { soft_contacts } else { 0 };
+        let with_rotation = if compiled.has_rolling_friction { soft_contacts.max(2 * max_contacts) } else { 0 };
         let none = R::Mask::splat(false);
         Self {
             rows: Problem::new(&capacity),
@@ -202,7 +202,9 @@ pub(crate) fn capacity_of<S: Scalar>(compiled: &ModelStructure<S>, contacts: usi
     capacity.scalars = compiled.scalar_impulses;
     capacity.scalar_entries = single + balls + equalities + tendons;
     capacity.contacts = contacts;
-    capacity.rolling_contacts = if compiled.has_rolling_friction { contacts } else { 0 };
+    // Lanes of a slot whose contacts have different numbers of rows are separate contacts.
+    let rotating = if compiled.has_rolling_friction { contacts } else { 0 };
+    (capacity.torsional_contacts, capacity.rolling_contacts) = (rotating, rotating);
     capacity.columns_per_contact = with_coupled(deepest * lanes);
     capacity
 }

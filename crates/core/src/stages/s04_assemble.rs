@@ -27,7 +27,7 @@ use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::contact::approaching::turning_lanes;
 use crate::constraints::contact::least_mobility;
 use crate::constraints::contact::restitution::any_elastic;
-use crate::constraints::contact::torsional_rolling::rolling_lanes;
+use crate::constraints::contact::torsional_rolling::rotating_lanes;
 
 /// Assembles all rows of contacts, limits, dry friction, equalities and tendons, with their initial impulses.
 pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {
@@ -54,13 +54,16 @@ pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>,
         assembler.problem.elastic = any_elastic(contacts);
         for k in 0..contacts.slots() {
             let lanes = contacts.lanes_of(k);
-            let rolling = rolling_lanes(compiled, contacts, k, lanes);
-            if lanes != rolling {
-                assembler.add_contact(input, contacts, k, lanes & !rolling);
+            let [torsional, rolling] = rotating_lanes(compiled, contacts, k, lanes);
+            let sliding = lanes & !(torsional | rolling);
+            if sliding != 0 {
+                assembler.add_contact(input, contacts, k, sliding);
             }
-            // Contacts with torsional or rolling friction have six rows instead of three.
+            if torsional != 0 {
+                assembler.add_rotating_contact::<4>(input, contacts, k, torsional);
+            }
             if rolling != 0 {
-                assembler.add_rolling_contact(input, contacts, k, rolling);
+                assembler.add_rotating_contact::<6>(input, contacts, k, rolling);
             }
         }
         assembler.finish(compiled, contacts);

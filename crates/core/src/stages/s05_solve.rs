@@ -73,12 +73,15 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
         for (&impulse_index, &lambda) in impulse_indices.iter().zip(&impulses.scalars) {
             scalar_impulse[impulse_index] = lambda;
         }
-        for (i, &ContactSlot { slot: k, lanes, index, .. }) in contact_slots.iter().enumerate() {
+        for (i, &ContactSlot { slot: k, lanes, rolls, index }) in contact_slots.iter().enumerate() {
             let lambda = impulses.contact_impulse(rows, i);
             contacts.data[k].impulse = select(lanes, [lambda[0], lambda[1], lambda[2]], contacts.data[k].impulse);
-            if let &[_, _, _, spin, roll_a, roll_b] = lambda {
-                let scale = rotation_scales[index];
-                contacts.torque[k] = select(lanes, [spin * scale[0], roll_a * scale[1], roll_b * scale[2]], contacts.torque[k]);
+            if rolls {
+                let mut torque = zero();
+                for (j, &x) in lambda[3..].iter().enumerate() {
+                    torque[j] = x * rotation_scales[index][j];
+                }
+                contacts.torque[k] = select(lanes, torque, contacts.torque[k]);
             }
         }
     });

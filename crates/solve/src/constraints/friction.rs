@@ -55,7 +55,9 @@ pub struct FrictionContact<R: Real> {
 pub enum RowsIndex {
     /// Contact with sliding friction: rows (n, t1, t2).
     Three(usize),
-    /// Contact with torsional or rolling friction: rows (n, t1, t2, spin, roll1, roll2).
+    /// Contact with torsional friction: rows (n, t1, t2, spin).
+    Four(usize),
+    /// Contact with rolling friction: rows (n, t1, t2, spin, roll1, roll2).
     Six(usize),
 }
 
@@ -66,6 +68,10 @@ macro_rules! with_rows {
         match $contact.index {
             RowsIndex::Three(i) => {
                 let $rows = $($list)+.three[i];
+                $value
+            }
+            RowsIndex::Four(i) => {
+                let $rows = $($list)+.four[i];
                 $value
             }
             RowsIndex::Six(i) => {
@@ -101,17 +107,27 @@ impl<R: Real> RowCount<R, 3> for [R; 3] {
     type Solver = SlidingSolver<R>;
 
     #[inline(always)]
-    fn push(list: &mut ContactList<R>, rows: FrictionRows<R, 3, SlidingSolver<R>>) -> RowsIndex {
+    fn push(list: &mut ContactList<R>, rows: FrictionRows<R, 3, Self::Solver>) -> RowsIndex {
         list.three.push(rows);
         RowsIndex::Three(list.three.len() - 1)
     }
 }
 
-impl<R: Real> RowCount<R, 6> for [R; 6] {
-    type Solver = RollingSolver<R>;
+impl<R: Real> RowCount<R, 4> for [R; 4] {
+    type Solver = RollingSolver<R, 4, 3>;
 
     #[inline(always)]
-    fn push(list: &mut ContactList<R>, rows: FrictionRows<R, 6, RollingSolver<R>>) -> RowsIndex {
+    fn push(list: &mut ContactList<R>, rows: FrictionRows<R, 4, Self::Solver>) -> RowsIndex {
+        list.four.push(rows);
+        RowsIndex::Four(list.four.len() - 1)
+    }
+}
+
+impl<R: Real> RowCount<R, 6> for [R; 6] {
+    type Solver = RollingSolver<R, 6, 5>;
+
+    #[inline(always)]
+    fn push(list: &mut ContactList<R>, rows: FrictionRows<R, 6, Self::Solver>) -> RowsIndex {
         list.six.push(rows);
         RowsIndex::Six(list.six.len() - 1)
     }
@@ -259,8 +275,10 @@ pub struct ContactList<R: Real> {
     items: Vec<FrictionContact<R>>,
     /// Rows of the contacts with three rows.
     three: Vec<FrictionRows<R, 3, SlidingSolver<R>>>,
-    /// Rows of the contacts with six rows. These rows are scaled so that all have the same friction coefficient.
-    six: Vec<FrictionRows<R, 6, RollingSolver<R>>>,
+    /// Rows of the contacts with four rows. These rows are scaled so that all have the same friction coefficient.
+    four: Vec<FrictionRows<R, 4, RollingSolver<R, 4, 3>>>,
+    /// Rows of the contacts with six rows, scaled in the same way.
+    six: Vec<FrictionRows<R, 6, RollingSolver<R, 6, 5>>>,
     /// Whether any contact of the list may have a compliance, so that the solver must read it.
     compliant: bool,
 }
@@ -514,6 +532,7 @@ impl<R: Real> FrictionContacts<R> {
     pub(crate) fn load(&mut self, saved: &SavedConstraint) {
         match saved.g.len() {
             3 => self.push_saved::<3>(saved),
+            4 => self.push_saved::<4>(saved),
             _ => self.push_saved::<6>(saved),
         }
         self.set_position_offset(&saved.position_g.iter().map(|&g| R::of(g)).collect::<Vec<R>>());
@@ -623,6 +642,7 @@ impl<R: Real> ConstraintList<R> for ContactList<R> {
         Self {
             items: Vec::with_capacity(capacity.all_contacts()),
             three: Vec::with_capacity(capacity.contacts),
+            four: Vec::with_capacity(capacity.torsional_contacts),
             six: Vec::with_capacity(capacity.rolling_contacts),
             compliant: false,
         }
@@ -637,6 +657,7 @@ impl<R: Real> ConstraintList<R> for ContactList<R> {
     fn clear(&mut self) {
         self.items.clear();
         self.three.clear();
+        self.four.clear();
         self.six.clear();
         self.compliant = false;
     }
@@ -645,6 +666,7 @@ impl<R: Real> ConstraintList<R> for ContactList<R> {
     fn copy(&mut self, from: &Self) {
         self.items.clone_from(&from.items);
         self.three.clone_from(&from.three);
+        self.four.clone_from(&from.four);
         self.six.clone_from(&from.six);
         self.compliant = from.compliant;
     }
@@ -703,6 +725,7 @@ impl<R: Real> ConstraintList<R> for ContactList<R> {
     fn add(&self, i: usize, (columns, y): RowEntries<'_, R>, lambda: &[R], w: &mut [R]) {
         match self.items[i].index {
             RowsIndex::Three(_) => add_transposed::<R, 3>(columns, y.as_chunks().0, *rows_of(lambda), w),
+            RowsIndex::Four(_) => add_transposed::<R, 4>(columns, y.as_chunks().0, *rows_of(lambda), w),
             RowsIndex::Six(_) => add_transposed::<R, 6>(columns, y.as_chunks().0, *rows_of(lambda), w),
         }
     }

@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     from typer import Typer
 
 COMMANDS = {
-    "demo": "demo",
+    "demo": "commands",
     **dict.fromkeys(("chart", "explain", "report", "sweep", "rank", "calibrate", "tune"), "studies"),
-    **{name: name for name in ("train", "evaluate", "identify", "replay", "view", "doctor")},
+    **dict.fromkeys(("train", "evaluate", "identify", "replay"), "commands"),
+    "view": "view",
+    "doctor": "commands",
 }
 """Module of this folder with the function of each command, by name of the command."""
 

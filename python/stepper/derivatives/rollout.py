@@ -15,11 +15,10 @@ from stepper._arrays import array_of
 from stepper._stepper import State, Stepper
 from stepper.derivatives.copies import rows
 from stepper.derivatives.kinks import Bools
-from stepper.derivatives.linearize import Linearization, linearize
+from stepper.derivatives.linearize import Linearization, first_undetermined, linearize
 from stepper.derivatives.perturbations import STATE, Array, check_parameters
 from stepper.derivatives.smoothing import Smoothing, smoothed
 from stepper.derivatives.tangent import from_tangent, to_tangent
-from stepper.derivatives.undetermined import first_undetermined
 from stepper.shared.arguments import check_flag, check_kind, check_whole
 from stepper.shared.selectors import parse
 

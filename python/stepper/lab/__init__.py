@@ -12,10 +12,9 @@ from stepper.lab.accuracy.chart import Chart, chart
 from stepper.lab.accuracy.dots import Dot
 from stepper.lab.accuracy.tune import Candidate, Tuning, tune
 from stepper.lab.calibration.calibrate import Calibration, MeasuredParameter, calibrate
-from stepper.lab.calibration.certificate import Certificate
 from stepper.lab.calibration.fit import Fit
 from stepper.lab.calibration.recordings import FittedSet, RecordedCalibration, calibrate_on_recordings
-from stepper.lab.calibration.search import Trial
+from stepper.lab.calibration.search import Certificate, Trial
 from stepper.lab.study import Outcome, Parameter, PolicyController, Study, World
 from stepper.lab.study.failure_causes import Verdict
 from stepper.lab.study.ranking import Rank, Ranking, rank

@@ -34,7 +34,7 @@ from stepper.sysid.rivals import (
     verdict_of,
     widened,
 )
-from stepper.sysid.roots import root_of
+from stepper.sysid.uncertainty import root_of
 
 STEP = 1e-5
 """Smallest half width of finite differences of parameters (in units of their scales) and velocities (m/s, rad/s)."""

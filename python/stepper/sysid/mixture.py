@@ -18,7 +18,7 @@ import numpy as np
 from stepper.sysid.horizon import Horizon
 from stepper.sysid.inertia import Array
 from stepper.sysid.problem import Problem, Sample
-from stepper.sysid.roots import RIDGE, root_of
+from stepper.sysid.uncertainty import RIDGE, root_of
 
 MAX_HYPOTHESES = 4
 """Largest number of a tracker's hypotheses about friction."""

@@ -20,7 +20,7 @@ from stepper.shared.machine import require
 from stepper.sysid.combinations import Combination
 from stepper.sysid.inertia import Array
 from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, value_slopes, write
-from stepper.sysid.roots import RIDGE, root_of
+from stepper.sysid.uncertainty import RIDGE, root_of
 
 Mask: TypeAlias = np.ndarray[Any, np.dtype[np.bool_]]
 FORMAT = 4

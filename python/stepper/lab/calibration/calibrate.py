@@ -16,17 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from stepper.lab.calibration.certificate import Certificate, confidence_of, worlds_for
 from stepper.lab.calibration.report import document_of
-from stepper.lab.calibration.search import UNMEASURED, Array, Search, Space, Trial
+from stepper.lab.calibration.search import UNMEASURED, Array, Certificate, Search, Space, Trial, confidence_of, worlds_for
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document
-from stepper.lab.study.journal import Journal, Row
+from stepper.lab.study.journal import Journal, Results, Row
 from stepper.lab.study.parameters import check_value_conflicts
 from stepper.lab.study.points import USUAL, Point
 from stepper.lab.study.ranking import Ranking, rank
 from stepper.lab.study.report import study_of
-from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
 from stepper.lab.study.table import Table

@@ -18,11 +18,10 @@ from stepper.lab.calibration.search import Array, smallest_set
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import least_share
-from stepper.lab.study.journal import Journal
+from stepper.lab.study.journal import Journal, Results
 from stepper.lab.study.parameters import check_value_conflicts, selected
 from stepper.lab.study.points import USUAL, point_at
 from stepper.lab.study.report import study_of
-from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
 from stepper.shared.arguments import check_number, check_whole

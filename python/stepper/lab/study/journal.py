@@ -7,14 +7,23 @@ run repeats the batch. Other processes may read the file at any time.
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
+import os
 import sqlite3
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
 
 from stepper._status import Status
+from stepper.lab.study.document import check_pages
+from stepper.shared.arguments import path_of
+from stepper.shared.files import explained, locked, write_text
+
+if TYPE_CHECKING:
+    from stepper.lab.study.study import Study
 
 Row = dict[str, Any]
 """Result of one episode, by name: key, setting, parameters, episode, seed, outcomes, success, quality, settings, resolved_settings."""
@@ -139,3 +148,49 @@ def _explained(path: Path) -> Iterator[None]:
         raise JournalError(f"{path}: SQLite cannot use the file ({error}): check its permissions and the space on the disk") from error
     except sqlite3.DatabaseError as error:
         raise JournalError(f"{path} is no journal of a study, or is damaged ({error}): {_RESTART}") from error
+
+
+SETTINGS, JOURNAL = "resolved_settings.json", "journal.sqlite"
+"""Names of the files in a study's folder with the provenance of the rows, and with the rows (results of episodes)."""
+
+
+class Results:
+    """Output folder of a study, as a context manager. Until it is closed, it is locked for other runs.
+
+    Args:
+        study: The study.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
+
+    Raises:
+        BlockingIOError: Another run writes to the folder.
+        JournalError: The journal cannot be used.
+    """
+
+    def __init__(self, study: Study, out: str | os.PathLike[str]):
+        check_pages()
+        self.folder = path_of("out", out) / study.name
+        with contextlib.ExitStack() as opened:
+            opened.enter_context(locked(self.folder))
+            self.journal = opened.enter_context(Journal(self.folder / JOURNAL, study.name))
+            self._write_settings(study)
+            self._opened = opened.pop_all()
+
+    def _write_settings(self, study: Study) -> None:
+        """Adds the study's provenance (model, versions, digests) as an entry to resolved_settings.json.
+
+        The key of the entry is its SHA-256, shortened.
+        """
+        file = self.folder / SETTINGS
+        with explained(file, "restore the file, or delete it with the journal to run the study from the start"):
+            entries: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+        text = json.dumps(study.resolved_settings(), sort_keys=True, default=str)
+        name = hashlib.sha256(text.encode()).hexdigest()[:16]
+        if name in entries:
+            return
+        write_text(file, json.dumps(entries | {name: json.loads(text)}, indent=2, sort_keys=True) + "\n")
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._opened.close()

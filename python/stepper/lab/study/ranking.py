@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
-from stepper.lab.study.journal import diverged
+from stepper.lab.study.journal import Results, diverged
 from stepper.lab.study.parameters import check_value_conflicts, selected
 from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.report import settings_sections, study_of
-from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
 from stepper.lab.study.table import Table

@@ -60,7 +60,7 @@ def test_an_unknown_cpu_level_is_named_with_those_that_exist(monkeypatch):
 
 
 def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
-    monkeypatch.setattr(extras, "package_version", lambda name: None if name == "viser" else "1.2.3")
+    monkeypatch.setattr(diagnosis, "package_version", lambda name: None if name == "viser" else "1.2.3")
     found = stepper.doctor.diagnose(self_test=False)
     assert found
     assert re.search(r'viewer +missing viser: pip install "stepper-sim\[viewer\]"\n', str(found))

@@ -16,7 +16,6 @@ changed and tried on new worlds. The probability of an error is divided by the n
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count

@@ -17,7 +17,7 @@ from stepper.viewer import shapes
 from stepper.viewer.frames import frame_of, shown_envs, sizes_of
 from stepper.viewer.live import Drag, View, effective_mass, scene_for
 from stepper.viewer.looks import looks_of
-from stepper.viewer.recordings import RecordedRun
+from stepper.viewer.player import RecordedRun
 from stepper.viewer.shapes import instances, scene_of
 
 ROOT = Path(__file__).parents[2]

@@ -8,10 +8,9 @@ set of active constraints: contacts that stick or slip, joints at their limits.
 - `kinks`: comparison of the active contacts and limits of the copies
 - `linearize`: matrices by finite differences, and the error for steps without a derivative
 - `implicit`: matrices by the implicit function theorem, at the mode of the solved step
-- `nominal_mode`, `pair_readings`: replacement of columns whose difference crosses a kink
+- `nominal_mode`: replacement of columns whose difference crosses a kink
 - `rollout`: gradients of a function of a rollout, by backpropagation through the steps
 - `smoothing`: randomised smoothing of these gradients
-- `tangent`: conversion between gradients with respect to quaternions and to rotation vectors
 """
 
 from stepper.derivatives.kinks import Kink

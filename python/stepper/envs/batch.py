@@ -14,10 +14,20 @@ from gymnasium.spaces import Box
 from stepper._options import Options, Precision, precision_of
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.envs.episode_state import EpisodeState, episode_state_of
 from stepper.envs.groups import ObservationGroups
 from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, with_zero_rows
-from stepper.envs.task_results import bounds_of, call_hook, check_methods, infos_of, model_of, position_of, rewards_of, rows_of
+from stepper.envs.task_results import (
+    EpisodeState,
+    bounds_of,
+    call_hook,
+    check_methods,
+    episode_state_of,
+    infos_of,
+    model_of,
+    position_of,
+    rewards_of,
+    rows_of,
+)
 from stepper.envs.terms import TaskTerms
 from stepper.loading import ModelWarning
 from stepper.shared.arguments import check_fields, check_number, check_whole

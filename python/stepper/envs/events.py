@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from stepper._hints import WrongArgumentError, unknown_field
 from stepper._stepper import Model, Stepper
+from stepper.shared.arguments import in_words
 from stepper.shared.draws import Draw
 from stepper.shared.fields import COMPOUNDS, RANDOMIZED
-from stepper.shared.functions import in_words
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import Part, conflict, parse, parts_of
 from stepper.shared.streams import Rng

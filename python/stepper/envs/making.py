@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from stepper._hints import WrongArgumentError, did_you_mean_or_all, unknown_keyword
 from stepper.envs.task import Task
 from stepper.envs.tasks import TASKS
-from stepper.shared.functions import in_words
+from stepper.shared.arguments import in_words
 
 
 def make_task(task: Task | type[Task] | str, arguments: Mapping[str, Any], environment: type) -> Task:

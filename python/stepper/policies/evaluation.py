@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._hints import WrongArgumentError
-from stepper.shared.arguments import check_whole
+from stepper.shared.arguments import check_takes, check_whole
 from stepper.shared.environments import import_env, unknown_id
-from stepper.shared.functions import check_takes
 from stepper.shared.machine import require, require_all
 from stepper.shared.progress import ProgressCallback, silent
 from stepper.shared.streams import seeds

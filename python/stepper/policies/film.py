@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.policies.evaluation import make
-from stepper.shared.functions import check_takes
+from stepper.shared.arguments import check_takes
 from stepper.shared.machine import require
 from stepper.shared.progress import ProgressCallback, silent
 from stepper.shared.streams import seeds

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from stepper.lab.accuracy.candidates import lines, timesteps
 from stepper.lab.accuracy.costs import costs
-from stepper.lab.accuracy.dots import Dot
 from stepper.lab.accuracy.invariants import Invariants
-from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point, chart_reference, measure
+from stepper.lab.accuracy.measure import TARGET, ChartBasis, Dot, Point, chart_reference, measure
 from stepper.lab.accuracy.reference import Reference, check_moves
 from stepper.lab.accuracy.tables import ChartData, write
 from stepper.lab.accuracy.traces import Distance, quantity

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.accuracy.dots import CAUSES, Dot, front
 from stepper.lab.accuracy.invariants import Invariants
-from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
+from stepper.lab.accuracy.measure import CAUSES, TARGET, ChartBasis, Dot, Point, front
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.study.document import Document, Section, counted
 from stepper.shared.files import write_csv

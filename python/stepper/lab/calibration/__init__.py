@@ -1,7 +1,7 @@
 """Calibration: the smallest set of parameters that must be measured, with a certificate (`calibrate`).
 
 - `search`: the smallest set, the widest tolerances, and certificates on fresh worlds
-- `calibrate`: the search with a study; `report`: the document
+- `calibrate`: the search with a study, and its document
 - `recordings`: the same for recordings of a real system
 - `fit`: fits of parameters to recordings with impacts, whose losses are rough
 """

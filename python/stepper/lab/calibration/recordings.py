@@ -15,12 +15,11 @@ import numpy as np
 
 from stepper.lab.calibration.fit import Fit, bootstrap, fit
 from stepper.lab.calibration.search import Array, smallest_set
-from stepper.lab.study.batches import run_points
+from stepper.lab.study.batches import USUAL, point_at, run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import least_share
 from stepper.lab.study.journal import Journal, Results
 from stepper.lab.study.parameters import check_value_conflicts, selected
-from stepper.lab.study.points import USUAL, point_at
 from stepper.lab.study.report import study_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured

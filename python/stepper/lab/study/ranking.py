@@ -20,16 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.study.batches import run_points
+from stepper.lab.study.batches import USUAL, Point, inapplicable, nominal_of, run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
-from stepper.lab.study.journal import Results, diverged
+from stepper.lab.study.journal import Results, Table, diverged
 from stepper.lab.study.parameters import check_value_conflicts, selected
-from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.report import settings_sections, study_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
-from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_whole
 from stepper.shared.files import write_figure
 from stepper.shared.machine import package_version, require

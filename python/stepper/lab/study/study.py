@@ -23,15 +23,14 @@ from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
 from stepper.lab.study import controllers
+from stepper.lab.study.batches import USUAL
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import CHOICES, OF_MODEL, SETTINGS, Parameter, Value, Values, check, check_value_conflicts, with_nominal
-from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import Origin, compile_source, is_saved, load
 from stepper.sensors import SensorModel
-from stepper.shared.arguments import check_file_name, check_mapping, check_number, check_whole, path_of
-from stepper.shared.functions import check_takes
+from stepper.shared.arguments import check_file_name, check_mapping, check_number, check_takes, check_whole, path_of
 from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]

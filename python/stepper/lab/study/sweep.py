@@ -11,14 +11,12 @@ from itertools import pairwise
 import numpy as np
 
 from stepper._status import Status
-from stepper.lab.study.batches import run_points
+from stepper.lab.study.batches import USUAL, Point, inapplicable, nominal_of, run_points
 from stepper.lab.study.intervals import wilson
-from stepper.lab.study.journal import Journal, Row, diverged
+from stepper.lab.study.journal import Journal, Row, Table, diverged
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import COUNTS, Value, check_effects, selected
-from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.study import Study
-from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_fraction
 from stepper.shared.progress import ProgressCallback
 

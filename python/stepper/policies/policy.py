@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,9 +18,6 @@ from stepper.policies.environment import Description, describe, differences, of_
 from stepper.shared.arguments import path_of
 from stepper.shared.files import atomic_write, existing, explained, read_arrays, write_arrays
 from stepper.shared.machine import require
-
-if TYPE_CHECKING:
-    from stepper.policies.policy import Policy
 
 OPSET = 17
 """Version of ONNX's operators, which runtimes since 2022 have."""

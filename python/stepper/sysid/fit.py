@@ -480,7 +480,7 @@ def _concluded(
     )
     shifts = _shift_warnings(residuals, best, solver)
     findings = warnings_of(residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged)
-    return found.warned((*shifts, *findings))
+    return replace(found, warnings=(*shifts, *findings))
 
 
 def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tuple[str, ...]:

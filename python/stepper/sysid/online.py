@@ -29,6 +29,8 @@ from stepper.sysid.simulate import UNTRUSTED, find_channels, noise_of, solved
 
 FRICTION_DRIFT = 0.02
 """Default drift of friction in a `Tracker`: standard deviation of the random change of its logarithm in one second."""
+STATE_NOISE = (1e-5, 1e-3)
+"""Standard deviations of the random change of positions, m or rad, and velocities, m/s or rad/s, in one second: errors of the model."""
 PRIOR = 1.0
 """Default prior standard deviation of the logarithm of a positive quantity."""
 LEAST_WEIGHT = 0.05
@@ -93,8 +95,6 @@ class Tracker:
             for friction and 0 for other parameters. (A window overestimates the information about friction when sliding begins.)
         moving: Names of the joints whose state is uncertain; None selects all joints. Each degree of freedom of these joints needs four
             environments.
-        state_noise: Standard deviations of the random change of positions (m or rad) and velocities (m/s or rad/s) in one second. It
-            accounts for errors of the model.
         options: Options of the step; the default tolerance is 1e-9 m/s.
         threads: Number of threads; 0 uses all cores.
         qpos, qvel: Initial state, (nq,) m and rad, (nv,) m/s and rad/s; None uses the model's reference pose, and zero velocity.
@@ -123,7 +123,6 @@ class Tracker:
         window: float = 0.12,
         drift: float | Sequence[float] | None = None,
         moving: Sequence[str] | None = None,
-        state_noise: tuple[float, float] = (1e-5, 1e-3),
         options: Options | None = None,
         threads: int = 1,
         qpos: ArrayLike | None = None,
@@ -164,8 +163,7 @@ class Tracker:
         if drift is None:
             drift = [FRICTION_DRIFT if kind in KINKED else 0.0 for kind in kinds]
         wander = _spread("drift", drift, n, f"one number, or one for each of {', '.join(self.labels)}", alone=True) * scale
-        pair = "two numbers, of displacement (m or rad) and of velocity (m/s or rad/s)"
-        gained, unknown = _spread("state_noise", state_noise, 2, pair), _spread("start_std", start_std, 2, pair)
+        unknown = _spread("start_std", start_std, 2, "two numbers, of displacement (m or rad) and of velocity (m/s or rad/s)")
         m = len(dofs)
         self._problem = Problem(
             model=self.model,
@@ -180,7 +178,7 @@ class Tracker:
             scale=scale,
             kinked=kinked,
             drift=wander,
-            gained=np.concatenate([wander, np.repeat(gained, m)]) * math.sqrt(period),
+            gained=np.concatenate([wander, np.repeat(STATE_NOISE, m)]) * math.sqrt(period),
             period=period,
             length=length,
         )

@@ -196,11 +196,9 @@ class Variants:
         """
         if not self.delays:
             return None
-        drives = {}
-        for name, delay in self.delays.items():
-            drive = (known.drive_of(name) if known is not None else None) or Drive()
-            drives[name] = replace(drive, delay=delay if index is None else delay[index])
-        return ActuatorModel(drives)
+        known = known or ActuatorModel()
+        delays = {name: delay if index is None else delay[index] for name, delay in self.delays.items()}
+        return ActuatorModel({name: replace(known.drive_of(name) or Drive(), delay=delay) for name, delay in delays.items()})
 
 
 class Block:

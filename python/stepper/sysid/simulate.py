@@ -454,8 +454,6 @@ def _with_longest_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -
     longest = {name: float(block.high[0]) for block in blocks if block.parameter.kind == "actuator.delay" for name in block.names}
     if not longest:
         return known
-    drives = dict(known.named) if known is not None else {}
-    for name, delay in longest.items():
-        drive = (known.drive_of(name) if known is not None else None) or Drive()
-        drives[name] = Drive(**{**{f: getattr(drive, f) for f in drive.__dataclass_fields__}, "delay": delay})
-    return ActuatorModel(drives, default=known.default if known is not None else None)
+    known = known or ActuatorModel()
+    delayed = {name: replace(known.drive_of(name) or Drive(), delay=delay) for name, delay in longest.items()}
+    return ActuatorModel({**known.named, **delayed}, default=known.default)

@@ -380,17 +380,8 @@ class View(Served):
             self._applied = _Applied(env, body, without, np.array(forces[env, body], subok=False))
 
 
-def view(
-    sim: Stepper,
-    *,
-    envs: Envs = None,
-    source: Any = None,
-    host: str = "127.0.0.1",
-    port: int = 8080,
-    spacing: float | None = None,
-    reset: Callable[[], Any] | None = None,
-) -> View:
+def view(sim: Stepper, **settings: Any) -> View:
     """Opens a view of a stepper in the browser and prints its address; the arguments are those of `View`."""
-    opened = View(sim, envs=envs, source=source, host=host, port=port, spacing=spacing, reset=reset)
+    opened = View(sim, **settings)
     print(f"{opened.url} shows {len(opened.envs)} of {sim.num_envs or 1} environments")
     return opened

@@ -18,7 +18,7 @@ from stepper.recording.format import HEADER, Arrays, RecordingError, read_header
 from stepper.recording.verify import apply_parameters, recorded_stepper
 from stepper.shared.fields import APPLIED
 from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs, sizes_of
-from stepper.viewer.live import SHOWN, scene_for
+from stepper.viewer.live import SHOWN, SPEEDS, scene_for
 from stepper.viewer.looks import Array, LooksError
 from stepper.viewer.shapes import Scene
 from stepper.viewer.window import FRAMES, Served, Window
@@ -126,9 +126,6 @@ class RecordedRun:
         self._shown_row = due
 
 
-SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
-
-
 class Player(Served):
     """View of a recording in the browser, with a web server; a context manager.
 
@@ -214,7 +211,7 @@ class Player(Served):
         gui = self.window.server.gui
         with gui.add_folder("Play"):
             self._play = gui.add_checkbox("play", True)
-            self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
+            self._speed = gui.add_dropdown("speed", SPEEDS[:-1], initial_value="1")
             last = max(len(self.run_of) - 1, 1)
             self._slider = gui.add_slider("frame", min=0, max=last, step=1, initial_value=0, disabled=len(self.run_of) == 1)
         self._slider.on_update(self._moved)

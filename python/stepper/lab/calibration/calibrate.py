@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -31,9 +31,6 @@ from stepper.shared.files import write_figure, write_text
 from stepper.shared.machine import package_version, require
 from stepper.shared.progress import ProgressCallback
 from stepper.sysid.parameters import KINDS
-
-if TYPE_CHECKING:
-    from stepper.lab.calibration.calibrate import Calibration
 
 _SEARCH, _CERTIFICATE, _MINIMALITY = 4, 5, 6
 """Second of the numbers that seed the worlds of the search, of certificates, and of the proof of minimality."""

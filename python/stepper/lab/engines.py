@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,45 +14,6 @@ from stepper._stepper import Model, Stepper
 from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
-
-
-class EngineBatch(Protocol):
-    """Batch of environments in one engine, stepped together."""
-
-    @property
-    def name(self) -> str:
-        """Names of engine and settings, for tables."""
-
-    @property
-    def num_envs(self) -> int:
-        """Number of environments."""
-
-    @property
-    def qpos(self) -> Array:
-        """Positions, (num_envs, nq), m and rad."""
-
-    @property
-    def qvel(self) -> Array:
-        """Velocities, (num_envs, nv), m/s and rad/s."""
-
-    def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Resets all environments, and clears controls and warm starts.
-
-        Args:
-            qpos: Positions, (num_envs, nq) or (nq,), m and rad.
-            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None sets them to 0.
-        """
-
-    def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Steps all environments. Benchmarks time only this method.
-
-        Args:
-            ctrl: Controls, (num_envs, nu), in the actuators' units; None keeps the last ones.
-            nstep: Number of steps.
-        """
-
-    def record(self, phase: str) -> None:
-        """Adds status and residual of the last step to the statistics of a phase of the run, such as "rest"."""
 
 
 @dataclass
@@ -217,6 +178,8 @@ class MujocoBatch(MujocoFields):
         return self._batch.get_data(env)
 
 
+EngineBatch: TypeAlias = StepperBatch | MujocoBatch
+"""Batch of environments in one engine, stepped together. Benchmarks time only its method `step`."""
 _WARNING_COUNT = 1
 """Column of `Batch.warning` with the number of warnings."""
 

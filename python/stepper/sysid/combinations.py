@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from stepper._stepper import Model
 from stepper.shared.rotations import matrices
-from stepper.sysid.findings import VAGUE
 from stepper.sysid.inertia import Array
 from stepper.sysid.nullspace import FlatSet
 from stepper.sysid.parameters import Block, derivatives, split, value_slopes, write
+from stepper.sysid.uncertainty import VAGUE
 
 LARGEST = 4
 """Largest number of features in a sum or product."""

@@ -23,7 +23,6 @@ from stepper.shared.machine import require
 from stepper.shared.progress import ProgressCallback, silent
 from stepper.sysid.combinations import combinations_of
 from stepper.sysid.data import Data, episodes_of
-from stepper.sysid.findings import undetermined, warnings_of
 from stepper.sysid.inertia import Array
 from stepper.sysid.minima import SPREAD, beyond, sobol
 from stepper.sysid.nullspace import EQUAL_FIT, FLAT_EXCESS, FLAT_STD, SIGNIFICANT, FlatSet, cost_ratio
@@ -32,7 +31,7 @@ from stepper.sysid.residuals import Linearized, Residuals, Together
 from stepper.sysid.result import Identification, Search, t_quantile
 from stepper.sysid.shift import EARLY, FREED_STD, LATE, RATIO, finding_of_fit, suspicious
 from stepper.sysid.simulate import Simulator, noise_of, solved
-from stepper.sysid.uncertainty import outside_null_space
+from stepper.sysid.uncertainty import outside_null_space, undetermined, warnings_of
 
 SAME_MINIMUM = 1e-2
 """Distance between the ends of two searches below which they count as the same minimum, in units of the parameters' scales."""

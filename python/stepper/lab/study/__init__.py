@@ -1,6 +1,6 @@
 """Studies: episodes of a model with a controller, measured outcomes and uncertain parameters.
 
-- `study`: the definition of a study; `files` reads it from TOML
+- `study`: the definition of a study, also from TOML files
 - `parameters`, `outcomes`, `controllers`: parts of the definition
 - `worlds`: environments of one engine
 - `batches`: runs of episodes at values of the parameters, in batches

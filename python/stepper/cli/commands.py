@@ -17,7 +17,7 @@ from stepper.lab.demo import Plan
 from stepper.lab.demo import demo as run_demo
 from stepper.loading import load
 from stepper.policies import ppo_settings
-from stepper.policies.film import FILMED
+from stepper.policies.evaluation import FILMED
 from stepper.recording import verify
 from stepper.shared.files import locked
 from stepper.shared.progress import show_files, show_progress

@@ -46,7 +46,7 @@ from torch import Tensor, nn  # noqa: E402
 
 from stepper.envs import StepperVectorEnv  # noqa: E402
 from stepper.policies import Policy, check_film, describe, evaluate, film, is_native, make  # noqa: E402
-from stepper.policies.film import FILMED  # noqa: E402
+from stepper.policies.evaluation import FILMED  # noqa: E402
 from stepper.policies.ppo_settings import (  # noqa: E402
     CHECKPOINT,
     Settings,

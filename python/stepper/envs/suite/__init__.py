@@ -4,7 +4,7 @@ from typing import Any
 
 from stepper.envs.suite.base import SuiteTask
 from stepper.envs.suite.dog import Dog
-from stepper.envs.suite.finger import Finger, FingerTurn
+from stepper.envs.suite.finger import Finger, FingerTurn, Reacher
 from stepper.envs.suite.humanoid import Humanoid, HumanoidCMU
 from stepper.envs.suite.lqr import LQR
 from stepper.envs.suite.manipulator import Manipulator
@@ -12,7 +12,6 @@ from stepper.envs.suite.pendulums import Acrobot, Cartpole, Pendulum
 from stepper.envs.suite.planar import Cheetah, Hopper, Walker
 from stepper.envs.suite.point_mass import PointMass
 from stepper.envs.suite.quadruped import Quadruped
-from stepper.envs.suite.reacher import Reacher
 from stepper.envs.suite.stacker import Stacker
 from stepper.envs.suite.swimming import Fish, Swimmer
 

@@ -61,7 +61,7 @@ def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
     head = read_header(folder)
     warn_of_end(folder, head)
     with reading(folder / HEADER):
-        sim = recorded_stepper(folder, head, None, None)
+        sim = recorded_stepper(folder, head)
     unapplied = {name: np.asarray(getattr(sim, name), np.float64) for name in APPLIED}
     applied: dict[str, np.ndarray[Any, Any]] = {}
     steps: list[Arrays] = []

@@ -167,7 +167,6 @@ class View(Served):
             process loaded the model. If it is unknown, colours are plain, and meshes and height fields are not drawn.
         host: Address of the server; the default accepts connections from this machine only.
         port: Port of the server; if it is in use, the next free one.
-        spacing: Distance between neighbouring environments, m; None uses one and a half times the scene's extent.
         reset: Function that the button "reset" calls; None selects `sim.reset()`.
 
     Raises:
@@ -184,7 +183,6 @@ class View(Served):
         source: Any = None,
         host: str = "127.0.0.1",
         port: int = 8080,
-        spacing: float | None = None,
         reset: Callable[[], Any] | None = None,
     ):
         check_kind("sim", sim, Stepper, "stepper.viewer.view(stepper.Stepper(model))")
@@ -192,7 +190,7 @@ class View(Served):
         self._reset = sim.reset if reset is None else reset
         # Stored here, because callbacks from the browser may come during a step, when the stepper cannot be read.
         self._body_of = [sim.model.geom(g).bodyid for g in range(sim.model.ngeom)]
-        self.window = Window(scene_for(sim.model, source), sim.model, len(self.envs), host=host, port=port, spacing=spacing)
+        self.window = Window(scene_for(sim.model, source), sim.model, len(self.envs), host=host, port=port)
         self._lock = threading.Lock()
         self._requested_reset, self._steps, self._wake = False, 0, threading.Event()
         self._drag: Drag | None = None

@@ -56,7 +56,7 @@ class RecordedRun:
         head = read_header(folder)
         warn_of_end(folder, head)
         with reading(folder / HEADER):
-            self.sim = recorded_stepper(folder, head, None, None)
+            self.sim = recorded_stepper(folder, head)
             recorded = head["model"]
             source, floor = recorded.get("source"), recorded.get("floor")
             origin = Origin(source, floor=None if floor is None else float(floor), free_base=bool(recorded.get("free_base")))
@@ -135,7 +135,6 @@ class Player(Served):
         source: Source of the recorded model, with colours and meshes; None uses the file that the recording names, if it still exists.
         host: Address of the server; the default accepts connections from this machine only.
         port: Port of the server; if it is in use, the next free one.
-        spacing: Distance between neighbouring environments, m; None uses one and a half times the scene's extent.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -152,7 +151,6 @@ class Player(Served):
         source: Any = None,
         host: str = "127.0.0.1",
         port: int = 8080,
-        spacing: float | None = None,
     ):
         self.run_of = RecordedRun(path, envs, most=SHOWN)
         model = self.run_of.sim.model
@@ -162,7 +160,6 @@ class Player(Served):
             len(self.run_of.envs),
             host=host,
             port=port,
-            spacing=spacing,
             title=Path(path).resolve().name,
         )
         self._lock = threading.Lock()

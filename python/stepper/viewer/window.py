@@ -64,7 +64,6 @@ class Window:
         count: Number of environments to show.
         host: Address of the server; "0.0.0.0" also accepts connections from other machines.
         port: Port of the server; if it is in use, the next free one.
-        spacing: Distance between neighbouring environments, m; None uses one and a half times the scene's extent.
         title: Title of the page.
     """
 
@@ -76,13 +75,12 @@ class Window:
         *,
         host: str = "127.0.0.1",
         port: int = 8080,
-        spacing: float | None = None,
         title: str = "",
     ):
         viser = require("viser", "for the view in the browser")
         self.scene, self._model, self.count = scene, model, count
         self.server = viser.ViserServer(host=host, port=port, label=title or model.name or "stepper", verbose=False)
-        self._spacing = spacing if spacing is not None else 1.5 * scene.extent
+        self._spacing = 1.5 * scene.extent
         self._sizes = np.tile(scene.sizes, (count, 1, 1))
         self._lock = threading.Lock()
         self._weight = max(float(np.sum(model.body_mass[1:]) * np.linalg.norm(model.gravity)), 1e-9)

@@ -20,6 +20,8 @@ from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience
 from stepper.lab.accuracy.traces import Distance, Trace, run
 from stepper.lab.study.study import Study
 
+Array = NDArray[np.float64]
+
 CAUSES = {"solver": "solver", "step": "time step", "model": "model"}
 """Causes of an error, as words for tables and pictures. Keys are the attributes of `Dot` with the part of the error from a cause."""
 
@@ -109,7 +111,6 @@ def front(dots: Sequence[Dot], cost: str, engine: str | None = None) -> list[Dot
     return [own[k] for k in pareto([getattr(dot, cost) for dot in own], [dot.error for dot in own])]
 
 
-Array = NDArray[np.float64]
 TARGET = {"m": 1e-4, "rad": 1e-3}
 """Target uncertainty of a reference, by unit.
 

@@ -28,6 +28,8 @@ from stepper.shared.fields import RANDOMIZED
 if TYPE_CHECKING:
     from stepper.lab.study.study import Study
 
+Array = NDArray[np.float64]
+
 USUAL = "stepper"
 """Name of the settings that are the options of the study itself."""
 _LACKING = {"midpoint", "auto"}
@@ -89,9 +91,6 @@ def point_at(study: Study, values: Mapping[str, Value], setting: str = USUAL) ->
         study.parameters[name].check_value(value, f"parameter {name!r}")
         chosen[name] = value
     return Point(chosen, setting)
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

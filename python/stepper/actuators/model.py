@@ -49,11 +49,9 @@ class PID:
         check_numbers(self)
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
-        """Dictionary of the servo's numbers for the Rust library. Each value is a list with one number per environment, or one for all.
+        """Dictionary of the servo's numbers for the Rust library, with arguments as in `Drive._row`.
 
-        Args:
-            num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) or indices of the environments whose numbers are returned; None selects all.
+        Each value is a list with one number per environment, or one for all.
         """
         limit = math.inf if self.integral_limit is None else self.integral_limit
         return {
@@ -99,11 +97,9 @@ class DCMotor:
             raise ValueError(f"stall_torque is {self.stall_torque!r} and no_load_speed is {self.no_load_speed!r}: give both, or neither")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
-        """Dictionary of the motor's numbers for the Rust library. Values per environment are lists, with one number if all are equal.
+        """Dictionary of the motor's numbers for the Rust library, with arguments as in `Drive._row`.
 
-        Args:
-            num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) or indices of the environments whose numbers are returned; None selects all.
+        Values per environment are lists, with one number if all are equal.
         """
 
         def curve(name: str) -> list[float]:

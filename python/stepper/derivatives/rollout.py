@@ -217,11 +217,7 @@ class Rollout:
         return self._gradients(adjoint, controls, parameters, kinked, lost)
 
     def _cotangent(self, name: str, given: ArrayLike | None) -> Array | None:
-        """Checked copy of an argument of `vjp`: the user's gradient with respect to an attribute of this rollout.
-
-        Returns:
-            The gradient, (T, num_envs, ...); None if it was not given.
-        """
+        """Checked copy of an argument of `vjp`, (T, num_envs, ...): the gradient with respect to an attribute; None if not given."""
         if given is None:
             return None
         states = getattr(self, name)

@@ -217,11 +217,7 @@ class Batch:
         return TaskView(self.sim, self.task, self.dt, (action, previous_action), **shared)
 
     def _reread(self, changed: Array) -> None:
-        """Replaces the view `now` after a reset or change of some environments, so that quantities are read again.
-
-        Args:
-            changed: Mask of these environments, (num_envs,). Their action and velocity become zero.
-        """
+        """Replaces the view `now` after changes of some environments, a mask (num_envs,). Their action and velocity become zero."""
         last = self._now
         last._expire()
         self._now = self._moment(with_zero_rows(last.action, changed), with_zero_rows(last.previous_action, changed))
@@ -438,12 +434,7 @@ def _all_finite(values: Array) -> bool:
 
 
 def _check_actions(action: Array, space: Box) -> None:
-    """Raises ValueError if an action is not finite. The message has the environment, the column, and the likely cause.
-
-    Args:
-        action: Actions, (num_envs, n).
-        space: Space of the actions of one environment.
-    """
+    """Raises ValueError if an action, (num_envs, n), is not finite. The message has the environment, column and likely cause."""
     if not _all_finite(action):
         finite = np.isfinite(action)
         env, column = np.argwhere(~finite)[0]

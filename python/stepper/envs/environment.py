@@ -139,12 +139,9 @@ class Environment:
     """Whether `close` was called."""
 
     def _set_up(self, batch: Batch, render_mode: RenderMode | None, camera: Mapping[str, Any]) -> tuple[Any, Box]:
-        """Sets the attributes of single and vector environments, and returns the spaces of one observation and of one action.
+        """Sets the attributes of environments, and returns the spaces of one observation and of one action.
 
-        Args:
-            batch: The environments.
-            render_mode: "rgb_array", or None for no pictures.
-            camera: Settings of the renderer, from `camera_settings`.
+        `camera` has settings of the renderer, from `camera_settings`.
         """
         self._batch, self._drawing = batch, Drawing(batch, render_mode, **camera)
         self.metadata: dict[str, Any] = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / batch.dt)}

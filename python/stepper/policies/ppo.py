@@ -215,9 +215,7 @@ class Run:
     def _count(self, info: dict[str, Any], over: Array) -> None:
         """Adds returns and lengths of ended episodes to `recent`, their number to `episodes`, and returns of reward terms to `terms`.
 
-        Args:
-            info: Info dict of the step.
-            over: Environments whose episode ended, (num_envs,) bool.
+        `over` is a mask of the environments whose episode ended, (num_envs,).
         """
         episode = info.get("episode") or info["final_info"]["episode"]
         self.recent += [(float(r), int(n)) for r, n in zip(episode["r"][over], episode["l"][over], strict=True)]

@@ -237,11 +237,7 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
 
 
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:
-    """Compares the current state of a stepper with the recorded result of a step.
-
-    Returns:
-        First difference; None if all fields are identical bit for bit.
-    """
+    """First difference of a stepper's current state from the recorded result of a step; None if all fields are identical bit for bit."""
     n = sim.num_envs or 1
     for name in COMPARED:
         was, now = arrays[name], np.asarray(getattr(sim, name))

@@ -283,14 +283,7 @@ class HeightField:
         return pos, np.asarray(2.0 * np.arctan2(quat[..., 3], quat[..., 0]))
 
     def _around(self, pose: tuple[Array, Array], places: Array, angles: Array, offsets: ArrayLike) -> Array:
-        """Heights of the ground at rotated offsets around points, (n, k), m; NaN beyond the border.
-
-        Args:
-            pose: Position (..., 3), m, and angle about z (...), rad, of the height field.
-            places: World x and y of the centres, (n, 2), m.
-            angles: Headings about the z axis, (n,), rad.
-            offsets: Positions relative to the centres, ahead and to the left, (k, 2), m.
-        """
+        """Heights of the ground as in `around`, (n, k), m, for the given pose of the height field; NaN beyond the border."""
         given = array_of("offsets", offsets)
         if given.ndim != 2 or given.shape[1] != 2:
             raise ValueError(f"offsets has shape {given.shape}, must be (n, 2)")

@@ -90,13 +90,9 @@ class Mixture:
         return np.array([self._quantile(j, sigmas, ends[:, j], stds[:, j]) for j in range(len(self.high))])
 
     def _quantile(self, j: int, sigmas: float, ends: Array, std: Array) -> float:
-        """Quantile of one parameter of the mixture, by bisection between the quantiles of its normal distributions.
+        """Quantile of one parameter of the mixture, by bisection between the quantiles of its normal distributions, `ends` (k,).
 
-        Args:
-            j: Index of the parameter.
-            sigmas: Probability of the quantile, as the number of standard deviations of a normal distribution: 1.96 is 97.5 %.
-            ends: Quantiles of the parameter under each hypothesis, (k,).
-            std: Standard deviations of the parameter under each hypothesis, (k,).
+        `sigmas` gives its probability, as the number of standard deviations of a normal distribution: 1.96 is 97.5 %.
         """
         low, high, share = float(ends.min()), float(ends.max()), _normal(sigmas)
         for _ in range(50):
@@ -446,10 +442,7 @@ class Tracker:
     def _interval(self, mixture: Mixture, determined: np.ndarray[Any, np.dtype[np.bool_]], *, trusted: bool) -> Array:
         """95 % intervals of the values, (n, 2); infinite for values that are not determined.
 
-        Args:
-            mixture: Distribution of the parameters.
-            determined: Whether each value is determined, (n,).
-            trusted: Whether the estimate has converged and explains the readings, so that the bounds of frictions hold.
+        They have the bounds of frictions only if the estimate is `trusted`: it has converged and explains the readings.
         """
         low, high = (natural(self.blocks, mixture.quantile(z)) for z in (-TWO_SIDED, TWO_SIDED))
         least = np.concatenate([block.least for block in self.blocks])
@@ -479,12 +472,7 @@ class Tracker:
 def _spread(name: str, given: ArrayLike, size: int, remedy: str, *, alone: bool = False) -> Array:
     """Standard deviations, (size,), from the user's argument `name`, after a check of its shape and values.
 
-    Args:
-        name: Name of the argument, for error messages.
-        given: Value of the argument.
-        size: Required number of standard deviations.
-        remedy: Description of the required shape, for the error message.
-        alone: Whether a single number for all `size` standard deviations is accepted.
+    `remedy` describes the required shape in the error message. With `alone`, a single number for all is accepted.
     """
     value = array_of(name, given)
     if value.shape != (size,) and not (alone and value.ndim == 0):

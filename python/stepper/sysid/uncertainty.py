@@ -108,12 +108,7 @@ def _at_least(covariance: Array, other: Array) -> Array:
 
 
 def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Array]:
-    """Sums of the rows of readings with the same episode and time: one array (times, n) per episode.
-
-    Args:
-        rows: Numbers of each reading, (k, n), such as its residual times its Jacobian.
-        times: Indices of the episode, row and column of each reading, (k, 3).
-    """
+    """Sums of the rows, (k, n), of readings with the same episode and time (see `_coloured`): one array (times, n) per episode."""
     places = _places(times)
     out = []
     for e in np.unique(times[:, 0]):
@@ -125,11 +120,7 @@ def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Ar
 
 
 def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Time of each reading since the first reading of its episode, (k,), as a whole number of sampling intervals.
-
-    Args:
-        times: Indices of the episode, control period and column of each reading, (k, 3).
-    """
+    """Time of each reading since the first of its episode, (k,), in sampling intervals; `times` as in `_coloured`."""
     _, episode = np.unique(times[:, 0], return_inverse=True)
     first = np.full(int(episode.max()) + 1, np.iinfo(np.int64).max)
     np.minimum.at(first, episode, times[:, 1])
@@ -165,11 +156,9 @@ def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) ->
 
 
 def _autocovariance(series: list[Array], count: int) -> Array:
-    """Autocovariance at all lags of the residuals of one column of the readings, from an autoregression.
+    """Autocovariance at all lags of the residuals of one column, from an autoregression.
 
-    Args:
-        series: Residuals by episode, 0 where not measured.
-        count: Number of measured residuals.
+    `series` has the residuals by episode, 0 where not measured, `count` is the number of those measured.
     """
     solve = require("scipy.linalg", "to identify parameters").solve_toeplitz
     longest = max(map(len, series))
@@ -195,12 +184,9 @@ def _autocovariance(series: list[Array], count: int) -> Array:
 
 
 def _long_run(scores: list[Array]) -> Array:
-    """Covariance of the sum of the scores of all episodes, (n, n), for scores that are correlated in time.
+    """Covariance of the sum of the scores of all episodes, (n, n), for scores (times, n) that are correlated in time.
 
     The score of a time is the sum of its readings' residuals times their Jacobian, a vector (n,) for n parameters.
-
-    Args:
-        scores: Scores by episode, (times, n).
     """
     n = scores[0].shape[1]
     before = sum((s[:-1] ** 2).sum(axis=0) for s in scores)
@@ -331,13 +317,7 @@ def warnings_of(residuals: Residuals, found: Any, sure: Uncertainty, *, slopes: 
 
 
 def _other_values(residuals: Residuals, found: Any, std: Array) -> Array:
-    """Values at another minimum that is not significantly worse, (n,); NaN where they are within 5 standard deviations.
-
-    Args:
-        residuals: Residuals of the fit.
-        found: Identification without warnings.
-        std: Standard deviations of the values, (n,).
-    """
+    """Values at another minimum that is not significantly worse, (n,); NaN where they are within 5 standard deviations."""
     out = np.full(len(std), np.nan)
     best = min(search.cost for search in found.searches)
     for search in found.searches:

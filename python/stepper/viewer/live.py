@@ -328,14 +328,7 @@ class View(Served):
             time.sleep(self._clock - clock)
 
     def _dragged(self, phase: str, k: int, geom: int, place: Array) -> None:
-        """Stores an event of dragging from the browser for the next `update`.
-
-        Args:
-            phase: "start", "update" or "end".
-            k: Row of the environment among those shown.
-            geom: Index of the geom.
-            place: Position of the pointer in the environment's world coordinates, (3,), m.
-        """
+        """Stores an event of dragging from the browser for the next `update`; see `Window.on_pull` for the arguments."""
         with self._lock:
             if phase == "start":
                 self._grabbed = (int(self.envs[k]), self._body_of[geom], place)
@@ -362,8 +355,7 @@ class View(Served):
     def _apply(self, wrench: tuple[int, int, Array] | None) -> None:
         """Replaces the force and torque of dragging in `xfrc_applied`; other applied forces remain.
 
-        Args:
-            wrench: Index of the environment, index of the body, and force and torque (6,), N and N m. None only removes the previous ones.
+        The wrench has the index of the environment and of the body, and (6,), N and N m. None only removes the previous ones.
         """
         forces = self.sim.xfrc_applied if self.sim.num_envs is not None else self.sim.xfrc_applied[None]
         if self._applied is not None:

@@ -161,10 +161,9 @@ def _grasp(model: Model, qpos: Array) -> Array:
 
 
 def _posed(model: Model, target: Array) -> tuple[Array, Array]:
-    """Poses of the mocap bodies (target and receptacle) for poses of the target, (n, 3): x, z (m) and angle (rad).
+    """Positions (n, nmocap, 3), m, and quaternions (n, nmocap, 4) of target and receptacle (mocap bodies).
 
-    Returns:
-        Positions (n, nmocap, 3), m, and quaternions (n, nmocap, 4).
+    They are for poses of the target, (n, 3): x, z (m) and angle (rad).
     """
     bodies = [body for body in map(model.body, range(model.nbody)) if body.mocapid >= 0]
     place, quat = np.zeros((len(target), len(bodies), 3)), np.zeros((len(target), len(bodies), 4))

@@ -142,11 +142,8 @@ def _dots(
 def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float], kept: dict[str, Array]) -> Dot:
     """Errors, costs and outcomes of one point of a chart (a run of some settings with a given time step), as numbers.
 
-    Args:
-        basis: Data that all points of the chart share.
-        point: Run of some settings with a given time step, with its errors.
-        cost: Microseconds of one core for a simulated second, alone and in a batch; NaN if not measured.
-        kept: Errors of invariants by name, (episodes,) each.
+    `cost` has microseconds of one core for a simulated second, alone and in a batch; NaN if not measured. `kept` has errors of invariants
+    by name, (episodes,) each.
     """
     study, trace = basis.study, point.trace
     outcome = study.success_outcome or next(iter(study.all_outcomes), None)

@@ -219,11 +219,7 @@ def measure(
 
 
 def _laws(basis: ChartBasis, lines: Sequence[Line], progress: Callable[[float], None]) -> dict[str, Reference | str]:
-    """Converged run of each contact law that occurs in some lines of a chart, or the reason why there is none.
-
-    Returns:
-        Converged runs, or reasons as texts, by the text with which `_law` identifies a contact law.
-    """
+    """Converged run of each contact law in some lines of a chart, by its text from `_law`; without a run, the reason as text."""
     laws: dict[str, Reference | str] = {basis.study.options.contact: basis.reference}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
     for done, (law, line) in enumerate(reversed(first.items())):
@@ -238,19 +234,12 @@ def _law(line: Line) -> str:
 
 
 def _solved_key(line: Line, dt: float) -> str:
-    """Text that identifies a line of the chart with a given time step, apart from solver settings.
-
-    Lines with equal texts share the run with a tight solver tolerance.
-    """
+    """Text that identifies a line and a time step apart from solver settings; equal texts share the run with a tight tolerance."""
     return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
 
 
 def _runs(basis: ChartBasis, line: Line, steps: Sequence[float]) -> list[tuple[Trace, str]] | str:
-    """Runs of one line of the chart with all lengths of the time step.
-
-    Returns:
-        Pairs of a run and a note, one per time step. If the line cannot be run, the result is the reason, as text.
-    """
+    """Pairs of a run and a note, one per time step of a line of the chart; the reason as text if the line cannot be run."""
     try:
         return [_run(basis, line.settings | {"timestep": dt}) for dt in steps]
     except ValueError as error:

@@ -147,14 +147,9 @@ def random_control(path: str, plan: Plan) -> Array:
 
 
 def _chunk(batch: EngineBatch, control: Array, plan: Plan, steps: range, clock: Callable[[], float]) -> float:
-    """Makes some steps of the demo's plan, and returns the duration in microseconds per step and environment.
+    """Makes some steps of the demo's plan with random controls, (k, num_envs, nu).
 
-    Args:
-        batch: Environments of one engine.
-        control: Random controls, (k, num_envs, nu).
-        plan: Settings of the demo.
-        steps: Indices of the steps to make.
-        clock: Clock, s.
+    The result is the duration in microseconds per step and environment.
     """
     quiet, spent = np.zeros((batch.num_envs, control.shape[2])), 0.0
     for step in steps:

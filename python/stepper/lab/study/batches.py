@@ -376,19 +376,6 @@ def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], ep
 def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
     """Runs a batch of episodes in given environments, and returns their results as rows, without the keys of rows in the journal."""
     outcomes = run_batch(study, world, episodes)
-    return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes)
-
-
-def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], world: World, outcomes: Mapping[str, Array]) -> list[Row]:
-    """Rows (results) of finished episodes, without the keys under which the journal stores them.
-
-    Args:
-        study: The study.
-        setting: Name of the settings.
-        members: Parameter values and number of each episode.
-        world: Environments after the episodes.
-        outcomes: Outcomes by name, (num_envs,) each.
-    """
     outcome, quality, settings = study.success_outcome, world.solver_quality(), world.settings()
     success = None if outcome is None else outcome.succeeds(outcomes[outcome.name])
     settings_digest = hashlib.sha256(json.dumps(study.resolved_settings(), sort_keys=True, default=str).encode()).hexdigest()[:16]
@@ -404,7 +391,7 @@ def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], wor
             "settings": settings,
             "resolved_settings": settings_digest,
         }
-        for env, (values, episode) in enumerate(members)
+        for env, (values, episode) in enumerate(zip(values_by_env, episodes, strict=True))
     ]
 
 

@@ -105,9 +105,9 @@ class Dot:
         yield "notes", "; ".join(self.notes)
 
 
-def front(dots: Sequence[Dot], cost: str, engine: str | None = None) -> list[Dot]:
+def front(dots: Sequence[Dot], cost: str) -> list[Dot]:
     """Pareto front of a chart: points for which no other point is both cheaper and more accurate."""
-    own = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost)) and engine in (None, dot.engine)]
+    own = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost))]
     return [own[k] for k in pareto([getattr(dot, cost) for dot in own], [dot.error for dot in own])]
 
 

@@ -73,7 +73,10 @@ class Referee:
         return Measured(contacts / len(qpos), deepest, float(np.mean(kinetic)), float(np.max(kinetic)))
 
 
-MATCHED = MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC", "NEWTON")
+MATCHED = MujocoEngine(
+    "implicitfast, elliptic",
+    {"integrator": "implicitfast", "cone": "elliptic", "solver": "newton", "impratio": 1.0, "noslip_iterations": 0},
+)
 """Settings of MuJoCo that are most similar to stepper's default settings."""
 
 

@@ -105,7 +105,7 @@ def segments(path, _):
 
 
 def viewed(path, _):
-    from stepper.viewer.recordings import RecordedRun
+    from stepper.viewer.player import RecordedRun
 
     return len(RecordedRun(path.parent))
 

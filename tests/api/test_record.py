@@ -107,8 +107,6 @@ def test_a_recording_says_the_tolerance_in_force_and_keeps_a_note(tmp_path, prec
 def test_another_model_is_refused(tmp_path):
     sim = run(tmp_path / "run")
     other = sim.model.replace(timestep=0.003)
-    with pytest.raises(ValueError, match="recorded with model"):
-        stepper.recording.verify(tmp_path / "run", model=other)
     other.save(tmp_path / "run/model.stepper")
     with pytest.raises(ValueError, match="recorded with model"):
         stepper.recording.verify(tmp_path / "run")
@@ -227,8 +225,6 @@ def test_what_replay_is_given_wrongly_is_not_laid_to_the_recording(tmp_path):
     with pytest.raises(ValueError, match="threads is -1") as error:
         stepper.recording.verify(tmp_path / "run", threads=-1)
     assert not isinstance(error.value, stepper.recording.RecordingError)
-    with pytest.raises(TypeError, match=r"must be a stepper\.Model"):
-        stepper.recording.verify(tmp_path / "run", model="ant")
     with pytest.raises(FileNotFoundError):
         stepper.recording.verify(tmp_path / "nothing")
 

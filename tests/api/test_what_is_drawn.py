@@ -14,11 +14,10 @@ from models import SOURCES
 from rotations import matrix
 from stepper.cli import main
 from stepper.viewer import shapes
-from stepper.viewer.dragging import Drag, effective_mass
 from stepper.viewer.frames import frame_of, shown_envs, sizes_of
-from stepper.viewer.live import View, scene_for
+from stepper.viewer.live import Drag, View, effective_mass, scene_for
 from stepper.viewer.looks import looks_of
-from stepper.viewer.recordings import RecordedRun
+from stepper.viewer.player import RecordedRun
 from stepper.viewer.shapes import instances, scene_of
 
 ROOT = Path(__file__).parents[2]

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stepper.adapters.native import make_native, with_autoreset
 from stepper.envs import StepperEnv, StepperVectorEnv
-from stepper.envs.making import autoreset
+from stepper.envs.environment import autoreset
 from stepper.envs.tasks import TASKS
 
 NAME = "stepper/InvertedPendulum-v5"

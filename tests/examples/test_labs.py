@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 import stepper
 from stepper.envs import StepperVectorEnv
-from stepper.lab.study.batches import run_points
+from stepper.lab.study.batches import Point, run_points
 from stepper.lab.study.failure_causes import causes_of
-from stepper.lab.study.points import Point
-from stepper.lab.study.results import Results
+from stepper.lab.study.journal import Results
 
 LABS = Path(__file__).parents[2] / "examples/studies"
 

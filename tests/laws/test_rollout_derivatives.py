@@ -8,7 +8,7 @@ import stepper
 from models import random_quaternion, stepper_model
 from stepper import Drive, Options
 from stepper.derivatives import Smoothing, rollout
-from stepper.derivatives.tangent import from_tangent, to_tangent
+from stepper.derivatives.rollout import from_tangent, to_tangent
 
 SOFT = Options(contact="mujoco", tolerance=1e-12)
 

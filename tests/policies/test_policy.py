@@ -211,7 +211,7 @@ def test_a_damaged_file_is_refused_by_name(envs, tmp_path):
 
 @needs_gymnasiums
 def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
-    from stepper.cli.evaluate import evaluate
+    from stepper.cli.commands import evaluate
 
     made(envs).save(tmp_path / "policy.npz")
     evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", against="Reacher-v5", episodes=3, contact="hard")

@@ -35,8 +35,8 @@ def test_heights_are_where_mujocos_rays_meet_the_field():
     model = stepper.load(scene())
     ground, sim = HeightField(model, "ground"), stepper.Stepper(model, 3)
     places = np.random.default_rng(0).uniform(-1.2, 1.2, (3, 200, 2))
-    found = np.empty((3, 200))
-    assert ground.heights(sim, places, out=found) is found
+    found = ground.heights(sim, places)
+    assert found.shape == (3, 200)
     inside = 0
     for k in range(3):
         for (x, y), height in zip(places[k], found[k], strict=True):

@@ -8,9 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from stepper import lab
-from stepper.lab.calibration.certificate import Certificate, confidence_of, of_recordings, worlds_for
 from stepper.lab.calibration.fit import bootstrap, fit
-from stepper.lab.calibration.search import SHARE, UNMEASURED, Array, Search, Space, Trial
+from stepper.lab.calibration.search import (
+    SHARE,
+    UNMEASURED,
+    Array,
+    Certificate,
+    Search,
+    Space,
+    Trial,
+    confidence_of,
+    worlds_for,
+)
 from stepper.lab.study.intervals import greatest_share, least_share
 
 MARGIN, SEEDS, WORLDS = 0.1, 40, 208
@@ -113,7 +122,7 @@ def test_numbers_of_worlds_are_those_of_the_binomial_bound() -> None:
     assert greatest_share(0, 59) <= 0.05 < greatest_share(0, 58)
     assert greatest_share(worlds := 0, worlds_for(0, 3), confidence_of(3)) <= 0.05
     assert worlds == 0
-    assert of_recordings(20) == pytest.approx(least_share(20, 20), rel=1e-12)
+    assert pytest.approx(least_share(20, 20), rel=1e-12) == 0.05 ** (1 / 20)
     trial = Trial(np.zeros(1), 0, 59, np.arange(59.0))
     assert trial.quantile(0.95) == 58.0
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from stepper.cli import app, main
 from stepper.lab import Outcome, Parameter, PolicyController, Study, sweep
-from stepper.lab.study.batches import running, world_of
+from stepper.lab.study.batches import USUAL, running, world_of
 from stepper.lab.study.controllers import digest_of, load_file
-from stepper.lab.study.points import USUAL
 from stepper.policies import evaluate
 
 FURNITURE = """<mujoco><worldbody>

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from stepper.cli.app import application
 from stepper.lab.study.document import Document, Section, cell
 from stepper.lab.study.draw import WIDEST, figure_of
+from stepper.lab.study.journal import Table
 from stepper.lab.study.report import _differences, _no_cliff
 from stepper.lab.study.sweep import Cliff, Level, Sweep
-from stepper.lab.study.table import Table
 from stepper.shared.files import existing, os_error_message
 from stepper.shared.progress import show_progress
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 import stepper
-from stepper.lab.study.journal import rows_of
-from stepper.lab.study.results import JOURNAL
+from stepper.lab.study.journal import JOURNAL, rows_of
 from typer.testing import CliRunner
 
 BALL = '<mujoco><worldbody><body name="ball"><freejoint/><geom size=".1"/></body></worldbody></mujoco>'

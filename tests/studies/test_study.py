@@ -20,15 +20,13 @@ import stepper
 from stepper.cli import main
 from stepper.cli.options import progress_kept_in
 from stepper.lab import Outcome, Parameter, PolicyController, Study
-from stepper.lab.study.batches import begin, run_points, world_of
+from stepper.lab.study.batches import Point, begin, run_points, world_of
 from stepper.lab.study.controllers import digest_of
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.failure_causes import LAW
 from stepper.lab.study.intervals import least_share, trials_for, wilson
-from stepper.lab.study.journal import rows_of
+from stepper.lab.study.journal import JOURNAL, Results, rows_of
 from stepper.lab.study.parameters import model_fields, selected
-from stepper.lab.study.points import Point
-from stepper.lab.study.results import JOURNAL, Results
 from stepper.lab.study.sweep import run_sweep
 from stepper.lab.study.touching import deciding, touching
 

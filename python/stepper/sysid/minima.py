@@ -142,11 +142,7 @@ def _ahead(residuals: Residuals, walk: _Walk, stride: Array) -> Array:
 def _walked(walk: _Walk, point: Array, at: Linearized, stride: Array) -> _Walk | None:
     """Walk after a step to a point and a Gauss-Newton step across its direction into the valley; None where the simulation fails.
 
-    Args:
-        walk: Walk before the step.
-        point: Point ahead of it, (n + starts,).
-        at: Residuals and Jacobian at the point.
-        stride: Largest change of each parameter in a step, (n,). The Gauss-Newton step is at most twice as long.
+    `stride` is the largest change of each parameter in a step, (n,). The Gauss-Newton step is at most twice as long.
     """
     if not np.isfinite(at.residual).all() or not np.isfinite(at.jacobian).all():
         return None

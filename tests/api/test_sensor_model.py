@@ -121,27 +121,45 @@ def test_delay_lines_begin_with_the_first_reading(model):
         np.testing.assert_array_equal(sim.sensordata[:, 0], truth[max(0, k + 1 - 5)])
 
 
-def test_what_is_refused_is_named(model):
-    def refused(match: str, error=ValueError, **transfer):
-        with pytest.raises(error, match=match):
-            stepper.Stepper(model, 4, sensors=SensorModel({"angle": Transfer(**transfer)}))
+def reading(**transfer):
+    return stepper.Stepper(stepper.load(SCENE), 4, sensors=SensorModel({"angle": Transfer(**transfer)}))
 
-    refused('sensor "angle": noise_std is -1', noise_std=-1)
-    refused("limits are \\(1, -1\\)", limits=(1, -1))
-    refused("dropout is 1.5", dropout=1.5)
-    refused("must be at most", delay=1e9)
-    refused("drift_time is 0", drift_time=0)
-    refused("bias_std is NaN", bias_std=float("nan"))
-    refused(r"noise_std has shape \(3,\), must be \(\) or \(4,\)", noise_std=[1, 2, 3])
-    refused(r"must be \(1, 1\)", scale=np.eye(2))
-    refused("noise is 'pink'", noise="pink")
-    refused("must be a number", TypeError, noise_std="loud")
-    with pytest.raises(ValueError, match="no sensor fits 'angel', there are: angle, rate"):
-        stepper.Stepper(model, sensors=SensorModel({"angel": ALL}))
-    with pytest.raises(ValueError, match=r"attitude.*scale and misalignment are set, but the sensor reads a unit vector or quaternion"):
-        stepper.Stepper(model, sensors=SensorModel({"attitude": Transfer(scale=2.0)}))
-    with pytest.raises(TypeError, match=r"sensors is 'noise'.*SensorModel"):
-        stepper.Stepper(model, sensors="noise")
+
+def observing(sensors=None):
+    return stepper.Stepper(stepper.load(SCENE), sensors=sensors)
+
+
+@pytest.mark.parametrize(("call", "error", "match"), [
+    (lambda: reading(noise_std=-1), ValueError, 'sensor "angle": noise_std is -1'),
+    (lambda: reading(limits=(1, -1)), ValueError, r"limits are \(1, -1\)"),
+    (lambda: reading(dropout=1.5), ValueError, "dropout is 1.5"),
+    (lambda: reading(delay=1e9), ValueError, "must be at most"),
+    (lambda: reading(drift_time=0), ValueError, "drift_time is 0"),
+    (lambda: reading(bias_std=np.nan), ValueError, "bias_std is NaN"),
+    (lambda: reading(noise_std=[1, 2, 3]), ValueError, r"noise_std has shape \(3,\), must be \(\) or \(4,\)"),
+    (lambda: reading(scale=np.eye(2)), ValueError, r"must be \(1, 1\)"),
+    (lambda: reading(noise="pink"), ValueError, "noise is 'pink'"),
+    (lambda: reading(noise_std="loud"), TypeError, "must be a number"),
+    (lambda: observing(SensorModel({"angel": ALL})), ValueError, "no sensor fits 'angel', there are: angle, rate"),
+    (lambda: observing(SensorModel({"attitude": Transfer(scale=2.0)})), ValueError,
+     r"attitude.*scale and misalignment are set, but the sensor reads a unit vector or quaternion"),
+    (lambda: observing("noise"), TypeError, r"sensors is 'noise'.*SensorModel"),
+    (lambda: Transfer(noise_std=None), TypeError, "noise_std is None, must be a number"),
+    (lambda: Transfer(limits=3), ValueError, r"limits is 3, must be \(low, high\)"),
+    (lambda: Transfer(limits=("a", 1)), TypeError, r"limits\[0\] is 'a'"),
+    (lambda: SensorModel([ALL]), TypeError, "transfers is .* must be a mapping of names to stepper.Transfer"),
+    (lambda: SensorModel.from_dict({"sensors": [1]}), ValueError, "sensors: sensors is"),
+    (lambda: SensorModel.from_dict({"sensors": {"gyro": {"limits": 1}}}), ValueError, "sensor 'gyro': limits is 1"),
+    (lambda: observing().observe(out=np.zeros(13, int)), TypeError, "out has dtype int64"),
+    (lambda: observing().observe(out=[0.0] * 13), TypeError, "out is .* must be a NumPy array"),
+    (lambda: devices.encoder("12"), TypeError, "bits is '12', must be a whole number from 1 to 40"),
+    (lambda: devices.encoder(12, turn=None), TypeError, "turn is None, must be a number"),
+    (lambda: devices.encoder_velocity(12, -0.01), ValueError, "period is -0.01, must be a finite number above 0"),
+    (lambda: devices.find([]), ValueError, r"there is no device \[\]; the devices are: adis16470_accelerometer"),
+])  # fmt: skip
+def test_what_is_refused_is_named(call, error, match):
+    with pytest.raises(error, match=match):
+        call()
 
 
 def test_numbers_may_differ_between_environments(model):
@@ -266,25 +284,6 @@ def test_what_cannot_be_added_is_named(sensors, error, match):
         stepper.load(SEEN).with_sensors(sensors)
 
 
-def test_what_is_no_table_or_number_is_named(model, tmp_path):
-    for make, error, match in [
-        (lambda: Transfer(noise_std=None), TypeError, "noise_std is None, must be a number"),
-        (lambda: Transfer(limits=3), ValueError, r"limits is 3, must be \(low, high\)"),
-        (lambda: Transfer(limits=("a", 1)), TypeError, r"limits\[0\] is 'a'"),
-        (lambda: SensorModel([ALL]), TypeError, "transfers is .* must be a mapping of names to stepper.Transfer"),
-        (lambda: SensorModel.from_dict({"sensors": [1]}), ValueError, "sensors: sensors is"),
-        (lambda: SensorModel.from_dict({"sensors": {"gyro": {"limits": 1}}}), ValueError, "sensor 'gyro': limits is 1"),
-        (lambda: stepper.Stepper(model).observe(out=np.zeros(13, int)), TypeError, "out has dtype int64"),
-        (lambda: stepper.Stepper(model).observe(out=[0.0] * 13), TypeError, "out is .* must be a NumPy array"),
-    ]:
-        with pytest.raises(error, match=match):
-            make()
-    file = tmp_path / "list.json"
-    file.write_text("[]")
-    with pytest.raises(ValueError, match=r"list.json holds a list, must hold tables by name"):
-        SensorModel.from_file(file)
-
-
 def test_files(model, tmp_path):
     toml = tmp_path / "sensors.toml"
     toml.write_text(
@@ -298,6 +297,9 @@ def test_files(model, tmp_path):
     file = tmp_path / "sensors.json"
     file.write_text(json.dumps(read.to_dict()))
     assert SensorModel.from_file(file) == read
+    file.write_text("[]")
+    with pytest.raises(ValueError, match=r"sensors.json holds a list, must hold tables by name"):
+        SensorModel.from_file(file)
     toml.write_text("[sensors.gyro]\nnoize = 1\n")
     with pytest.raises(ValueError, match=r"sensors.toml: sensor 'gyro': unknown entries \['noize'\]"):
         SensorModel.from_file(toml)
@@ -343,17 +345,6 @@ def test_a_wrong_seed_is_named_and_nothing_starts(model, seed, error, words):
     with pytest.raises(error, match=words):
         sim.reset(seed=seed)
     assert (sim.time > 0).all()
-
-
-@pytest.mark.parametrize(("call", "message"), [
-    (lambda: devices.encoder("12"), "bits is '12', must be a whole number from 1 to 40"),
-    (lambda: devices.encoder(12, turn=None), "turn is None, must be a number"),
-    (lambda: devices.encoder_velocity(12, -0.01), "period is -0.01, must be a finite number above 0"),
-    (lambda: devices.find([]), r"there is no device \[\]; the devices are: adis16470_accelerometer"),
-])  # fmt: skip
-def test_wrong_arguments_of_devices_are_named(call, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        call()
 
 
 @pytest.mark.parametrize("change", ["randomize", "set_state"])

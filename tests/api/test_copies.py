@@ -28,13 +28,10 @@ def test_a_write_to_a_copy_is_an_error(sim, write):
         write(sim)
 
 
-@pytest.mark.parametrize(
-    ("name", "remedy"),
-    [
-        *((name, "the methods set_state, reset, step and randomize change a stepper") for name in ("qpos", "ctrl", "timestep", "residual")),
-        ("step", "it is a method"),
-    ],
-)
+@pytest.mark.parametrize(("name", "remedy"), [
+    *((name, "the methods set_state, reset, step and randomize change a stepper") for name in ("qpos", "ctrl", "timestep", "residual")),
+    ("step", "it is a method"),
+])  # fmt: skip
 def test_an_assignment_that_nothing_takes_names_the_call_to_use(sim, name, remedy):
     with pytest.raises(AttributeError, match=f"{name} of a stepper.Stepper cannot be assigned: .*{remedy}"):
         setattr(sim, name, 0.5)

@@ -174,39 +174,33 @@ def test_every_omission_is_listed_at_once() -> None:
     assert all(part in str(error.value) for part in parts)
 
 
-@pytest.mark.parametrize(
-    "parts",
-    [
-        {"rest": '<tendon><spatial name="rope"><site site="sa"/><site site="sb"/></spatial></tendon>'},
-        {"world": '<light pos="0 0 3"/><camera name="c" pos="0 0 3"/>'},
-        {"rest": '<equality><connect active="false" body1="a" body2="b" anchor="0 0 0"/></equality>'},
-        {"rest": '<equality><weld body1="a" body2="b"/><joint joint1="ja" joint2="jb"/></equality>'},
-        {"rest": '<tendon><fixed limited="true" range="0 1" stiffness="1" damping="1"><joint joint="ja" coef="1"/></fixed></tendon>'},
-        {"ga": 'size="0.1" condim="6"'},
-        {"jb": "ball", "jb_range": 'limited="true" range="0 1"'},
-        {"rest": '<sensor><gyro name="imu" site="sa"/></sensor>'},
-        {"option": '<option density="0" wind="1 0 0"/>'},
-    ],
-)
+@pytest.mark.parametrize("parts", [
+    {"rest": '<tendon><spatial name="rope"><site site="sa"/><site site="sb"/></spatial></tendon>'},
+    {"world": '<light pos="0 0 3"/><camera name="c" pos="0 0 3"/>'},
+    {"rest": '<equality><connect active="false" body1="a" body2="b" anchor="0 0 0"/></equality>'},
+    {"rest": '<equality><weld body1="a" body2="b"/><joint joint1="ja" joint2="jb"/></equality>'},
+    {"rest": '<tendon><fixed limited="true" range="0 1" stiffness="1" damping="1"><joint joint="ja" coef="1"/></fixed></tendon>'},
+    {"ga": 'size="0.1" condim="6"'},
+    {"jb": "ball", "jb_range": 'limited="true" range="0 1"'},
+    {"rest": '<sensor><gyro name="imu" site="sa"/></sensor>'},
+    {"option": '<option density="0" wind="1 0 0"/>'},
+])  # fmt: skip
 def test_what_does_not_change_the_motion_is_no_error(parts: dict[str, str]) -> None:
     stepper.load(scene(**parts))
 
 
-@pytest.mark.parametrize(
-    ("change", "parts"),
-    [
-        (lambda m: m.body_mass.__setitem__(1, -1.0), ['body "arm"', "mass is -1 kg", "at least 0"]),
-        (lambda m: m.body_inertia.__setitem__(1, [1.0, 1.0, 3.0]), ['body "arm"', "triangle inequality", "inertiafromgeom"]),
-        (lambda m: m.body_quat.__setitem__(1, [2.0, 0.0, 0.0, 0.0]), ['body "arm"', "length 2", "length 1"]),
-        (lambda m: m.jnt_range.__setitem__(0, [1.0, -1.0]), ['joint "pivot"', "above the upper bound", "lower bound first"]),
-        (lambda m: m.geom_friction.__setitem__(1, np.nan), ['geom "rod"', "friction", "NaN"]),
-        (lambda m: m.opt.gravity.__setitem__(0, np.nan), ["gravity", "NaN", "finite"]),
-        (
-            lambda m: [field.__setitem__(k, 0.0) for field, k in ((m.body_mass, 1), (m.body_inertia, 1), (m.dof_armature, 0))],
-            ['body "arm": joint "pivot" moves no inertia', "armature"],
-        ),
-    ],
-)
+@pytest.mark.parametrize(("change", "parts"), [
+    (lambda m: m.body_mass.__setitem__(1, -1.0), ['body "arm"', "mass is -1 kg", "at least 0"]),
+    (lambda m: m.body_inertia.__setitem__(1, [1.0, 1.0, 3.0]), ['body "arm"', "triangle inequality", "inertiafromgeom"]),
+    (lambda m: m.body_quat.__setitem__(1, [2.0, 0.0, 0.0, 0.0]), ['body "arm"', "length 2", "length 1"]),
+    (lambda m: m.jnt_range.__setitem__(0, [1.0, -1.0]), ['joint "pivot"', "above the upper bound", "lower bound first"]),
+    (lambda m: m.geom_friction.__setitem__(1, np.nan), ['geom "rod"', "friction", "NaN"]),
+    (lambda m: m.opt.gravity.__setitem__(0, np.nan), ["gravity", "NaN", "finite"]),
+    (
+        lambda m: [field.__setitem__(k, 0.0) for field, k in ((m.body_mass, 1), (m.body_inertia, 1), (m.dof_armature, 0))],
+        ['body "arm": joint "pivot" moves no inertia', "armature"],
+    ),
+])  # fmt: skip
 def test_impossible_values_name_element_value_and_remedy(change, parts: list[str]) -> None:
     compiled = mujoco.MjModel.from_xml_string(PENDULUM)
     change(compiled)

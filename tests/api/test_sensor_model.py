@@ -207,14 +207,11 @@ def test_mjcf_declares_delays_and_intervals(history):
         sim.step()
 
 
-@pytest.mark.parametrize(
-    ("history", "what"),
-    [
-        ('delay=".025" nsample="8" interp="cubic"', "cubic"),
-        ('delay=".02" interval=".03" nsample="8" interp="linear"', "the previous sample"),
-        ('interval=".03 -.01" nsample="8"', "at the reset"),
-    ],
-)
+@pytest.mark.parametrize(("history", "what"), [
+    ('delay=".025" nsample="8" interp="cubic"', "cubic"),
+    ('delay=".02" interval=".03" nsample="8" interp="linear"', "the previous sample"),
+    ('interval=".03 -.01" nsample="8"', "at the reset"),
+])  # fmt: skip
 def test_what_mjcf_declares_and_is_read_otherwise_is_listed(history, what):
     loaded = stepper.load(f'<mujoco><option timestep=".01"/><sensor><clock name="watch" {history}/></sensor></mujoco>')
     assert any("watch" in line and what in line for line in loaded.explain().splitlines())
@@ -254,31 +251,28 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
     np.testing.assert_array_equal(sim.sensordata[:, 7:11], x[:, 7:11])
 
 
-@pytest.mark.parametrize(
-    ("sensors", "error", "match"),
-    [
-        ({"fan": RayFan("ear", [[1, 0, 0]])}, ValueError, r"sensor 'fan': there is no site 'ear'; the names are: eye"),
-        ({"fan": RayFan("eye", [1, 0, 0])}, ValueError, r"sensor 'fan': rays has shape \(3,\), must be \(n, 3\)"),
-        ({"fan": RayFan("eye", [[1, 0, 0], [0, 0, 0]])}, ValueError, r"sensor 'fan': ray 1 is \[0.0, 0.0, 0.0\]"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], geoms=["door"])}, ValueError, r"sensor 'fan': there is no geom 'door'; the names are: floor"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], data=("normal",))}, ValueError, r"data has \['normal'\], must be one of: distance"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], data=())}, stepper.ModelError, r'sensor "fan".*fields'),
-        ({"sum": Combination({"gyr": 1.0})}, ValueError, r"sensor 'sum': there is no sensor 'gyr'; the names are: angle, gyro"),
-        ({"sum": Combination({"gyro": 1.0, "angle": 1.0})}, stepper.ModelError, r'"gyro" of dimension 3 with "angle"'),
-        ({"sum": Combination({})}, stepper.ModelError, r"its terms are empty"),
-        ({"gyro": Combination({"angle": 1.0})}, stepper.ModelError, r'gyro'),
-        ({"fan": RayFan("eye", "up")}, ValueError, r"sensor 'fan': rays is 'up', must be an array"),
-        ({"fan": RayFan("eye", [[1, 0, 0], [1]])}, ValueError, r"sensor 'fan': rays is .* must be an array"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], data="distance")}, TypeError, r"sensor 'fan': data is 'distance', must be a sequence"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], geoms=3)}, TypeError, r"sensor 'fan': geoms is 3, must be a sequence of strings"),
-        ({"fan": SensorSpec(type=[], site="eye")}, ValueError, r"sensor 'fan': there is no type \[\]; the types are: jointpos"),
-        ({"sum": Combination(["gyro"])}, TypeError, r"sensor 'sum': terms is \['gyro'\], must be a mapping"),
-        ({"sum": Combination({"gyro": None})}, TypeError, r"sensor 'sum': the coefficient of 'gyro' is None, must be a number"),
-        ({3: Combination({"gyro": 1.0})}, TypeError, r"sensor 3: its name must be a string"),
-        ({"sum": {"gyro": 1.0}}, TypeError, r"sensor 'sum' is .* must be a stepper.sensors.SensorSpec, RayFan or Combination"),
-        ([Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("sensors", "error", "match"), [
+    ({"fan": RayFan("ear", [[1, 0, 0]])}, ValueError, r"sensor 'fan': there is no site 'ear'; the names are: eye"),
+    ({"fan": RayFan("eye", [1, 0, 0])}, ValueError, r"sensor 'fan': rays has shape \(3,\), must be \(n, 3\)"),
+    ({"fan": RayFan("eye", [[1, 0, 0], [0, 0, 0]])}, ValueError, r"sensor 'fan': ray 1 is \[0.0, 0.0, 0.0\]"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], geoms=["door"])}, ValueError, r"sensor 'fan': there is no geom 'door'; the names are: floor"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], data=("normal",))}, ValueError, r"data has \['normal'\], must be one of: distance"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], data=())}, stepper.ModelError, r'sensor "fan".*fields'),
+    ({"sum": Combination({"gyr": 1.0})}, ValueError, r"sensor 'sum': there is no sensor 'gyr'; the names are: angle, gyro"),
+    ({"sum": Combination({"gyro": 1.0, "angle": 1.0})}, stepper.ModelError, r'"gyro" of dimension 3 with "angle"'),
+    ({"sum": Combination({})}, stepper.ModelError, r"its terms are empty"),
+    ({"gyro": Combination({"angle": 1.0})}, stepper.ModelError, r'gyro'),
+    ({"fan": RayFan("eye", "up")}, ValueError, r"sensor 'fan': rays is 'up', must be an array"),
+    ({"fan": RayFan("eye", [[1, 0, 0], [1]])}, ValueError, r"sensor 'fan': rays is .* must be an array"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], data="distance")}, TypeError, r"sensor 'fan': data is 'distance', must be a sequence"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], geoms=3)}, TypeError, r"sensor 'fan': geoms is 3, must be a sequence of strings"),
+    ({"fan": SensorSpec(type=[], site="eye")}, ValueError, r"sensor 'fan': there is no type \[\]; the types are: jointpos"),
+    ({"sum": Combination(["gyro"])}, TypeError, r"sensor 'sum': terms is \['gyro'\], must be a mapping"),
+    ({"sum": Combination({"gyro": None})}, TypeError, r"sensor 'sum': the coefficient of 'gyro' is None, must be a number"),
+    ({3: Combination({"gyro": 1.0})}, TypeError, r"sensor 3: its name must be a string"),
+    ({"sum": {"gyro": 1.0}}, TypeError, r"sensor 'sum' is .* must be a stepper.sensors.SensorSpec, RayFan or Combination"),
+    ([Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
+])  # fmt: skip
 def test_what_cannot_be_added_is_named(sensors, error, match):
     with pytest.raises(error, match=match):
         stepper.load(SEEN).with_sensors(sensors)

@@ -122,18 +122,6 @@ def test_a_pair_without_friction_overrides_none():
     assert scene.replace(geom_friction=0.5 * np.asarray(scene.geom_friction)).geom_friction[1, 0] == 0.5
 
 
-def test_pickles_keep_what_pairs_and_geoms_have():
-    import pickle
-
-    sim = stepper.Stepper(model(), 2)
-    friction = np.tile(0.5 * np.asarray(sim.model.geom_friction), (2, 1, 1))
-    sim.randomize(geom_friction=friction, pair_friction=np.tile(sim.model.pair_friction, (2, 1, 1)))
-    again = pickle.loads(pickle.dumps(sim))
-    assert {name: rows.tolist() for name, rows in again.randomized.items()} == {
-        name: rows.tolist() for name, rows in sim.randomized.items()
-    }
-
-
 def test_pairs_are_elements():
     scene = model()
     pair = scene.pair("sole")

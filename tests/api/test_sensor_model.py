@@ -1,9 +1,7 @@
 """`stepper.SensorModel`: what it takes, what it refuses, and that readings are the last step's, whoever reads them and how often."""
 
 import json
-import re
 
-import mujoco
 import numpy as np
 import pytest
 import stepper
@@ -184,27 +182,6 @@ def test_mjcf_declares_noise_and_cutoff(model):
     sim.reset(qvel=[3.0])
     assert sim.sensordata[1] == 0.5
     assert 0 < abs(sim.sensordata[0]) < 0.06
-
-
-@pytest.mark.parametrize(
-    "history",
-    ['delay="{3}" nsample="8"', 'delay="{2.5}" nsample="8"', 'delay="{2.5}" nsample="8" interp="linear"', 'delay="{9}" nsample="4"',
-     'interval="{3}" nsample="4"', 'interval="{3}" delay="{2}" nsample="8"', 'interval="{2.5}" nsample="4"'],
-)  # fmt: skip
-def test_mjcf_declares_delays_and_intervals(history):
-    """Readings are MuJoCo's, which are those before its last step; its history begins with zeros, as the clock does.
-
-    Steps are powers of two: where times are rounded, MuJoCo's samples come a step late.
-    """
-    history = re.sub(r"{(.*?)}", lambda steps: str(float(steps[1]) / 128), history)
-    text = f'<mujoco><option timestep="{1 / 128}"/><sensor><clock name="clock" {history}/></sensor></mujoco>'
-    mj = mujoco.MjModel.from_xml_string(text)
-    data, loaded = mujoco.MjData(mj), stepper.load(mj)
-    sim = stepper.Stepper(loaded, sensors=SensorModel.from_mjcf(loaded))
-    for _ in range(40):
-        mujoco.mj_step(mj, data)
-        assert sim.sensordata == pytest.approx(data.sensordata, abs=1e-12)
-        sim.step()
 
 
 @pytest.mark.parametrize(("history", "what"), [

@@ -112,10 +112,8 @@ def test_a_change_is_that_of_mujoco_or_an_error(data):
 @pytest.mark.parametrize(("selector", "parts"), [
     ("actuator_gainprm[motor][1]", ['gaintype is "fixed", which reads column 0 alone', 'gaintype="affine"']),
     ("actuator_gainprm[affine][3]", ['gaintype is "affine", which reads columns 0 to 2']),
-    ("actuator_gainprm[dcmotor][2]", ['gaintype is "dcmotor", which reads columns 0 to 1']),
     ("actuator_gainprm[pid][0]", ['gaintype is "pid", which reads no column']),
     ("actuator_biasprm[motor][1]", ['biastype is "none", which reads no column', 'biastype="affine"']),
-    ("actuator_biasprm[servo][9]", ['biastype is "affine", which reads columns 0 to 2']),
     ("actuator_gear[motor][1]", ["acts on a joint, which reads column 0 alone"]),
     ("actuator_gear[affine][5]", ["acts on a tendon, which reads column 0 alone"]),
 ])  # fmt: skip

@@ -5,7 +5,7 @@
 //! row gives `c = 1 / (1 + rho R)` and multiplies rho by the same factor. Newton's matrix is `I + sum_i rho_i Y_i^T DP_i Y_i`, which is not
 //! symmetric where contacts slip. No function is minimised.
 
-use crate::admissible_set::Product;
+use crate::admissible_set::{Mode, Product};
 use crate::newton::dense::Dense;
 use crate::newton::island::{Block, Island};
 use crate::newton::skyline::Skyline;
@@ -38,8 +38,10 @@ pub(super) struct ProximalStep {
     product: Product,
     /// Largest norm of one constraint's rows: root of the trace of its block of the Delassus matrix.
     longest: f64,
-    /// Matrix of a Newton step, replaced by its factors.
+    /// Matrix of a Newton step, replaced by its factors. Its kept sum is that over the constraints in `kept`, for kappa = 1.
     matrix: Skyline,
+    /// Whether each constraint is part of the matrix's kept sum.
+    kept: Vec<bool>,
     /// Matrix of a Newton step, if pivots in the skyline are too small.
     dense: Dense,
 }
@@ -52,6 +54,8 @@ impl ProximalStep {
             self.matrix.reserve(rows.tiles(block));
         }
         self.matrix.complete_pattern();
+        self.kept.clear();
+        self.kept.resize(rows.blocks.len(), false);
         self.longest = rows.blocks.iter().fold(0.0, |most: f64, block| most.max(block.trace)).sqrt();
         for buffer in [&mut self.z, &mut self.x] {
             buffer.clear();
@@ -97,9 +101,10 @@ impl ProximalStep {
     /// Makes a Newton step without selecting the CPU level: the body of [`ProximalStep::advance`].
     #[inline(always)]
     fn step(&mut self, rows: &mut Island) -> f64 {
-        self.matrix.set_identity();
-        for block in &rows.blocks {
-            if self.differentiate(rows, block) {
+        self.update_kept_sum(rows);
+        self.matrix.set_to_kept(self.kappa);
+        for (i, block) in rows.blocks.iter().enumerate() {
+            if !self.kept[i] && self.differentiate(rows, block) {
                 let (tiles, y) = (rows.tiles(block), &rows.y[block.y.clone()]);
                 self.matrix.add_symmetric(tiles, y, &self.product.rows);
                 if !self.product.friction.is_empty() {
@@ -130,6 +135,22 @@ impl ProximalStep {
             }
             length *= 0.5;
             self.move_along(rows, -length);
+        }
+    }
+
+    /// Adds to the matrix's kept sum the constraints that have come to be held, and subtracts those that no longer are. The part of a held
+    /// constraint without compliance is proportional to kappa, and most constraints are held from one Newton step to the next.
+    #[inline(always)]
+    fn update_kept_sum(&mut self, rows: &Island) {
+        for (kept, block) in self.kept.iter_mut().zip(&rows.blocks) {
+            let is_held = block.compliance == 0.0 && block.set.mode(&self.x[block.rows.clone()]) == Mode::Held;
+            if is_held != *kept {
+                *kept = is_held;
+                let (rho, y) = (if is_held { block.rho } else { -block.rho }, &rows.y[block.y.clone()]);
+                self.product.rows.clear();
+                self.product.rows.extend(y.iter().map(|y| rho * y));
+                self.matrix.add_to_kept(rows.tiles(block), y, &self.product.rows);
+            }
         }
     }
 

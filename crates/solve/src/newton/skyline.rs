@@ -3,7 +3,8 @@
 //! The first entries of the rows are the skyline. Elimination fills no entry outside it, so that its area is the required memory. An order
 //! of the coordinates with a low skyline ([`crate::newton::ordering`]) uses the sparsity of the matrix. `A = L U` with a unit diagonal in
 //! U. L is stored by rows, U by columns, both below the same skyline, in tiles of four rows or columns. There is no pivoting, because the
-//! matrices are the identity plus a part that is positive semidefinite unless contacts slip. `factor` fails if a pivot is too small.
+//! matrices are the identity plus a part that is positive semidefinite unless contacts slip. `factor` fails if a pivot is too small. A
+//! symmetric matrix takes half of the work: U is then L^T with its rows divided by the pivots.
 
 use crate::vectors::{TILE, tile};
 
@@ -21,6 +22,10 @@ pub(super) struct Skyline {
     lower: Vec<Tile>,
     /// Factor U of the matrix, without its unit diagonal.
     upper: Vec<Tile>,
+    /// Lower triangle of the kept sum: a symmetric sum that remains from one factorisation to the next.
+    kept: Vec<Tile>,
+    /// Whether the matrix is symmetric.
+    is_symmetric: bool,
 }
 
 impl Skyline {
@@ -48,17 +53,32 @@ impl Skyline {
         }
         self.lower.resize(next, [0.0; TILE]);
         self.upper.resize(next, [0.0; TILE]);
+        self.kept.clear();
+        self.kept.resize(next, [0.0; TILE]);
     }
 
-    /// Sets the matrix to the identity.
+    /// Adds `sum_r a_r^T b_r` to the kept sum, with the arguments of [`Skyline::add_symmetric`].
     #[inline(always)]
-    pub(super) fn set_identity(&mut self) {
-        self.lower.fill([0.0; TILE]);
+    pub(super) fn add_to_kept(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
+        std::mem::swap(&mut self.lower, &mut self.kept);
+        self.add_symmetric(tiles, a, b);
+        std::mem::swap(&mut self.lower, &mut self.kept);
+    }
+
+    /// Sets the matrix to the identity plus `factor` times the kept sum. Until [`Skyline::complete`], it is in the lower triangle alone.
+    #[inline(always)]
+    pub(super) fn set_to_kept(&mut self, factor: f64) {
+        for (lower, kept) in self.lower.iter_mut().zip(&self.kept) {
+            for r in 0..TILE {
+                lower[r] = factor * kept[r];
+            }
+        }
         self.upper.fill([0.0; TILE]);
+        self.is_symmetric = true;
         for j in 0..self.first.len() {
             let at = self.place(j, TILE * j);
             for k in 0..TILE {
-                self.lower[at + k][k] = 1.0;
+                self.lower[at + k][k] += 1.0;
             }
         }
     }
@@ -106,6 +126,7 @@ impl Skyline {
     /// Adds the outer product `a^T b` of two rows, with the arguments of [`Skyline::add_symmetric`].
     #[inline(always)]
     pub(super) fn add_outer(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
+        self.is_symmetric = false;
         for (i, &j) in tiles.iter().enumerate() {
             let (own_a, own_b) = (tile(a, TILE * i), tile(b, TILE * i));
             for (k, &column) in tiles[..=i].iter().enumerate() {
@@ -166,24 +187,34 @@ impl Skyline {
                 }
             }
         }
-        let mut u: [Tile; TILE] = std::array::from_fn(|c| self.upper[here + c]);
-        for (u_mj, l_km) in self.upper[own..own + count].iter().zip(&self.lower[other..other + count]) {
-            subtract_outer(&mut u, u_mj, l_km);
-        }
+        let mut u = if self.is_symmetric { l } else { self.eliminate_upper([own, other, count], here, corner) };
         for c in 0..TILE {
             let pivot = self.lower[corner + c][c];
-            for m in 0..c {
-                let l = self.lower[corner + m][c];
-                for r in 0..TILE {
-                    u[c][r] -= u[m][r] * l;
-                }
-            }
             for r in 0..TILE {
                 u[c][r] /= pivot;
             }
             self.lower[here + c] = l[c];
             self.upper[here + c] = u[c];
         }
+    }
+
+    /// Entries of U times their pivots, for the same four rows and columns as in [`Skyline::eliminate`]. `own` and `other` are the indices
+    /// of the `count` products that are subtracted, `here` and `corner` those of the entries and of the pivots.
+    #[inline(always)]
+    fn eliminate_upper(&self, [own, other, count]: [usize; 3], here: usize, corner: usize) -> [Tile; TILE] {
+        let mut u: [Tile; TILE] = std::array::from_fn(|c| self.upper[here + c]);
+        for (u_mj, l_km) in self.upper[own..own + count].iter().zip(&self.lower[other..other + count]) {
+            subtract_outer(&mut u, u_mj, l_km);
+        }
+        for c in 1..TILE {
+            for m in 0..c {
+                let factor = self.lower[corner + m][c] / self.lower[corner + m][m];
+                for r in 0..TILE {
+                    u[c][r] -= u[m][r] * factor;
+                }
+            }
+        }
+        u
     }
 
     /// Factorises the diagonal block of four by four entries of tile `j`. Returns false if the size of a pivot is not above `least`.

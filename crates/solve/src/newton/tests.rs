@@ -122,7 +122,8 @@ fn islands_are_solved_apart() {
     assert_eq!((newton.lane.w[2], newton.lane.w[6]), (0.0, 0.0));
 }
 
-/// The factors of a chain of coupled tiles solve a linear system, for a symmetric and an unsymmetric matrix.
+/// The factors of a chain of coupled tiles solve a linear system, for a symmetric and an unsymmetric matrix. The identity plus a half of
+/// the kept sum is part of it.
 #[test]
 fn factors_solve() {
     let n = 20;
@@ -135,10 +136,25 @@ fn factors_solve() {
         matrix.reset(n);
         blocks.iter().for_each(|tiles| matrix.reserve(tiles));
         matrix.complete_pattern();
-        matrix.set_identity();
+        let coordinate = |tiles: &[usize], i: usize| TILE * tiles[i / TILE] + i % TILE;
         for (k, tiles) in blocks.iter().enumerate() {
             let width = TILE * tiles.len();
-            let coordinate = |i: usize| TILE * tiles[i / TILE] + i % TILE;
+            let a: Vec<f64> = (0..width).map(|i| noise(700 * k + i)).collect();
+            let minus: Vec<f64> = a.iter().map(|x| -x).collect();
+            // The first block is taken away again.
+            matrix.add_to_kept(tiles, &a, &a);
+            if k == 0 {
+                matrix.add_to_kept(tiles, &minus, &a);
+            } else {
+                for (i, j) in (0..width).flat_map(|i| (0..width).map(move |j| (i, j))) {
+                    dense[coordinate(tiles, i)][coordinate(tiles, j)] += 0.5 * a[i] * a[j];
+                }
+            }
+        }
+        matrix.set_to_kept(0.5);
+        for (k, tiles) in blocks.iter().enumerate() {
+            let width = TILE * tiles.len();
+            let coordinate = |i: usize| coordinate(tiles, i);
             for rows in [1, 3, 5] {
                 let a: Vec<f64> = (0..rows * width).map(|i| noise(500 * k + i)).collect();
                 let b: Vec<f64> = (0..width).map(|i| 0.1 * noise(i)).collect();
@@ -174,7 +190,7 @@ fn indefinite_matrices_have_factors_unless_a_pivot_is_tiny() {
         matrix.reset(TILE);
         matrix.reserve(&[0]);
         matrix.complete_pattern();
-        matrix.set_identity();
+        matrix.set_to_kept(1.0);
         matrix.add_outer(&[0], &[1.0, 0.0, 0.0, 0.0], &[diagonal, 2.0, 0.0, 0.0]);
         matrix.complete();
         assert_eq!(matrix.factor(1e-3), factored);

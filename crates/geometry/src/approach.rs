@@ -52,10 +52,10 @@ impl<R: Real> Approach<R> {
     /// `n` is the unit normal of a separating plane, from the first body to the second. `gap` is the separation along it, m. `size` is the
     /// sum of the bounding radii, m.
     #[inline(always)]
-    pub(super) fn spare_gap(&self, n: V3<R>, gap: R, size: f64) -> R {
+    pub(super) fn spare_gap(&self, n: V3<R>, gap: R, size: R) -> R {
         let most = self.max_displacement();
         let along = dot(n, self.displacement) - self.rotation_along(n);
-        let tilt = (R::of(2.0 * EQUAL_SEPARATION * size) / gap).sqrt();
+        let tilt = (R::of(2.0 * EQUAL_SEPARATION) * size / gap).sqrt();
         gap - (most * (R::one() + R::of(2.0) * tilt) - along + self.slack + self.rounding(size, most))
     }
 
@@ -64,7 +64,7 @@ impl<R: Real> Approach<R> {
     /// `n` is the unit normal of the plane, from the first body to the second. `gap` is the separation along it, m. `size` is the sum of
     /// the bounding radii, m.
     #[inline(always)]
-    pub(super) fn is_separated(&self, n: V3<R>, gap: R, size: f64) -> R::Mask {
+    pub(super) fn is_separated(&self, n: V3<R>, gap: R, size: R) -> R::Mask {
         gap.gt(self.slack).and(self.spare_gap(n, gap, size).ge(R::zero()))
     }
 
@@ -72,7 +72,7 @@ impl<R: Real> Approach<R> {
     ///
     /// The normal points from the first body to the second. `size` is the sum of the bounding radii, m.
     #[inline(always)]
-    pub(super) fn excludes_normal(&self, n: V3<R>, gap: R, size: f64) -> R::Mask {
+    pub(super) fn excludes_normal(&self, n: V3<R>, gap: R, size: R) -> R::Mask {
         let closing = (self.rotation_along(n) - dot(n, self.displacement)).max(R::zero());
         gap.ge(R::of(2.0) * closing + self.slack + self.rounding(size, self.max_displacement()))
     }
@@ -82,7 +82,7 @@ impl<R: Real> Approach<R> {
     /// The first vector bounds the components opposite to the three axes, the second the components along them. `size` is the sum of the
     /// bounding radii, m. A contact along the unit vector n is shorter than -2 n . u + slack, where u is the displacement. For every unit
     /// vector d, (-2 n . u) n . d <= |u| - u . d.
-    pub(super) fn max_components(&self, size: f64) -> [V3<R>; 2] {
+    pub(super) fn max_components(&self, size: R) -> [V3<R>; 2] {
         let (most, turn) = (self.max_displacement(), self.rotation.map(|x| x * x));
         let least = self.slack + self.rounding(size, most);
         let swing: V3<R> = array_of(|k| (turn[(k + 1) % 3] + turn[(k + 2) % 3]).sqrt() * self.radius);
@@ -112,8 +112,8 @@ impl<R: Real> Approach<R> {
     /// Rounding error of the distance between two bodies, m, see [`COORDINATE_ROUNDING`]. `most` is the largest displacement and `size` the
     /// sum of the bounding radii, m.
     #[inline(always)]
-    fn rounding(&self, size: f64, most: R) -> R {
-        R::of(COORDINATE_ROUNDING) * (R::of(size) + most)
+    fn rounding(&self, size: R, most: R) -> R {
+        R::of(COORDINATE_ROUNDING) * (size + most)
     }
 
     /// Relative motion of the pair of bodies in the lane `lane`.

@@ -95,6 +95,7 @@ mod narrow;
 mod pair;
 pub mod pairs;
 mod passing;
+mod polyhedron;
 mod projected_feature;
 mod quickhull;
 mod ray;

@@ -42,8 +42,8 @@ impl Narrow {
         narrow
     }
 
-    /// Finds the contact points of two solids. Points at a distance of more than `limits.max_distance` are left out. If both solids are
-    /// hulls that are near each other, the second value is their separating plane, see [`Manifold::separating_plane`].
+    /// Finds the contact points of two solids. Points at a distance of more than `limits.max_distance` are left out. If the second solid
+    /// is a hull, and the first a hull or box near it, the second value is their separating plane, see [`Manifold::separating_plane`].
     ///
     /// A half space must be the first solid. `limits.approach` is the motion of the second solid in the frame of the first. If one solid is
     /// a surface, it is the motion of the convex shape in the frame of the surface.
@@ -105,7 +105,7 @@ pub fn collide(
         workspace.clipper.manifold(&pair, &facing, reach, out);
         out.move_to_world(pose_a);
     }
-    out.separating_plane = (a.is_hull() && b.is_hull()).then(|| limits.separating_plane(&pair, &facing));
+    out.separating_plane = pair.polyhedra().is_some().then(|| limits.separating_plane(&pair, &facing));
 }
 
 /// Finds the contact points of a half space and a convex shape and writes them to `out`, in the world frame.

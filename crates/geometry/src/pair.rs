@@ -1,6 +1,7 @@
 //! Pair of convex shapes in the frame of the first one.
 
 use crate::linear_algebra::*;
+use crate::polyhedron::Polyhedron;
 use crate::shape::ConvexShape;
 use crate::vectors::{Pose, V, along_axis, from_columns, neg};
 
@@ -120,7 +121,7 @@ impl<'a> Pair<'a> {
         Vertex { w: sub(x, y), x, y, names: [i, j] }
     }
 
-    /// Vertex of the Minkowski difference A - (B + shift) at the corners `names` of two hulls A and B. The shift is in m.
+    /// Vertex of the Minkowski difference A - (B + shift) at the corners `names` of two polyhedra A and B. The shift is in m.
     pub(super) fn vertex(&self, names: [u32; 2], shift: V) -> Vertex {
         let (x, y) = (self.a.support_at(names[0], shift), self.place(self.b.support_at(names[1], shift)));
         let y = add(y, shift);
@@ -148,14 +149,21 @@ impl<'a> Pair<'a> {
     }
 
     /// Index of the vertex of the first shape that is farthest along `n`. The second index is that of the vertex of the second shape that
-    /// is farthest in the opposite direction. The indices are 0 for shapes other than hulls.
+    /// is farthest in the opposite direction. The indices are 0 for shapes other than hulls and boxes.
     pub(super) fn corners(&self, n: V) -> [u32; 2] {
-        let first = if self.a.is_hull() { self.a.corner(n).1 } else { 0 };
-        [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]
+        let of = |shape: &ConvexShape, d: V| if shape.polyhedron().is_some() { shape.corner(d).1 } else { 0 };
+        [of(self.a, n), of(self.b, rotate_back(&self.mat, neg(n)))]
     }
 
-    /// Component along `n` of the vector from vertex i of the first shape to vertex j of the second, m. For a shape other than a hull, the
-    /// support point replaces the vertex.
+    /// The shapes as polyhedra, if the second is a hull and the first a hull or a box. Searches of such a pair start from the result of
+    /// the previous step.
+    #[inline(always)]
+    pub(super) fn polyhedra(&self) -> Option<[Polyhedron<'a>; 2]> {
+        self.a.polyhedron().zip(self.b.polyhedron().filter(|_| self.b.is_hull())).map(|(a, b)| [a, b])
+    }
+
+    /// Component along `n` of the vector from vertex i of the first shape to vertex j of the second, m. For a shape other than a hull
+    /// or box, the support point replaces the vertex.
     pub(super) fn apart_at(&self, n: V, [i, j]: [u32; 2]) -> f64 {
         let y = self.place(self.b.support_at(j, rotate_back(&self.mat, neg(n))));
         dot(n, sub(y, self.a.support_at(i, n)))

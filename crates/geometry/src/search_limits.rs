@@ -48,7 +48,7 @@ impl SearchLimits {
         self.excludes(pair, found) || self.approach.is_some_and(|a| a.excludes_normal(found.normal, gap, pair.size))
     }
 
-    /// Normal, features and separating plane of two hulls, for the next step.
+    /// Normal, features and separating plane of two polyhedra, for the next step.
     pub(super) fn separating_plane(&self, pair: &Pair<'_>, facing: &Facing) -> SeparatingPlane {
         let Separation { normal, separation, .. } = facing.found;
         SeparatingPlane::new(pair, facing, self.approach.map_or(0.0, |a| a.spare_gap(normal, separation, pair.size)))

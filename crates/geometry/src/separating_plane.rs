@@ -1,5 +1,6 @@
 //! Separating plane of two hulls that remains valid for many steps. It consists of a half space that contains the first hull, and a ball
-//! that contains the second hull and bulges little towards the first one.
+//! that contains the second hull and bulges little towards the first one. The first hull may be a box. Its half space is computed from its
+//! present size, which may change from step to step.
 //!
 //! The half space is fixed to the first hull and the ball to the second. They contain the hulls at every pose, and therefore remain valid
 //! when poses or states change. Let `pos` and `mat` be the pose of the second hull in the frame of the first. Let the first hull be within
@@ -26,6 +27,7 @@ use crate::cached_normal::CachedNormal;
 use crate::facing::Facing;
 use crate::linear_algebra::*;
 use crate::pair::Pair;
+use crate::polyhedron::Polyhedron;
 use crate::shape::ConvexShape;
 use crate::vectors::neg;
 
@@ -55,7 +57,7 @@ pub struct SeparatingPlane {
     /// Distance of the centre of the ball that contains the second hull from the hull's vertex `tip`, m.
     curve: f32,
     /// Offset along the normal n of the plane that bounds the first hull, plus the bulge of the ball around the second hull, m. Infinite
-    /// without a separating plane.
+    /// without a separating plane. For a box as the first shape, the bulge alone: the size of a box may change.
     offset: f32,
 }
 
@@ -71,20 +73,21 @@ impl SeparatingPlane {
         let (n, e) = (found.normal, BULGE * spare);
         let narrow = n.map(|x| x as f32);
         let unknown = Self { normal: narrow, corners, ends, ..Self::NONE };
-        let (ConvexShape::Hull(a), ConvexShape::Hull(b), true) = (pair.a, pair.b, spare > LEAST * pair.size) else {
+        let (Some(a), ConvexShape::Hull(b), true) = (pair.a.polyhedron(), pair.b, spare > LEAST * pair.size) else {
             return unknown;
         };
         // The plane is computed from the rounded numbers that are stored. Rounding then does not make it invalid.
         let wide = |x: [f32; 3]| x.map(f64::from);
-        let [i, j] = facing.corners.map(|c| c as usize);
-        let tip = b.points()[j].map(|x| x as f32);
+        let [i, j] = corners;
+        let tip = b.points()[j as usize].map(|x| x as f32);
         let axis = neg(rotate_back(&pair.mat, n)).map(|x| x as f32);
         let (n, p, m) = (wide(narrow), wide(tip), wide(axis));
         let curve = (b.curve(p, m, e) * (1.0 + 1e-6)) as f32;
         // m is not quite a unit vector: the square of the radius is (q |m|)^2 + 2 q e + e^2.
         let (q, flat) = (f64::from(curve), f64::from(curve) * norm(m));
         let bulge = (2.0 * q * e + e * e) / (flat + (flat * flat + 2.0 * q * e + e * e).sqrt());
-        let offset = dot(n, a.points()[i]) + bulge * norm(n);
+        let reach = if let Polyhedron::Hull(a) = a { dot(n, a.points()[i as usize]) } else { 0.0 };
+        let offset = reach + bulge * norm(n);
         Self { tip, axis, curve, offset: offset as f32, ..unknown }
     }
 
@@ -108,7 +111,7 @@ pub struct SeparatingPlanes<R: Real> {
     /// Distance of the centre of the ball that contains the second hull from the hull's vertex `tip`, m.
     curve: R,
     /// Offset along the normal n of the plane that bounds the first hull, plus the bulge of the ball around the second hull, m. Infinite
-    /// without a separating plane.
+    /// without a separating plane. For a box as the first shape, the bulge alone.
     offset: R,
 }
 
@@ -135,14 +138,17 @@ impl<R: Real> SeparatingPlanes<R> {
 
     /// Lanes in which the plane shows that no contact of the hulls can push within the step.
     ///
-    /// `apart` is the vector from the first hull's origin to the second's in the world, m. `mats` are the orientations of the hulls.
-    /// `approach` is their motion within the step, and `size` the sum of their bounding radii, m.
+    /// `half` are the half sizes of the first shape if it is a box, m, and zeros if it is a hull. `apart` is the vector from the first
+    /// shape's origin to the second's in the world, m. `mats` are the orientations of the shapes. `approach` is their motion within the
+    /// step, and `size` the sum of their bounding radii, m.
     #[inline(always)]
-    pub fn separated_lanes(&self, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: f64) -> R::Mask {
+    pub fn separated_lanes(&self, half: V3<R>, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: R) -> R::Mask {
         let n = rotate(mats[0], self.normal);
         let turned = add(n, rotate(mats[1], self.axis));
         let curved = R::of(0.5) * self.curve * dot(turned, turned);
-        let gap = dot(n, add(apart, rotate(mats[1], self.tip))) - curved - self.offset;
+        let [x, y, z] = self.normal;
+        let reach = self.offset + dot([x.abs(), y.abs(), z.abs()], half);
+        let gap = dot(n, add(apart, rotate(mats[1], self.tip))) - curved - reach;
         approach.is_separated(self.normal, gap, size)
     }
 }

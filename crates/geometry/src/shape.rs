@@ -111,12 +111,9 @@ impl ConvexShape {
         }
     }
 
-    /// Vertex `corner` of a hull. For other shapes, the point without the rounding radius that is farthest along `d`, m.
+    /// Vertex `corner` of a hull or box. For other shapes, the point without the rounding radius that is farthest along `d`, m.
     pub(super) fn support_at(&self, corner: u32, d: V) -> V {
-        match self {
-            Self::Hull(hull) => hull.points()[corner as usize],
-            _ => self.support(d),
-        }
+        self.polyhedron().map_or_else(|| self.support(d), |polyhedron| polyhedron.point(corner))
     }
 
     /// Whether the shape is a convex hull of points.

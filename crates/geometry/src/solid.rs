@@ -2,6 +2,9 @@
 
 use std::sync::Arc;
 
+use stepper_real::Real;
+
+use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
 use crate::surface::Surface;
 use crate::vectors::V;
@@ -24,17 +27,29 @@ impl Solid {
         matches!(self, Self::Convex(shape) if shape.is_hull())
     }
 
+    /// Whether the solid is a box.
+    #[inline]
+    pub fn is_box(&self) -> bool {
+        matches!(self, Self::Convex(ConvexShape::Box { .. }))
+    }
+
     /// Whether the solid is a height field.
     #[inline]
     pub fn is_field(&self) -> bool {
         matches!(self, Self::Surface(surface) if matches!(**surface, Surface::Grid(_)))
     }
 
-    /// Size of a pair of convex hulls, m: the sum of their bounding radii. `None` if either solid is not a hull.
-    #[inline]
-    pub fn size_of_hulls(solids: [&Self; 2]) -> Option<f64> {
-        match solids {
-            [Self::Convex(a @ ConvexShape::Hull(_)), Self::Convex(b @ ConvexShape::Hull(_))] => Some(a.bound() + b.bound()),
+    /// Numbers that [`SeparatingPlanes::separated_lanes`](crate::SeparatingPlanes::separated_lanes) needs of two solids: the half sizes of
+    /// the first if it is a box, m, zeros if it is a hull; and the sum of the bounding radii, m. `None` for pairs without a separating
+    /// plane: the second solid must be a hull, and the first a hull or box.
+    ///
+    /// `size` is the size of the first solid, m, which may differ between lanes.
+    #[inline(always)]
+    pub fn sizes_for_plane<R: Real>(solids: [&Self; 2], size: V3<R>) -> Option<(V3<R>, R)> {
+        let [Self::Convex(a), Self::Convex(b @ ConvexShape::Hull(_))] = solids else { return None };
+        match a {
+            ConvexShape::Hull(_) => Some(([R::zero(); 3], R::of(a.bound() + b.bound()))),
+            ConvexShape::Box { .. } => Some((size, norm(size) + R::of(b.bound()))),
             _ => None,
         }
     }

@@ -1,4 +1,4 @@
-//! Contact normal of two hulls, found near the cached normal of the previous step.
+//! Contact normal of two hulls, found near the cached normal of the previous step. The first hull may be a box.
 //!
 //! The candidates are the facets of the Minkowski difference A - B of the hulls near the cached normal. First comes the pair of edges of
 //! the previous step. Then come the faces of both hulls and the pair of edges along the cached normal. The last candidate is the facet that
@@ -15,11 +15,10 @@
 use crate::cached_normal::CachedNormal;
 use crate::facing::{Facing, GAP, Separation};
 use crate::gjk;
-use crate::hull::Hull;
 use crate::linear_algebra::*;
 use crate::pair::Pair;
+use crate::polyhedron::Polyhedron;
 use crate::search_limits::SearchLimits;
-use crate::shape::ConvexShape;
 use crate::vectors::{V, neg};
 
 /// Factor for rounding in the condition with which [`is_certain`] accepts a facet.
@@ -50,23 +49,23 @@ enum Candidate {
 /// The result is `None` if it is uncertain whether another facet of the Minkowski difference A - B is nearer to the origin, and for shapes
 /// other than hulls. If `limits` exclude a contact, the result may be a lower bound.
 pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, limits: &SearchLimits) -> Option<Facing> {
-    let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
-    let hulls: [&Hull; 2] = [a, b];
-    let exist = |e: &[[u32; 2]; 2]| (0..2).all(|k| e[k].iter().all(|&v| (v as usize) < hulls[k].points().len()));
+    let solids = pair.polyhedra()?;
+    let [a, b] = solids;
+    let exist = |e: &[[u32; 2]; 2]| (0..2).all(|k| e[k].iter().all(|&v| (v as usize) < solids[k].vertices()));
     let (n, edges) = (cached.normal, cached.edges.filter(exist));
-    let last = edges.and_then(|edges| across_edges(pair, hulls, edges, n));
+    let last = edges.and_then(|edges| across_edges(pair, solids, edges, n));
     if let Some(facing) = last.and_then(|(facing, from_outline)| certain_edges(pair, facing, from_outline, limits)) {
         return Some(facing);
     }
     let back = rotate_back(&pair.mat, neg(n));
-    let corners = edges.map_or_else(|| pair.corners(n), |[e, h]| [a.climb(e[0] as usize, n) as u32, b.climb(h[0] as usize, back) as u32]);
-    facet_along(pair, hulls, n, corners, limits).or_else(|| {
+    let corners = edges.map_or_else(|| pair.corners(n), |[e, h]| [a.climb(e[0], n), b.climb(h[0], back)]);
+    facet_along(pair, solids, n, corners, limits).or_else(|| {
         let [e, h] = edges.filter(|[e, h]| e[0] != e[1] && h[0] != h[1]).unwrap_or_else(|| {
             let [i, j] = corners;
-            [[i, a.level(i as usize, n) as u32], [j, b.level(j as usize, back) as u32]]
+            [[i, a.level(i, n)], [j, b.level(j, back)]]
         });
         let near = normal_from_gjk(pair, n, corners, [[e[0], h[0]], [e[1], h[0]], [e[0], h[1]]], limits)?;
-        facet_along(pair, hulls, near, pair.corners(near), limits)
+        facet_along(pair, solids, near, pair.corners(near), limits)
     })
 }
 
@@ -75,8 +74,7 @@ pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, li
 ///
 /// If `limits` exclude a contact, the result may be a lower bound.
 pub(super) fn facet(pair: &Pair<'_>, normal: V, limits: &SearchLimits) -> Option<Facing> {
-    let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
-    facet_along(pair, [a, b], normal, pair.corners(normal), limits)
+    facet_along(pair, pair.polyhedra()?, normal, pair.corners(normal), limits)
 }
 
 /// Unit normal from the first hull to the second between their closest points, by a GJK search.
@@ -98,20 +96,20 @@ fn normal_from_gjk(pair: &Pair<'_>, cached: V, corners: [u32; 2], start: [[u32; 
 ///
 /// `corners` are the vertex of the first hull that is farthest along `guess`, and that of the second hull in the opposite direction. If
 /// `limits` exclude a contact, the result may be a lower bound.
-fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], guess: V, corners: [u32; 2], limits: &SearchLimits) -> Option<Facing> {
-    let [i, j] = corners.map(|c| c as usize);
-    let (x, y) = (a.points()[i], pair.place(b.points()[j]));
+fn facet_along(pair: &Pair<'_>, [a, b]: [Polyhedron<'_>; 2], guess: V, corners: [u32; 2], limits: &SearchLimits) -> Option<Facing> {
+    let [i, j] = corners;
+    let (x, y) = (a.point(i), pair.place(b.point(j)));
     let along = Separation { normal: guess, separation: dot(guess, sub(y, x)), points: [x, y] };
     if limits.excludes(pair, &along) {
         return Some(Facing { found: along, corners, ends: corners });
     }
     let back = rotate_back(&pair.mat, neg(guess));
     let (f, g) = (a.facing_at(i, guess), b.facing_at(j, back));
-    let level = [[corners[0], a.level(i, guess) as u32], [corners[1], b.level(j, back) as u32]];
+    let level = [[i, a.level(i, guess)], [j, b.level(j, back)]];
     let across = across_edges(pair, [a, b], level, guess);
     let mut tries = [
-        (dot(a.faces[f].normal, guess), Candidate::FirstFace(f)),
-        (dot(b.faces[g].normal, back), Candidate::SecondFace(g)),
+        (dot(a.normal(f), guess), Candidate::FirstFace(f)),
+        (dot(b.normal(g), back), Candidate::SecondFace(g)),
         across.map_or((-1.0, Candidate::FirstFace(f)), |(facing, from_outline)| {
             (dot(facing.found.normal, guess), Candidate::Edges(facing, from_outline))
         }),
@@ -121,15 +119,15 @@ fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], guess: V, corners: [u32; 2],
     near.map(|t| t.1).find_map(|facet| {
         let (found, corners, from_outline) = match facet {
             Candidate::FirstFace(f) => {
-                let n = a.faces[f].normal;
+                let n = a.normal(f);
                 let (separation, corners) = pair.separation_near(n, corners);
-                let y = pair.place(b.points()[corners[1] as usize]);
+                let y = pair.place(b.point(corners[1]));
                 (Separation { normal: n, separation, points: [add_scaled(y, n, -separation), y] }, corners, a.distance_from_outline(f, y))
             }
             Candidate::SecondFace(g) => {
-                let n = neg(rotate(&pair.mat, b.faces[g].normal));
+                let n = neg(rotate(&pair.mat, b.normal(g)));
                 let (separation, corners) = pair.separation_near(n, corners);
-                let x = a.points()[corners[0] as usize];
+                let x = a.point(corners[0]);
                 let local = rotate_back(&pair.mat, sub(x, pair.pos));
                 (
                     Separation { normal: n, separation, points: [x, add_scaled(x, n, separation)] },
@@ -158,11 +156,11 @@ fn certain_edges(pair: &Pair<'_>, facing: Facing, from_outline: f64, limits: &Se
 ///
 /// `e` and `h` are the vertices of the edges of the first and second hull. The normal is the direction of the perpendicular that is closer
 /// to `towards`. `None` if the closest points are not inside the edges.
-fn across_edges(pair: &Pair<'_>, [a, b]: [&Hull; 2], [e, h]: [[u32; 2]; 2], towards: V) -> Option<(Facing, f64)> {
+fn across_edges(pair: &Pair<'_>, [a, b]: [Polyhedron<'_>; 2], [e, h]: [[u32; 2]; 2], towards: V) -> Option<(Facing, f64)> {
     let sorted = |[v, w]: [u32; 2]| [v.min(w), v.max(w)];
     let names = [sorted(e), sorted(h)];
-    let e = names[0].map(|v| a.points()[v as usize]);
-    let h = names[1].map(|v| pair.place(b.points()[v as usize]));
+    let e = names[0].map(|v| a.point(v));
+    let h = names[1].map(|v| pair.place(b.point(v)));
     let (found, [s, t]) = common_perpendicular(e, h, towards)?;
     let (u, v) = (sub(e[1], e[0]), sub(h[1], h[0]));
     let area = norm(cross(u, v));

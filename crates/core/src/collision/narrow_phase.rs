@@ -189,9 +189,9 @@ impl<R: Real> Scene<'_, R> {
             #[inline(always)]
             |(_, geoms)| self.approach_to_surface(geoms, margin, reach),
         );
-        if let Some(size) = Solid::size_of_hulls([self.solid(a), self.solid(b)]) {
+        if let Some(sizes) = Solid::sizes_for_plane([self.solid(a), self.solid(b)], self.compiled.params.geom_size(a)) {
             let moving = self.approach(pair, reach);
-            near = near.and_not(self.are_separated(index, pair, near, &moving, size, workspace));
+            near = near.and_not(self.are_separated(index, pair, near, &moving, sizes, workspace));
             approach = Some(moving);
         }
         for lane in each_of(near.bits()) {
@@ -249,11 +249,12 @@ impl<R: Real> Scene<'_, R> {
         first.is_beyond(&second, apart, [&self.poses.mat[a], &self.poses.mat[b]], reach)
     }
 
-    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair have no contact that stage 3
+    /// Lanes of `near` in which the separating plane of the last step proves that the two solids of a pair have no contact that stage 3
     /// would add. The head of `approach.rs` in the geometry crate has the criterion. The function stores the planes of these lanes for the
     /// next step.
     ///
-    /// `size` is the sum of the bounding radii of the two hulls, m.
+    /// `half` are the half sizes of a box as the first geom, m, and `size` is the sum of the bounding radii, see
+    /// [`Solid::sizes_for_plane`].
     #[inline(always)]
     fn are_separated(
         &self,
@@ -261,7 +262,7 @@ impl<R: Real> Scene<'_, R> {
         pair: &CompiledPair<R::Scalar>,
         near: R::Mask,
         approach: &Approach<R>,
-        size: f64,
+        (half, size): (V3<R>, R),
         workspace: &mut NarrowWorkspace,
     ) -> R::Mask {
         let [a, b] = pair.geoms;
@@ -273,7 +274,7 @@ impl<R: Real> Scene<'_, R> {
             }
         }
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
-        let separated = near.and(planes.separated_lanes(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
+        let separated = near.and(planes.separated_lanes(half, apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
         for lane in each_of(separated.bits()) {
             if let Some(separating_plane) = last_planes.of(lane, index) {
                 new_planes.keep(lane, index, separating_plane);

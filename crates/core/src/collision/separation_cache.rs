@@ -1,5 +1,5 @@
-//! Cache of separating planes: results for pairs of hulls that one step stores for the next. An entry is the normal at which the next
-//! search starts, and a separating plane that remains valid for some motion.
+//! Cache of separating planes: results for pairs of hulls, and of a box and a hull, that one step stores for the next. An entry is the
+//! normal at which the next search starts, and a separating plane that remains valid for some motion.
 //!
 //! The cache saves time and changes no contact by more than rounding errors, see
 //! [`SearchLimits::cached`](stepper_geometry::SearchLimits::cached) and [`SeparatingPlane`]. It is nevertheless part of the saved state: a
@@ -13,7 +13,9 @@ use crate::compile::{Kernel, ModelStructure};
 use crate::math::lanes::{DestinationLanes, each_of};
 
 /// Largest number of pairs of one environment in the cache. If a step stores more pairs, only the first ones are kept.
-const MAX_ENTRIES: usize = 16;
+///
+/// Evidence: a Panda with a gripper of hulls and boxes takes 7.6 us per step with 16, and 4.9 us with 64.
+const MAX_ENTRIES: usize = 64;
 
 /// Entry of the cache: separating plane of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,17 +40,19 @@ pub struct SeparationCache {
 }
 
 impl SeparationCache {
-    /// Empty cache for `lanes` lanes. It has no space for entries if the scene has no pairs of hulls.
+    /// Empty cache for `lanes` lanes. It has no space for entries if the scene has no pairs with a separating plane.
     pub fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
-        let is_hull = |g: usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
-        let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
-        let dynamic = compiled.dynamic_pairs.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();
-        let places = (listed + dynamic * dynamic.saturating_sub(1) / 2).min(MAX_ENTRIES);
+        let is = |g: usize, kind: fn(&Solid) -> bool| compiled.geoms[g].solid.as_ref().is_some_and(kind);
+        let has_plane = |[a, b]: [usize; 2]| is(b, Solid::is_hull) && (is(a, Solid::is_hull) || is(a, Solid::is_box));
+        let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && has_plane(p.geoms)).count();
+        let members = || compiled.dynamic_pairs.iter().flat_map(|c| &c.members);
+        let [hulls, boxes] = [Solid::is_hull, Solid::is_box].map(|kind| members().filter(|m| is(m.geom, kind)).count());
+        let places = (listed + hulls * hulls.saturating_sub(1) / 2 + hulls * boxes).min(MAX_ENTRIES);
         let lanes = if places == 0 { 0 } else { lanes };
         Self { places, count: vec![0; lanes], held: vec![NONE; places * lanes] }
     }
 
-    /// Whether the cache has no space for entries, because the scene has no pairs of hulls.
+    /// Whether the cache has no space for entries, because the scene has no such pairs.
     #[inline(always)]
     pub(crate) fn is_unused(&self) -> bool {
         self.places == 0

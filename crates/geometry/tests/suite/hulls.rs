@@ -31,6 +31,20 @@ fn hull() -> impl Strategy<Value = Arc<Hull>> {
         .prop_filter_map("has volume", |p: Vec<V>| Hull::new(&p).ok().filter(|h| h.points().len() > 3).map(Arc::new))
 }
 
+/// First shape of a pair: a hull, or a box together with the hull of its corners.
+fn first_shape() -> impl Strategy<Value = (ConvexShape, Arc<Hull>)> {
+    let cuboid = prop::array::uniform3(0.1..0.5f64).prop_map(|half| {
+        let corners: Vec<V> = (0..8).map(|i| std::array::from_fn(|k| if i >> k & 1 == 1 { half[k] } else { -half[k] })).collect();
+        (ConvexShape::Box { half }, Arc::new(Hull::new(&corners).expect("a box has volume")))
+    });
+    prop_oneof![2 => hull().prop_map(|hull| (ConvexShape::Hull(hull.clone()), hull)), 1 => cuboid]
+}
+
+/// Half sizes of a box, m; zeros for a hull.
+fn half_of(shape: &ConvexShape) -> V {
+    if let ConvexShape::Box { half } = *shape { half } else { [0.0; 3] }
+}
+
 fn reach(hull: &Hull, n: V) -> f64 {
     hull.points().iter().map(|p| dot(*p, n)).fold(f64::NEG_INFINITY, f64::max)
 }
@@ -88,12 +102,12 @@ fn moved(pose: &Pose, way: V, turn: V) -> Pose {
     Pose { pos: add(pose.pos, way), mat }
 }
 
-/// Whether the separating plane proves that two hulls have no contact that can push within the step. `size` is the sum of their bounding
-/// radii, m.
-fn are_parted(separating_plane: &SeparatingPlane, pa: &Pose, pb: &Pose, approach: &Approach, size: f64) -> bool {
+/// Whether the separating plane proves that two solids have no contact that can push within the step. `half` are the half sizes of the
+/// first if it is a box, and `size` is the sum of their bounding radii, m.
+fn are_parted(plane: &SeparatingPlane, half: V, [pa, pb]: [&Pose; 2], approach: &Approach, size: f64) -> bool {
     let mut partings = SeparatingPlanes::<f64>::none();
-    partings.set_lane(0, separating_plane);
-    partings.separated_lanes(sub(pb.pos, pa.pos), [&pa.mat, &pb.mat], approach, size)
+    partings.set_lane(0, plane);
+    partings.separated_lanes(half, sub(pb.pos, pa.pos), [&pa.mat, &pb.mat], approach, size)
 }
 
 /// Size of two hulls, m: the sum of their bounding radii around their centres.
@@ -116,13 +130,13 @@ fn bits(points: &[Point]) -> Vec<[u64; 8]> {
 
 proptest! {
     #[test]
-    fn the_depth_is_the_least_over_all_facets(a in hull(), ma in rotation(), b in hull(), at in vector(0.5), mb in rotation()) {
+    fn the_depth_is_the_least_over_all_facets((first, a) in first_shape(), ma in rotation(), b in hull(), at in vector(0.5), mb in rotation()) {
         let (pa, pb) = (Pose { pos: [0.0; 3], mat: ma }, Pose { pos: at, mat: mb });
         let best = over_all_facets(&a, &pa, &b, &pb);
         if best >= 0.0 {
             return Ok(());
         }
-        let (found, n) = distance(&ConvexShape::Hull(a.clone()), &pa, &ConvexShape::Hull(b.clone()), &pb);
+        let (found, n) = distance(&first, &pa, &ConvexShape::Hull(b.clone()), &pb);
         // The normal of a face replaces one that is better by up to a billionth of the size, which is 2 m at most.
         prop_assert!((found - best).abs() < 2e-9, "{found}, over all facets {best}");
         let along = -posed_reach(&a, &pa, n) - posed_reach(&b, &pb, scale(n, -1.0));
@@ -136,9 +150,9 @@ proptest! {
     }
 
     #[test]
-    fn a_known_normal_changes_no_bit(a in hull(), ma in rotation(), b in hull(), towards in unit(), mb in rotation(),
+    fn a_known_normal_changes_no_bit((first, _) in first_shape(), ma in rotation(), b in hull(), towards in unit(), mb in rotation(),
                                      gap in prop_oneof![-0.03..0.02f64, -1e-4..1e-4f64, Just(0.0)], tilt in vector(0.02)) {
-        let (first, second) = (ConvexShape::Hull(a.clone()), ConvexShape::Hull(b.clone()));
+        let second = ConvexShape::Hull(b.clone());
         let (pa, pb, n) = beside(&first, ma, &second, mb, towards, gap);
         let scratch = contacts(&first, &pa, &second, &pb, None, None);
         for near in [n, add(n, tilt), towards, scale(n, -1.0)] {
@@ -151,10 +165,10 @@ proptest! {
     }
 
     #[test]
-    fn what_is_known_from_the_last_step_changes_no_bit(a in hull(), ma in rotation(), b in hull(), towards in unit(), mb in rotation(),
+    fn what_is_known_from_the_last_step_changes_no_bit((first, _) in first_shape(), ma in rotation(), b in hull(), towards in unit(), mb in rotation(),
                                                        gap in prop_oneof![-0.03..0.02f64, -1e-4..1e-4f64, Just(0.0)],
                                                        way in vector(1.0), turn in vector(1.0), speed in -6.0..-1.0f64) {
-        let (first, second) = (ConvexShape::Hull(a), ConvexShape::Hull(b));
+        let second = ConvexShape::Hull(b);
         let (pa, pb, _) = beside(&first, ma, &second, mb, towards, gap);
         let (mut known, mut pb) = (None, pb);
         for _ in 0..3 {
@@ -167,25 +181,30 @@ proptest! {
     }
 
     #[test]
-    fn what_parts_hulls_parts_them_wherever_they_go(a in hull(), ma in rotation(), b in hull(), mb in rotation(), towards in unit(),
+    fn what_parts_hulls_parts_them_wherever_they_go((first, a) in first_shape(), ma in rotation(), b in hull(), mb in rotation(), towards in unit(),
                                                     gap in prop_oneof![1e-5..0.02f64, 1e-5..1e-3f64], way in vector(1.0), turn in vector(1.0),
-                                                    speed in -5.0..-1.0f64, hurry in -7.0..-3.0f64) {
-        let (first, second) = (ConvexShape::Hull(a.clone()), ConvexShape::Hull(b.clone()));
+                                                    speed in -5.0..-1.0f64, hurry in -7.0..-3.0f64, growth in prop_oneof![Just(1.0), 0.8..1.2f64]) {
+        let second = ConvexShape::Hull(b.clone());
         let (pa, pb, _) = beside(&first, ma, &second, mb, towards, gap);
         let still = Approach { displacement: [0.0; 3], rotation: [0.0; 3], radius: 1.0, slack: 0.1 * gap };
         let fast = Approach { displacement: scale(way, 10f64.powf(hurry)), ..still };
-        let size = size(&a, &b);
+        let (half, size) = (half_of(&first), size(&a, &b));
         for approach in [still, fast] {
             let separating_plane = meet(&first, &pa, &second, &pb, None, Some(approach)).separating_plane.expect("they are near");
             if norm(approach.displacement) == 0.0 && gap > 1e-3 * size {
-                prop_assert!(are_parted(&separating_plane, &pa, &pb, &Approach { slack: 0.5 * gap, ..still }, size), "not even where they were");
+                prop_assert!(are_parted(&separating_plane, half, [&pa, &pb], &Approach { slack: 0.5 * gap, ..still }, size), "not even where they were");
             }
+            // A box may have another size in the next step.
+            let (grown, resized) = match first {
+                ConvexShape::Box { half } => (scale(half, growth), ConvexShape::Box { half: scale(half, growth) }),
+                _ => (half, first.clone()),
+            };
             for away in [0.0, 0.3, 1.0] {
                 let pb = moved(&pb, scale(way, away * 10f64.powf(speed)), scale(turn, away * 10f64.powf(speed)));
-                let (distance, _) = distance(&first, &pa, &second, &pb);
+                let (distance, _) = distance(&resized, &pa, &second, &pb);
                 for share in [0.9, 1.0 - 1e-4, 1.0 + 1e-9, 1.1] {
                     let nearest = Approach { slack: distance.max(0.0) * share, ..still };
-                    prop_assert!(!are_parted(&separating_plane, &pa, &pb, &nearest, size) || distance > nearest.slack, "{distance} at {share}");
+                    prop_assert!(!are_parted(&separating_plane, grown, [&pa, &pb], &nearest, size) || distance > nearest.slack, "{distance} at {share}");
                 }
             }
         }
@@ -194,11 +213,11 @@ proptest! {
     /// No contact is missing that stage 3 of the step would accept. Stage 3 accepts contacts that are closer than the slack plus the
     /// distance that the bodies close in two steps.
     #[test]
-    fn only_contacts_that_do_not_count_are_left_out(a in hull(), ma in rotation(), b in hull(), mb in rotation(), towards in unit(),
+    fn only_contacts_that_do_not_count_are_left_out((first, _) in first_shape(), ma in rotation(), b in hull(), mb in rotation(), towards in unit(),
                                                     gap in prop_oneof![1e-5..0.02f64, 1e-5..1e-3f64], way in vector(1.0), turn in vector(1.0),
                                                     speed in -5.0..-2.0f64, worst in prop_oneof![Just(0.0), 0.8..1.2f64], tilt in vector(0.5),
                                                     slack in 1e-6..1e-3f64) {
-        let (first, second) = (ConvexShape::Hull(a), ConvexShape::Hull(b.clone()));
+        let second = ConvexShape::Hull(b.clone());
         let (pa, pb, n) = beside(&first, ma, &second, mb, towards, gap);
         let tilted = add(n, tilt);
         let tilted = scale(tilted, 1.0 / norm(tilted));

@@ -279,7 +279,7 @@ def test_rays_and_distances_are_mujocos():
 
 @pytest.mark.parametrize("interp", ["zoh", "linear"])
 @pytest.mark.parametrize("samples", [0, 1, 2, 5])
-@pytest.mark.parametrize("interval", [0, 1, 3])
+@pytest.mark.parametrize("interval", [0, 1, 2.5, 3])
 @pytest.mark.parametrize("delay", [0, 0.3, 0.5, 1, 1.5, 3])
 def test_readings_are_as_late_as_mujocos(delay, interval, samples, interp):
     """Delays below a step, buffers that are too short for the delay, and intervals without a buffer. Times in steps."""

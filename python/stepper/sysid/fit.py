@@ -23,7 +23,6 @@ from stepper.shared.machine import require
 from stepper.shared.progress import ProgressCallback, silent
 from stepper.sysid.combinations import combinations_of
 from stepper.sysid.data import Data, episodes_of
-from stepper.sysid.findings import undetermined, warnings_of
 from stepper.sysid.inertia import Array
 from stepper.sysid.minima import starts_around
 from stepper.sysid.nullspace import EQUAL_FIT, FLAT_EXCESS, FLAT_STD, SIGNIFICANT, FlatSet, cost_ratio
@@ -32,7 +31,7 @@ from stepper.sysid.residuals import Linearized, Residuals, Together
 from stepper.sysid.result import Identification, Search, t_quantile
 from stepper.sysid.shift import EARLY, FREED_STD, LATE, RATIO, finding_of_fit, suspicious
 from stepper.sysid.simulate import Simulator, noise_of, solved
-from stepper.sysid.uncertainty import outside_null_space
+from stepper.sysid.uncertainty import outside_null_space, undetermined, warnings_of
 
 SAME_MINIMUM = 1e-2
 """Distance between the ends of two searches below which they count as the same minimum, in units of the parameters' scales."""
@@ -285,14 +284,10 @@ class _Solver:
     def _search_from(
         self, together: Together, search: int, x0: Array, tolerance: float, at_each: Callable[[Array, Linearized], None]
     ) -> _Found | None:
-        """Runs a least-squares search from one start point, in a thread. The result is None if it is left out.
+        """Runs a least-squares search from one start point, (n + starts,), in a thread. The result is None if it is left out.
 
-        Args:
-            together: Batch in which concurrent searches evaluate their points.
-            search: Index of the search in `together`.
-            x0: Start point, (n + starts,).
-            tolerance: Relative change of x below which the search ends.
-            at_each: Function that is called after each evaluation. It raises `_LeftOutError` to end the search.
+        The search ends if the relative change of x is below `tolerance`. `at_each` is called after each evaluation, and may raise
+        `_LeftOutError` to end it.
         """
         held: dict[bytes, Linearized] = {}
 
@@ -322,11 +317,7 @@ class _Solver:
 def _with_noise(solver: _Solver, residuals: Residuals, searches: list[_Found], known: Array) -> list[_Found]:
     """Ends of searches with the noise that the residuals of the best search have. The noise is written to `residuals`.
 
-    Args:
-        solver: Solver.
-        residuals: Residuals of the fit.
-        searches: Ends of searches with another noise.
-        known: Standard deviation of the noise of each column of the readings, (width,); NaN where it is estimated.
+    `known` has the standard deviation of the noise of each column of the readings, (width,); NaN where it is estimated.
     """
     for _ in range(5):
         best = min(searches, key=lambda s: s.cost)
@@ -386,10 +377,6 @@ def _noise_left(residuals: Residuals, at: Linearized) -> Array:
     """Estimate of the noise of each column of the readings, (width,), from the residuals of a fit.
 
     It is the root mean square of the residuals, corrected for the number of parameters.
-
-    Args:
-        residuals: The residual function.
-        at: Residuals at the end of the fit.
     """
     simulator = residuals.simulator
     rows = np.concatenate(residuals.whitened(at)) * residuals.sigma
@@ -413,13 +400,7 @@ def _concluded(
 ) -> Identification:
     """Result of an identification: estimate, covariance, warnings and statistics.
 
-    Args:
-        model: Model that was given to `identify`.
-        residuals: Residuals of the fit.
-        minima: The estimate, then minima that are not significantly worse.
-        others: Ends of the other searches.
-        solver: Solver that ran the searches.
-        seconds: Elapsed time, s.
+    `minima` has the estimate, then minima that are not significantly worse; `others` has the ends of the other searches.
     """
     n, simulator = residuals.n, residuals.simulator
     best, *rivals = minima
@@ -462,17 +443,11 @@ def _concluded(
     )
     shifts = _shift_warnings(residuals, best, solver)
     findings = warnings_of(residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged)
-    return found.warned((*shifts, *findings))
+    return replace(found, warnings=(*shifts, *findings))
 
 
 def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tuple[str, ...]:
-    """Warnings about readings that fit better if they are shifted one sample earlier or later.
-
-    Args:
-        residuals: Residuals of the fit.
-        best: End of the best search.
-        solver: Solver, for fits of shifted readings.
-    """
+    """Warnings about readings that fit better if they are shifted one sample earlier or later."""
     if not suspicious(residuals.whitened(best.at)):
         return ()
     tried = []
@@ -489,11 +464,6 @@ def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float |
     """Mean square residual of a new fit that also estimates the initial states, divided by the mean square residual of the given fit.
 
     The result is None if the given fit already estimates the initial state of every episode, and NaN if there are too few readings.
-
-    Args:
-        residuals: Residuals of the given fit.
-        best: End of the best search of the given fit.
-        solver: Solver with the settings for the new fit.
     """
     other = residuals.freed(FREED_STD)
     if other is None:

@@ -1,6 +1,6 @@
 """The constraint problem of one step, built again from MuJoCo's mass matrix and Jacobians: contact.md sections 1 and 2 in NumPy.
 
-Contacts of 3 and 6 rows with their reported impulses; joint limits and equalities with the impulses that the change of velocity leaves to
+Contacts of 3, 4 and 6 rows with their reported impulses; joint limits and equalities with the impulses that the change of velocity leaves to
 them. Euler's rule takes it all at the state before; the midpoint rule at q + h/2 v, which is done here for balls, on which no force
 depends on the velocity.
 """
@@ -105,7 +105,9 @@ class Problem:
         if not scale.any():
             return rows, impulse
         turning = np.divide(self.torque[i], scale, out=np.zeros(3), where=scale > 0)
-        return np.concatenate([rows, scale[:, None] * self.turning[mine]]), np.concatenate([impulse, turning])
+        # Torsional friction alone has one row of rotation.
+        n = 3 if scale[1:].any() else 1
+        return np.concatenate([rows, scale[:n, None] * self.turning[mine][:n]]), np.concatenate([impulse, turning[:n]])
 
 
 def project(x: np.ndarray, mu: float) -> np.ndarray:

@@ -1,5 +1,5 @@
-//! Rows of contacts with torsional or rolling friction: in addition to the three sliding rows, three for the rotation about the contact's
-//! axes.
+//! Rows of contacts with torsional or rolling friction. In addition to the three sliding rows, they have one for the rotation about the
+//! normal. With rolling friction, they also have two for the rotations about the tangents.
 
 use stepper_real::{Mask, Real, kernel};
 use stepper_solve::RowCount;
@@ -44,8 +44,8 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the `N` rows of the contact in slot `k`, in the lanes `lanes` (bits): four rows where it has torsional friction and no rolling
-    /// friction, six where it has rolling friction.
+    /// Adds the `N` rows of the contact in slot `k`, in the lanes `lanes` (bits). `N` is 6 with rolling friction, and 4 with torsional
+    /// friction alone.
     pub(crate) fn add_rotating_contact<const N: usize>(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32)
     where
         [R; N]: RowCount<R, N>,

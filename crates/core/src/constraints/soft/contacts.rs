@@ -168,26 +168,22 @@ impl<R: Real> ContactLaw<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of contacts that are closer than their margin. Contacts with torsional or rolling friction come last.
+    /// Adds the rows of contacts that are closer than their margin, slot by slot.
     ///
     /// In different lanes, a slot may have contacts between different trees. The function adds one contact of the problem for all lanes in
     /// which the trees are the same. No row then connects trees that do not touch in its lanes.
     pub(super) fn add_soft_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
         let compiled = input.row.compiled;
-        for rolls in [false, true] {
-            if rolls && !compiled.has_rolling_friction {
-                break;
-            }
-            for k in 0..contacts.slots() {
-                let distance = input.row.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
-                let near = R::Mask::from_bits(contacts.lanes_of(k)).and(distance.lt(R::zero())).bits();
-                let mut rolling = 0;
-                if compiled.has_rolling_friction {
-                    for (pair, lanes) in contacts.pairs(k, near) {
-                        rolling |= if compiled.soft_contact(input.softness, pair).condim > 3 { lanes } else { 0 };
-                    }
+        for k in 0..contacts.slots() {
+            let distance = input.row.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
+            let near = R::Mask::from_bits(contacts.lanes_of(k)).and(distance.lt(R::zero())).bits();
+            let mut rolling = 0;
+            if compiled.has_rolling_friction {
+                for (pair, lanes) in contacts.pairs(k, near) {
+                    rolling |= if compiled.soft_contact(input.softness, pair).condim > 3 { lanes } else { 0 };
                 }
-                let mut rest = if rolls { rolling } else { near & !rolling };
+            }
+            for (rolls, mut rest) in [(false, near & !rolling), (true, rolling)] {
                 while rest != 0 {
                     let lanes = lanes_of_same_trees(compiled, contacts, k, rest);
                     rest &= !lanes;

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from sections import Table
 from stepper import Options
 from stepper.derivatives import UndeterminedDerivative, rollout
-from stepper.derivatives.tangent import from_tangent, to_tangent
+from stepper.derivatives.rollout import from_tangent, to_tangent
 
 Array = NDArray[np.float64]
 

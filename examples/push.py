@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import stepper
 from numpy.typing import NDArray
-from stepper.derivatives.tangent import to_tangent
+from stepper.derivatives.rollout import to_tangent
 
 Array = NDArray[np.float64]
 

@@ -11,37 +11,24 @@ from imports import circle, graph_of, sources_of, trespasses
 ROOT = Path(__file__).parents[1]
 CORE = ROOT / "crates/core/src"
 CRATES = ("real", "geometry", "model", "solve", "core", "derivative", "python")
+BODIES = {"math", "model", "compile", "dynamics"}
+STEP_PARTS = BODIES | {"options", "probe", "collision", "actuation", "constraints", "sensing"}
 CORE_FOLDERS = {
-    "math": set(),
+    **{"math": set(), "model": set(), "tuning": set(), "probe": set()},
     "error": {"math", "model"},
     "options": {"math", "error", "model"},
-    "tuning": set(),
-    "model": set(),
     "compile": {"math", "model"},
     "dynamics": {"math", "model", "compile"},
-    "collision": {"math", "model", "compile", "dynamics"},
-    "actuation": {"math", "model", "compile", "dynamics"},
+    "collision": BODIES,
+    "actuation": BODIES,
     "constraints": {"math", "options", "tuning", "compile", "dynamics", "collision"},
-    "sensing": {"math", "model", "compile", "dynamics", "collision", "actuation"},
-    "probe": set(),
-    "stages": {"math", "model", "options", "tuning", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"},
-    "integrators": {
-        *("math", "model", "options", "tuning", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"),
-        "stages",
-    },
+    "sensing": BODIES | {"collision", "actuation"},
+    "stages": STEP_PARTS | {"tuning"},
+    "integrators": STEP_PARTS | {"tuning", "stages"},
     "step": {"options", "probe", "compile", "constraints", "stages", "integrators"},
-    "group_step": {
-        *("math", "model", "options", "probe", "compile", "dynamics", "collision", "constraints", "stages", "integrators"),
-        "step",
-    },
-    "analysis": {
-        *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages"),
-        "integrators",
-    },
-    "batch": {
-        *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"),
-        *("stages", "integrators", "step", "group_step", "analysis"),
-    },
+    "group_step": STEP_PARTS - {"actuation", "sensing"} | {"stages", "integrators", "step"},
+    "analysis": STEP_PARTS - {"constraints"} | {"error", "stages", "integrators"},
+    "batch": STEP_PARTS | {"error", "stages", "integrators", "step", "group_step", "analysis"},
 }
 """Folders and single files of the core, and the others that each may use."""
 PACKAGE = ROOT / "python/stepper"

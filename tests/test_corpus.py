@@ -23,34 +23,28 @@ def with_random(**changes) -> Row:
     return dataclasses.replace(ROW, random=dataclasses.replace(WELL, **changes))
 
 
-@pytest.mark.parametrize(
-    ("changes", "criterion"),
-    [
-        ({"non_finite": 0.002}, "NON_FINITE"),
-        ({"contacts_full": 0.002}, "CONTACTS_FULL"),
-        ({"unresolved": 0.002}, "UNRESOLVED"),
-        ({"not_converged": 0.004}, "NOT_CONVERGED"),
-        ({"ours": Motion(0.09, 1.0)}, "less energy"),
-        ({"ours": Motion(11.0, 20.0)}, "more energy"),
-        ({"ours": Motion(1.0, 2.0, hinge_excess=0.06)}, "hinge limit"),
-        ({"ours": Motion(1.0, 2.0, slide_excess=0.02)}, "slide limit"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "criterion"), [
+    ({"non_finite": 0.002}, "NON_FINITE"),
+    ({"contacts_full": 0.002}, "CONTACTS_FULL"),
+    ({"unresolved": 0.002}, "UNRESOLVED"),
+    ({"not_converged": 0.004}, "NOT_CONVERGED"),
+    ({"ours": Motion(0.09, 1.0)}, "less energy"),
+    ({"ours": Motion(11.0, 20.0)}, "more energy"),
+    ({"ours": Motion(1.0, 2.0, hinge_excess=0.06)}, "hinge limit"),
+    ({"ours": Motion(1.0, 2.0, slide_excess=0.02)}, "slide limit"),
+])  # fmt: skip
 def test_each_criterion_is_missed_by_itself(changes, criterion):
     assert [fault.criterion for fault in judge.faults(with_random(**changes))] == [criterion]
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"not_converged": 0.002},  # One step of the thousand of both episodes.
-        {"infeasible": 1.0, "tunnelled": 1.0},
-        {"ours": Motion(0.0, 0.0), "theirs": Motion(9e-3, 1.0)},  # Below the floor of 1 mJ times ten.
-        {"ours": Motion(50.0, 50.0), "warnings": "BADQACC:3"},  # MuJoCo has begun again from the reference pose.
-        {"theirs": Motion(1.0, 2.0, hinge_excess=1.0)},
-    ],
-)
+@pytest.mark.parametrize("changes", [
+    {},
+    {"not_converged": 0.002},  # One step of the thousand of both episodes.
+    {"infeasible": 1.0, "tunnelled": 1.0},
+    {"ours": Motion(0.0, 0.0), "theirs": Motion(9e-3, 1.0)},  # Below the floor of 1 mJ times ten.
+    {"ours": Motion(50.0, 50.0), "warnings": "BADQACC:3"},  # MuJoCo has begun again from the reference pose.
+    {"theirs": Motion(1.0, 2.0, hinge_excess=1.0)},
+])  # fmt: skip
 def test_what_steps_well(changes):
     assert judge.faults(with_random(**changes)) == []
 

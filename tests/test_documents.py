@@ -139,9 +139,18 @@ def test_documented_functions_are_not_hidden_by_their_modules(page):
             assert getattr(importlib.import_module(place), public) is found
 
 
-def test_signatures_of_constructors_are_shown():
-    """Mkdocstrings shows the signature of a class only if it merges the constructor into it."""
-    assert re.search(r"^ +merge_init_into_class: true$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
+REPOSITORY = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
+
+
+@pytest.mark.parametrize(("file", "line"), [
+    # Mkdocstrings shows the signature of a class only if it merges the constructor into it.
+    ("mkdocs.yml", r"^ +merge_init_into_class: true$"),
+    ("mkdocs.yml", rf"^repo_url: {re.escape(REPOSITORY)}$"),
+    ("README.md", "make test "),
+    (".ci/run", "make test$"),
+])  # fmt: skip
+def test_what_readers_rely_on_is_there(file, line):
+    assert re.search(line, (ROOT / file).read_text(), re.MULTILINE)
 
 
 def test_figures_of_pages_are_those_of_the_result_files():
@@ -163,11 +172,6 @@ def test_figures_have_names_that_exist():
 def test_the_readme_is_short():
     """A stranger reads it in five minutes."""
     assert len((ROOT / "README.md").read_text().split()) <= 900
-
-
-def test_the_readme_has_the_command_of_the_tests():
-    assert "make test " in (ROOT / "README.md").read_text()
-    assert "make test\n" in (ROOT / ".ci/run").read_text()
 
 
 def test_every_page_is_in_the_navigation():
@@ -204,11 +208,6 @@ def test_only_update_docs_writes_documentation():
         if re.search(r'"docs(/|")', text) and "ArgumentParser(" in text:
             assert "--update-docs" in text, named(path)
     assert "--update-docs" not in (ROOT / "Makefile").read_text().replace("=--update-docs", "")
-
-
-def test_the_site_links_to_the_repository():
-    repository = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
-    assert f"\nrepo_url: {repository}\n" in (ROOT / "mkdocs.yml").read_text()
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if "\n::: " in page.read_text()], ids=named)

@@ -38,10 +38,7 @@ PLAIN = (
     *(f"{CORE}/{name}" for name in ("stages", "integrators", "group_step", "analysis", "batch")),
 )
 """Folders and files without any exception."""
-REMAINING = {
-    "crates/core/src/collision": (5, 2, 6),
-    "crates/geometry": (11, 16, 29),
-}
+REMAINING = {"crates/core/src/collision": (5, 2, 6), "crates/geometry": (11, 16, 29)}
 """Openings, long sentences and words that are left in other folders. The numbers may only fall."""
 
 

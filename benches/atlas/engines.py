@@ -95,6 +95,10 @@ class _StepperWorld(World):
             raise DivergedError(NOT_FINITE)
 
 
+DEFAULTS = {"integrator": "euler", "cone": "pyramidal", "solver": "newton", "impratio": 1.0, "noslip_iterations": 0}
+"""Options of MuJoCo's step with their default values."""
+
+
 @dataclass(frozen=True)
 class Mujoco:
     """The simulator MuJoCo with some settings. Its results are a column of the atlas's tables.
@@ -229,12 +233,12 @@ def stepper_engines() -> list[Stepper]:
 
 def peers() -> list[Stepper | Mujoco | Rapier]:
     """Other engines: stepper with MuJoCo's contact law, MuJoCo with defaults and with two tunings, and rapier if it is installed."""
-    tuned = {"cone": "ELLIPTIC"}
+    tuned = DEFAULTS | {"cone": "elliptic"}
     out: list[Stepper | Mujoco | Rapier] = [
         Stepper("MuJoCo's law in stepper", stepper.Options(contact="mujoco", integrator="euler")),
-        Mujoco("MuJoCo", MujocoEngine("default")),
-        Mujoco("MuJoCo tuned", MujocoEngine("implicitfast, impratio 100", "IMPLICITFAST", impratio=100.0, **tuned), 2.0),
-        Mujoco("MuJoCo tuned, discrete", MujocoEngine("discrete, impratio 10", "DISCRETE", impratio=10.0, **tuned), 2.0),
+        Mujoco("MuJoCo", MujocoEngine("default", DEFAULTS)),
+        Mujoco("MuJoCo tuned", MujocoEngine("implicitfast, impratio 100", tuned | {"integrator": "implicitfast", "impratio": 100.0}), 2.0),
+        Mujoco("MuJoCo tuned, discrete", MujocoEngine("discrete, impratio 10", tuned | {"integrator": "discrete", "impratio": 10.0}), 2.0),
     ]
     try:
         import rapier3d  # noqa: F401, PLC0415  (optional)

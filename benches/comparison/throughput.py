@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 from stepper import Model, ModelError, Options, Stepper, load
-from stepper.lab.demo.race import MATCHED, Plan, Track, race, random_control
-from stepper.lab.demo.referee import Referee
+from stepper.lab.demo.race import MATCHED, Plan, Referee, Track, race, random_control
 from stepper.lab.engines import Array, EngineBatch, MujocoBatch, StepperBatch, mujoco_model
 from stepper.lab.study.document import markdown_table
 from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, package_file, provenance, require

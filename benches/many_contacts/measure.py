@@ -17,8 +17,7 @@ import numpy as np
 from comparison.throughput import fast
 from stepper import Model, ModelError, ModelWarning, Options, load
 from stepper._options import Precision
-from stepper.lab.demo.race import MATCHED
-from stepper.lab.demo.referee import Measured, Referee
+from stepper.lab.demo.race import MATCHED, Measured, Referee
 from stepper.shared.machine import one_core
 
 from many_contacts.engines import FINE, LAW, PGS, Batch, Ours, Theirs

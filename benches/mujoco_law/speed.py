@@ -2,9 +2,7 @@
 
 import argparse
 import time
-from dataclasses import dataclass
 from statistics import geometric_mean, median
-from typing import Any
 
 from comparison.throughput import Case, cases, ratio
 from sections import Table
@@ -13,14 +11,8 @@ from stepper.lab.demo.race import Plan, race
 from stepper.lab.engines import EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
 from stepper.shared.machine import one_core, provenance, require
 
-
-@dataclass(frozen=True)
-class Newton(MujocoEngine):
-    """Engine MuJoCo with the integrator and cone of the model, and with Newton's solver, which is the fastest solver on most models."""
-
-    def configure(self, mujoco: Any, model: Any) -> None:
-        """Write the settings into a compiled model."""
-        model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+NEWTON = MujocoEngine("Newton", {"solver": "newton"})
+"""Settings of MuJoCo with the integrator and cone of the model, and with Newton's solver, which is the fastest solver on most models."""
 
 
 def main() -> None:
@@ -53,7 +45,7 @@ def _measure(case: Case, plan: Plan, table: Table) -> tuple[float, float]:
         ours = [StepperBatch(case.model, plan.num_envs, precision=p, threads=1, options=options, setting="law") for p in ("f64", "f32")]
         theirs: list[EngineBatch] = [
             MujocoBatch.from_file(case.path, plan.num_peers, threads=1),
-            MujocoBatch.from_file(case.path, plan.num_peers, threads=1, settings=Newton("Newton")),
+            MujocoBatch.from_file(case.path, plan.num_peers, threads=1, settings=NEWTON),
         ]
         tracks = race([*ours, *theirs], case.control, plan, clock=time.process_time, progress=lambda *_: None, what=case.name, referee=None)
     times = {name: track.times["control"] for name, track in tracks.items()}

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from atlas.engines import Mujoco, Stepper
+from atlas.engines import DEFAULTS, Mujoco, Stepper
 from atlas.mjcf import numbers
 from stepper.lab.engines import MujocoEngine
 
@@ -73,6 +73,6 @@ def engines() -> list[TossEngine]:
         OfAtlas(
             "MuJoCo, elliptic cone",
             friction | {"log stiffness": (3.0, 6.5), "log damping": (1.0, 3.7), "impedance": (0.1, 0.98)},
-            engine=Mujoco("MuJoCo", MujocoEngine("elliptic", cone="ELLIPTIC")),
+            engine=Mujoco("MuJoCo", MujocoEngine("elliptic", DEFAULTS | {"cone": "elliptic"})),
         ),
     ]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import stepper
-from atlas.engines import Mujoco, Rapier, Stepper
+from atlas.engines import DEFAULTS, Mujoco, Rapier, Stepper
 from atlas.mjcf import numbers
 from atlas.world import DivergedError
 from numpy.typing import NDArray
@@ -249,8 +249,8 @@ def engines() -> list[TossEngine]:
     made: list[TossEngine] = [
         OfAtlas("stepper", _RIGID, engine=Stepper("stepper")),
         Compliant("stepper, compliant table", _COMPLIANT),
-        OfAtlas("MuJoCo, pyramidal cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("pyramidal"))),
-        OfAtlas("MuJoCo, elliptic cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("elliptic", cone="ELLIPTIC"))),
+        OfAtlas("MuJoCo, pyramidal cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("pyramidal", DEFAULTS))),
+        OfAtlas("MuJoCo, elliptic cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("elliptic", DEFAULTS | {"cone": "elliptic"}))),
     ]
     for module, engine in (
         ("rapier3d", OfAtlas("rapier", _RIGID, 6, Rapier("rapier"))),

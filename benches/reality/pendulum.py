@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from atlas.engines import Mujoco, Stepper
+from atlas.engines import DEFAULTS, Mujoco, Stepper
 from atlas.mjcf import numbers
 from numpy.typing import NDArray
 from stepper.lab.calibration.fit import bootstrap, fit
@@ -19,7 +19,7 @@ from stepper.lab.engines import MujocoEngine
 from reality.recordings import data_set
 
 Array = NDArray[np.float64]
-ENGINES = (Stepper("stepper"), Mujoco("MuJoCo", MujocoEngine("implicitfast", "IMPLICITFAST")))
+ENGINES = (Stepper("stepper"), Mujoco("MuJoCo", MujocoEngine("implicitfast", DEFAULTS | {"integrator": "implicitfast"})))
 """Engines. Motions without contact depend on the integrator alone."""
 TIMESTEP, FITTED_FOR, APART, STRIDE = 0.002, 0.5, 0.25, 4
 """Time step, s; length of the predictions whose error is fitted, s; time between the starts of two predictions, s; and every how

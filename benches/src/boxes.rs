@@ -174,7 +174,7 @@ impl Heap {
                 support.extend(6 * i as u32..6 * i as u32 + 6);
             }
             problem.push_contact(&support, |c| entries[c], true, FRICTION, g);
-            iterate.contacts.push([f64::zero(); 3]);
+            iterate.contacts.extend([f64::zero(); 3]);
         }
         iterate.compute_w(&problem);
         (problem, iterate)

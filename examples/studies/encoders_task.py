@@ -19,7 +19,7 @@ import encoders  # type: ignore[import-not-found]  # noqa: E402
 import gymnasium  # noqa: E402
 import stepper  # noqa: E402
 from stepper.envs.observations import Observation  # noqa: E402
-from stepper.envs.tasks.inverted_double_pendulum import InvertedDoublePendulum  # noqa: E402
+from stepper.envs.tasks.pendulums import InvertedDoublePendulum  # noqa: E402
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -112,12 +112,7 @@ def _of_applied(sim: Stepper) -> Array:
 
 
 def _shapes(envs: tuple[int, ...], *row: int | str) -> str:
-    """Accepted shapes of an argument, for a message: one row for each environment, or one row for all.
-
-    Args:
-        envs: (num_envs,), or () for a stepper without an axis of environments.
-        row: Shape of one row.
-    """
+    """Accepted shapes of an argument, for a message: one row for each of the environments `envs`, or one row for all."""
     one = f"({', '.join(map(str, row))}{',' if len(row) == 1 else ''})"
     return f"({', '.join(map(str, (*envs, *row)))}) or {one}" if envs else one
 

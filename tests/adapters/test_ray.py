@@ -15,7 +15,7 @@ from ray import cloudpickle
 from ray.exceptions import RayActorError, RayTaskError, WorkerCrashedError
 from stepper.adapters.ray import RayVectorEnv, map_cases, run_policy
 from stepper.envs import StepperVectorEnv
-from stepper.envs.tasks.hopper import Hopper
+from stepper.envs.tasks.running import Hopper
 
 NUM_ENVS, BLOCK, LIMIT = 10, 4, 9
 

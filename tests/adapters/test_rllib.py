@@ -7,7 +7,7 @@ from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
 from stepper.adapters.rllib import register_env
 from stepper.envs import StepperVectorEnv
-from stepper.envs.tasks.hopper import Hopper
+from stepper.envs.tasks.running import Hopper
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -47,13 +47,6 @@ def test_feet_that_others_make_redundant_have_room():
     assert len(sim.contacts()) == 4, "the corners of the tray"
 
 
-def test_less_room_is_said():
-    sim = stepper.Stepper(many_feet(0.01), options=stepper.Options(max_contacts=FEET // 2))
-    sim.step()
-    assert sim.status & stepper.Status.CONTACTS_FULL
-    assert len(sim.contacts()) == FEET // 2
-
-
 def test_a_pickle_has_the_same_room():
     sim = stepper.Stepper(many_feet(0.01))
     sim.step(nstep=5)

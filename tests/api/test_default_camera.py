@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stepper.viewer.bounds import distance_to, middle_of, region_of
+from stepper.viewer.renderer import distance_to, middle_of, region_of
 
 ARM = """<mujoco><worldbody><geom type="plane" size="0 0 1"/><geom name="far wall" type="box" size="1 1 1" pos="50 0 0"/>
   <body pos="0 0 1"><joint name="first" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 {reach} 0 0" size=".02"/>

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import stepper
-from stepper.doctor import diagnosis, extras, self_test
+from stepper.doctor import diagnosis, self_test
 
 ROOT = Path(__file__).parents[2]
 
@@ -60,7 +60,7 @@ def test_an_unknown_cpu_level_is_named_with_those_that_exist(monkeypatch):
 
 
 def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
-    monkeypatch.setattr(extras, "package_version", lambda name: None if name == "viser" else "1.2.3")
+    monkeypatch.setattr(diagnosis, "package_version", lambda name: None if name == "viser" else "1.2.3")
     found = stepper.doctor.diagnose(self_test=False)
     assert found
     assert re.search(r'viewer +missing viser: pip install "stepper-sim\[viewer\]"\n', str(found))
@@ -70,4 +70,4 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatc
 def test_the_extras_are_those_of_the_package():
     asked = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     names = {extra: tuple(sorted(re.match(r"[\w-]+", line)[0] for line in lines)) for extra, lines in asked.items()}
-    assert {extra: tuple(sorted(packages)) for extra, packages in extras.PACKAGES.items()} == names
+    assert {extra: tuple(sorted(packages)) for extra, packages in diagnosis.PACKAGES.items()} == names

@@ -105,7 +105,7 @@ def segments(path, _):
 
 
 def viewed(path, _):
-    from stepper.viewer.recordings import RecordedRun
+    from stepper.viewer.player import RecordedRun
 
     return len(RecordedRun(path.parent))
 
@@ -292,11 +292,7 @@ def test_a_full_disk_is_named_with_a_remedy():
 def test_every_file_that_the_package_writes_is_written_by_one_module():
     """`stepper.shared.files` adds the name of the file to errors. Two modules append to files, and name them by `os_errors_of`."""
     package = Path(stepper.__file__).parent
-    allowed = {
-        "shared/files.py",
-        "recording/recorder.py",
-        "policies/ppo.py",
-    }
+    allowed = {"shared/files.py", "recording/recorder.py", "policies/ppo.py"}
     for file in package.rglob("*.py"):
         text = file.read_text()
         name = str(file.relative_to(package))

@@ -114,7 +114,7 @@ def test_a_floor_and_a_free_base_are_drawn(tmp_path):
     sim = stepper.Stepper(model)
     with sim.record(tmp_path / "run"):
         sim.step(nstep=2)
-    from stepper.viewer.recordings import RecordedRun
+    from stepper.viewer.player import RecordedRun
 
     seen = RecordedRun(tmp_path / "run")
     assert seen.source == origin_of(model)

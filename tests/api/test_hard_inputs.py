@@ -395,13 +395,6 @@ def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(model
             call()
 
 
-def test_a_recorder_has_the_methods_of_one(model):
-    sim = simulate(model)
-    with pytest.raises(TypeError, match=r"recorder is 2\.5 .* must be None or have the methods step, reset"):
-        sim.recorder = 2.5
-    sim.step()
-
-
 def test_a_rollout_too_large_for_memory_is_a_memory_error():
     quiet = stepper.load("<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>")
     sim = simulate(quiet, 2)

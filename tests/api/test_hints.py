@@ -46,12 +46,7 @@ def test_replacements_exist(section):
 def test_names_of_the_engine_are_absent_from_it():
     for name in _guesses()["engine"]:
         assert not all(hasattr(owner, name) for owner in (stepper, SIM, MODEL)), name
-    for section, owner in {
-        "Model": MODEL,
-        "Stepper": SIM,
-        "State": SIM.get_state(),
-        "Body": MODEL.body(1),
-    }.items():
+    for section, owner in {"Model": MODEL, "Stepper": SIM, "State": SIM.get_state(), "Body": MODEL.body(1)}.items():
         assert [name for name in _guesses()[section] if hasattr(owner, name)] == []
 
 

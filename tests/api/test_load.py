@@ -86,18 +86,6 @@ def test_text_file_and_compiled_model_are_the_same(tmp_path: Path) -> None:
     assert len({model.digest for model in models}) == 1
 
 
-def test_names_and_sizes() -> None:
-    model = stepper.load(PENDULUM)
-    assert (model.nq, model.nv, model.nu, model.nbody, model.ngeom, model.nsensordata) == (1, 1, 1, 2, 2, 1)
-    assert model.name == "pendulum"
-    assert model.joint_names == ["pivot"]
-    assert model.body_names == ["world", "arm"]
-    assert model.geom_names == ["floor", "rod"]
-    assert model.actuator_names == ["torque"]
-    assert model.sensor_names == ["angle"]
-    assert model.keyframe_names == ["up"]
-
-
 def test_a_saved_model_is_known_by_its_contents(tmp_path: Path) -> None:
     stepper.load(PENDULUM).save(tmp_path / "pendulum.stepper")
     path = (tmp_path / "pendulum.stepper").rename(tmp_path / "pendulum.xml")
@@ -110,6 +98,8 @@ def test_every_robot_of_gymnasium_and_dm_control_loads(name: str) -> None:
     assert (model.nq, model.nv, model.nbody, model.ngeom) == (compiled.nq, compiled.nv, compiled.nbody, compiled.ngeom)
     assert model.nu == compiled.nu
     assert model.na == compiled.na
+    for kind, number in (("body", model.nbody), ("joint", model.njnt), ("geom", model.ngeom), ("actuator", model.nu)):
+        assert getattr(model, f"{kind}_names") == [getattr(compiled, kind)(k).name for k in range(number)]
     for field in ("body_mass", "body_inertia", "body_ipos", "body_pos", "geom_friction", "geom_margin", "dof_damping", "dof_armature"):
         np.testing.assert_array_equal(getattr(model, field), getattr(compiled, field), err_msg=field)
     np.testing.assert_array_equal(model.qpos0, compiled.qpos0)
@@ -118,13 +108,14 @@ def test_every_robot_of_gymnasium_and_dm_control_loads(name: str) -> None:
     assert model.timestep == compiled.opt.timestep
 
 
-def test_disable_flags_apply() -> None:
-    flags = ["gravity", "spring", "damper", "limit", "frictionloss", "contact", "clampctrl", "actuation"]
+@pytest.mark.parametrize("constraints", [["limit", "frictionloss", "contact", "equality"], ["constraint"]])
+def test_disable_flags_apply(constraints: list[str]) -> None:
+    flags = ["gravity", "spring", "damper", "clampctrl", "actuation", *constraints]
     option = "<option><flag " + " ".join(f'{flag}="disable"' for flag in flags) + "/></option>"
     joint = 'stiffness="2" damping="1" range="-1 1" limited="true" frictionloss="0.5"'
-    model = stepper.load(
-        scene(option=option, ja=joint, rest='<actuator><position name="p" joint="ja" kp="3" ctrlrange="-1 1"/></actuator>')
-    )
+    rest = '<equality><joint joint1="ja"/></equality><actuator><position name="p" joint="ja" kp="3" ctrlrange="-1 1"/></actuator>'
+    model = stepper.load(scene(option=option, ja=joint, rest=rest))
+    assert not model.equality_names
     assert not np.any(model.gravity)
     assert not np.any(model.jnt_stiffness)
     assert not np.any(model.dof_damping)
@@ -183,52 +174,39 @@ def test_every_omission_is_listed_at_once() -> None:
     assert all(part in str(error.value) for part in parts)
 
 
-@pytest.mark.parametrize(
-    "parts",
-    [
-        {"rest": '<tendon><spatial name="rope"><site site="sa"/><site site="sb"/></spatial></tendon>'},
-        {"world": '<light pos="0 0 3"/><camera name="c" pos="0 0 3"/>'},
-        {"rest": '<equality><connect active="false" body1="a" body2="b" anchor="0 0 0"/></equality>'},
-        {"rest": '<equality><weld body1="a" body2="b"/><joint joint1="ja" joint2="jb"/></equality>'},
-        {"rest": '<tendon><fixed limited="true" range="0 1" stiffness="1" damping="1"><joint joint="ja" coef="1"/></fixed></tendon>'},
-        {"ga": 'size="0.1" condim="6"'},
-        {"jb": "ball", "jb_range": 'limited="true" range="0 1"'},
-        {"rest": '<sensor><gyro name="imu" site="sa"/></sensor>'},
-        {"option": '<option density="0" wind="1 0 0"/>'},
-    ],
-)
+@pytest.mark.parametrize("parts", [
+    {"rest": '<tendon><spatial name="rope"><site site="sa"/><site site="sb"/></spatial></tendon>'},
+    {"world": '<light pos="0 0 3"/><camera name="c" pos="0 0 3"/>'},
+    {"rest": '<equality><connect active="false" body1="a" body2="b" anchor="0 0 0"/></equality>'},
+    {"rest": '<equality><weld body1="a" body2="b"/><joint joint1="ja" joint2="jb"/></equality>'},
+    {"rest": '<tendon><fixed limited="true" range="0 1" stiffness="1" damping="1"><joint joint="ja" coef="1"/></fixed></tendon>'},
+    {"ga": 'size="0.1" condim="6"'},
+    {"jb": "ball", "jb_range": 'limited="true" range="0 1"'},
+    {"rest": '<sensor><gyro name="imu" site="sa"/></sensor>'},
+    {"option": '<option density="0" wind="1 0 0"/>'},
+])  # fmt: skip
 def test_what_does_not_change_the_motion_is_no_error(parts: dict[str, str]) -> None:
     stepper.load(scene(**parts))
 
 
-def test_nothing_is_left_out_of_a_plain_model() -> None:
-    assert stepper.load(PENDULUM).omitted == []
-
-
-@pytest.mark.parametrize(
-    ("change", "parts"),
-    [
-        (lambda m: m.body_mass.__setitem__(1, -1.0), ['body "arm"', "mass is -1 kg", "at least 0"]),
-        (lambda m: m.body_inertia.__setitem__(1, [1.0, 1.0, 3.0]), ['body "arm"', "triangle inequality", "inertiafromgeom"]),
-        (lambda m: m.body_quat.__setitem__(1, [2.0, 0.0, 0.0, 0.0]), ['body "arm"', "length 2", "length 1"]),
-        (lambda m: m.jnt_range.__setitem__(0, [1.0, -1.0]), ['joint "pivot"', "above the upper bound", "lower bound first"]),
-        (lambda m: m.geom_friction.__setitem__(1, np.nan), ['geom "rod"', "friction", "NaN"]),
-        (lambda m: m.opt.gravity.__setitem__(0, np.nan), ["gravity", "NaN", "finite"]),
-    ],
-)
+@pytest.mark.parametrize(("change", "parts"), [
+    (lambda m: m.body_mass.__setitem__(1, -1.0), ['body "arm"', "mass is -1 kg", "at least 0"]),
+    (lambda m: m.body_inertia.__setitem__(1, [1.0, 1.0, 3.0]), ['body "arm"', "triangle inequality", "inertiafromgeom"]),
+    (lambda m: m.body_quat.__setitem__(1, [2.0, 0.0, 0.0, 0.0]), ['body "arm"', "length 2", "length 1"]),
+    (lambda m: m.jnt_range.__setitem__(0, [1.0, -1.0]), ['joint "pivot"', "above the upper bound", "lower bound first"]),
+    (lambda m: m.geom_friction.__setitem__(1, np.nan), ['geom "rod"', "friction", "NaN"]),
+    (lambda m: m.opt.gravity.__setitem__(0, np.nan), ["gravity", "NaN", "finite"]),
+    (
+        lambda m: [field.__setitem__(k, 0.0) for field, k in ((m.body_mass, 1), (m.body_inertia, 1), (m.dof_armature, 0))],
+        ['body "arm": joint "pivot" moves no inertia', "armature"],
+    ),
+])  # fmt: skip
 def test_impossible_values_name_element_value_and_remedy(change, parts: list[str]) -> None:
     compiled = mujoco.MjModel.from_xml_string(PENDULUM)
     change(compiled)
     with pytest.raises(stepper.ModelError) as error:
         stepper.load(compiled)
     assert all(part in str(error.value) for part in parts), str(error.value)
-
-
-def test_a_body_that_moves_needs_mass() -> None:
-    compiled = mujoco.MjModel.from_xml_string(PENDULUM)
-    compiled.body_mass[1], compiled.body_inertia[1], compiled.dof_armature[0] = 0, 0, 0
-    with pytest.raises(stepper.ModelError, match=r'body "arm": joint "pivot" moves no inertia.*armature'):
-        stepper.load(compiled)
 
 
 def test_what_mujoco_refuses_is_said_in_its_words() -> None:
@@ -426,20 +404,6 @@ def test_every_field_of_mjmodel_is_decided() -> None:
     assert not undecided, "decide in FIELDS what new fields of MjModel mean"
     used = FIELDS["used"].split()
     assert not [name for name in used if not hasattr(compiled, name)]
-
-
-def test_numbers_of_mujoco_are_the_installed_ones() -> None:
-    def numbers(enum: str, names: str) -> list[int]:
-        return [int(getattr(getattr(mujoco, enum), name)) for name in names.split()]
-
-    assert numbers("mjtJoint", "mjJNT_FREE mjJNT_BALL mjJNT_SLIDE mjJNT_HINGE") == [0, 1, 2, 3]
-    shapes = "PLANE HFIELD SPHERE CAPSULE ELLIPSOID CYLINDER BOX MESH SDF"
-    assert numbers("mjtGeom", " ".join(f"mjGEOM_{s}" for s in shapes.split())) == list(range(9))
-    assert numbers("mjtTrn", "mjTRN_JOINT mjTRN_JOINTINPARENT mjTRN_TENDON mjTRN_SITE mjTRN_BODY mjTRN_SO3") == [0, 1, 3, 4, 5, 6]
-    assert numbers("mjtDyn", "mjDYN_NONE mjDYN_INTEGRATOR mjDYN_FILTER mjDYN_FILTEREXACT") == [0, 1, 2, 3]
-    assert numbers("mjtGain", "mjGAIN_FIXED mjGAIN_AFFINE") == numbers("mjtBias", "mjBIAS_NONE mjBIAS_AFFINE") == [0, 1]
-    assert numbers("mjtWrap", "mjWRAP_JOINT") == [1]
-    assert {name: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")) for name in source.DISABLE} == source.DISABLE
 
 
 @pytest.mark.parametrize("which", ["disable", "enable"])

@@ -26,6 +26,8 @@ def sim():
     (lambda _: stepper.load(BALL, package_dirs="meshes"), TypeError, "package_dirs is 'meshes', must be a list of folders"),
     (lambda _: stepper.load(BALL, package_dirs=[3]), TypeError, r"an entry of package_dirs is 3 \(int\), must be a path"),
     (lambda _: stepper.load(BALL, strict="no"), TypeError, "strict is 'no', must be True or False"),
+    (lambda _: stepper.load(BALL, overlaps="drop"), ValueError, 'overlaps is \'drop\', must be "keep" or "exclude"'),
+    (lambda sim: setattr(sim, "recorder", 2.5), TypeError, r"recorder is 2\.5 .* must be None or have the methods step, reset"),
     (lambda sim: sim.inverse_dynamics([["a"]]), TypeError, r"qacc is \[\['a'\]\], must be an array of numbers"),
     (lambda sim: sim.inverse_dynamics(np.full(sim.model.nv, np.nan)), ValueError, r"qacc\[0\] is nan, must be a finite number"),
     (lambda _: simulate(BALL).inverse_dynamics([1.0]), ValueError, r"qacc has shape \(1,\), must be \(6,\)$"),

@@ -155,11 +155,6 @@ def test_overlaps_lists_what_exclude_excludes(depth, listed):
     assert excluded.overlaps() == []
 
 
-def test_words():
-    with pytest.raises(ValueError, match='overlaps is \'drop\', must be "keep" or "exclude"'):
-        stepper.load("<mujoco/>", overlaps="drop")
-
-
 @st.composite
 def trees(draw):
     """A tree of up to six links with spheres, on the world or free."""
@@ -255,10 +250,3 @@ def test_overlaps_of_a_keyframe_are_those_of_its_joint_angles(angle, height, spe
         assert abs(float(re.search(r"k: floor and \w+ by ([\d.]+) mm", str(found[0].message))[1]) - depth) < 0.00501
     elif depth < 0.99:
         assert not found
-
-
-def test_a_foot_above_the_floor_does_not_overlap_in_a_keyframe():
-    """With the leg turned by 90 degrees the foot is 0.27 m above the floor; at the reference angle it would be 0.13 m below."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        stepper.load(LEG.format(keys='<key name="stand" qpos="0 0 .3 1 0 0 0 1.5707963"/>'))

@@ -66,32 +66,15 @@ def test_arrays_that_are_written_again_after_a_call_were_kept(tmp_path, what):
     assert stepper.recording.verify(tmp_path / "run")
 
 
-def test_small_chunks_are_the_same_recording(tmp_path):
-    run(tmp_path / "run", chunk=1)
-    assert len(find_blocks(tmp_path / "run", read_header(tmp_path / "run"))) > STEPS
-    assert stepper.recording.verify(tmp_path / "run").steps == STEPS
-
-
-def test_a_difference_is_named_by_step_field_and_environment(tmp_path):
+@pytest.mark.parametrize("field", ["qvel", "max_penetration", "max_limit_violation"])
+def test_a_difference_is_named_by_step_field_and_environment(tmp_path, field):
     run(tmp_path / "run")
-    edit_file(tmp_path / "run", lambda arrays: arrays["qvel"].__setitem__((12, 3, 4), np.nextafter(arrays["qvel"][12, 3, 4], 9.0)))
+    edit_file(tmp_path / "run", lambda arrays: arrays[field].__setitem__((12, 3), np.nextafter(arrays[field][12, 3], 9.0)))
     difference = stepper.recording.verify(tmp_path / "run").difference
-    assert (difference.step, difference.field, difference.env) == (12, "qvel", 3)
-    assert difference.recorded[4] != difference.replayed[4]
+    assert (difference.step, difference.field, difference.env) == (12, field, 3)
+    assert not np.array_equal(difference.recorded, difference.replayed)
     assert "call 12" in str(difference)
     assert "environment 3" in str(difference)
-
-
-@pytest.mark.parametrize("field", ["max_penetration", "max_limit_violation"])
-def test_overlaps_are_compared(tmp_path, field):
-    run(tmp_path / "run")
-
-    def change(arrays):
-        assert arrays["max_penetration"].any()
-        arrays[field][12, 3] += 1e-9
-
-    edit_file(tmp_path / "run", change)
-    assert stepper.recording.verify(tmp_path / "run").difference.field == field
 
 
 @pytest.mark.parametrize(("precision", "given", "tolerance"), [("f64", None, 1e-4), ("f32", None, 1e-4), ("f64", 1e-3, 1e-3)])
@@ -107,8 +90,6 @@ def test_a_recording_says_the_tolerance_in_force_and_keeps_a_note(tmp_path, prec
 def test_another_model_is_refused(tmp_path):
     sim = run(tmp_path / "run")
     other = sim.model.replace(timestep=0.003)
-    with pytest.raises(ValueError, match="recorded with model"):
-        stepper.recording.verify(tmp_path / "run", model=other)
     other.save(tmp_path / "run/model.stepper")
     with pytest.raises(ValueError, match="recorded with model"):
         stepper.recording.verify(tmp_path / "run")
@@ -227,8 +208,6 @@ def test_what_replay_is_given_wrongly_is_not_laid_to_the_recording(tmp_path):
     with pytest.raises(ValueError, match="threads is -1") as error:
         stepper.recording.verify(tmp_path / "run", threads=-1)
     assert not isinstance(error.value, stepper.recording.RecordingError)
-    with pytest.raises(TypeError, match=r"must be a stepper\.Model"):
-        stepper.recording.verify(tmp_path / "run", model="ant")
     with pytest.raises(FileNotFoundError):
         stepper.recording.verify(tmp_path / "nothing")
 

@@ -129,16 +129,10 @@ def test_the_command_explain_says_it_once(tmp_path, capsys):
 
 
 def test_a_model_made_in_code_asks_for_nothing():
-    bare = stepper.Model.from_description(_description(), strict=True)
+    described = describe(mujoco.MjModel.from_xml_string(scene()))
+    bare = stepper.Model.from_description({key: value for key, value in described.items() if key != "requested"}, strict=True)
     assert bare.requested is None
     assert stepper.Options.from_model(bare) == stepper.Options()
-
-
-def _description():
-    from stepper.loading.mjcf import describe
-
-    described = describe(mujoco.MjModel.from_xml_string(scene()))
-    return {key: value for key, value in described.items() if key != "requested"}
 
 
 def test_softness_that_is_default_here_is_the_installed_mujocos():

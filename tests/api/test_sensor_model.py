@@ -1,9 +1,7 @@
 """`stepper.SensorModel`: what it takes, what it refuses, and that readings are the last step's, whoever reads them and how often."""
 
 import json
-import re
 
-import mujoco
 import numpy as np
 import pytest
 import stepper
@@ -121,27 +119,45 @@ def test_delay_lines_begin_with_the_first_reading(model):
         np.testing.assert_array_equal(sim.sensordata[:, 0], truth[max(0, k + 1 - 5)])
 
 
-def test_what_is_refused_is_named(model):
-    def refused(match: str, error=ValueError, **transfer):
-        with pytest.raises(error, match=match):
-            stepper.Stepper(model, 4, sensors=SensorModel({"angle": Transfer(**transfer)}))
+def reading(**transfer):
+    return stepper.Stepper(stepper.load(SCENE), 4, sensors=SensorModel({"angle": Transfer(**transfer)}))
 
-    refused('sensor "angle": noise_std is -1', noise_std=-1)
-    refused("limits are \\(1, -1\\)", limits=(1, -1))
-    refused("dropout is 1.5", dropout=1.5)
-    refused("must be at most", delay=1e9)
-    refused("drift_time is 0", drift_time=0)
-    refused("bias_std is NaN", bias_std=float("nan"))
-    refused(r"noise_std has shape \(3,\), must be \(\) or \(4,\)", noise_std=[1, 2, 3])
-    refused(r"must be \(1, 1\)", scale=np.eye(2))
-    refused("noise is 'pink'", noise="pink")
-    refused("must be a number", TypeError, noise_std="loud")
-    with pytest.raises(ValueError, match="no sensor fits 'angel', there are: angle, rate"):
-        stepper.Stepper(model, sensors=SensorModel({"angel": ALL}))
-    with pytest.raises(ValueError, match=r"attitude.*scale and misalignment are set, but the sensor reads a unit vector or quaternion"):
-        stepper.Stepper(model, sensors=SensorModel({"attitude": Transfer(scale=2.0)}))
-    with pytest.raises(TypeError, match=r"sensors is 'noise'.*SensorModel"):
-        stepper.Stepper(model, sensors="noise")
+
+def observing(sensors=None):
+    return stepper.Stepper(stepper.load(SCENE), sensors=sensors)
+
+
+@pytest.mark.parametrize(("call", "error", "match"), [
+    (lambda: reading(noise_std=-1), ValueError, 'sensor "angle": noise_std is -1'),
+    (lambda: reading(limits=(1, -1)), ValueError, r"limits are \(1, -1\)"),
+    (lambda: reading(dropout=1.5), ValueError, "dropout is 1.5"),
+    (lambda: reading(delay=1e9), ValueError, "must be at most"),
+    (lambda: reading(drift_time=0), ValueError, "drift_time is 0"),
+    (lambda: reading(bias_std=np.nan), ValueError, "bias_std is NaN"),
+    (lambda: reading(noise_std=[1, 2, 3]), ValueError, r"noise_std has shape \(3,\), must be \(\) or \(4,\)"),
+    (lambda: reading(scale=np.eye(2)), ValueError, r"must be \(1, 1\)"),
+    (lambda: reading(noise="pink"), ValueError, "noise is 'pink'"),
+    (lambda: reading(noise_std="loud"), TypeError, "must be a number"),
+    (lambda: observing(SensorModel({"angel": ALL})), ValueError, "no sensor fits 'angel', there are: angle, rate"),
+    (lambda: observing(SensorModel({"attitude": Transfer(scale=2.0)})), ValueError,
+     r"attitude.*scale and misalignment are set, but the sensor reads a unit vector or quaternion"),
+    (lambda: observing("noise"), TypeError, r"sensors is 'noise'.*SensorModel"),
+    (lambda: Transfer(noise_std=None), TypeError, "noise_std is None, must be a number"),
+    (lambda: Transfer(limits=3), ValueError, r"limits is 3, must be \(low, high\)"),
+    (lambda: Transfer(limits=("a", 1)), TypeError, r"limits\[0\] is 'a'"),
+    (lambda: SensorModel([ALL]), TypeError, "transfers is .* must be a mapping of names to stepper.Transfer"),
+    (lambda: SensorModel.from_dict({"sensors": [1]}), ValueError, "sensors: sensors is"),
+    (lambda: SensorModel.from_dict({"sensors": {"gyro": {"limits": 1}}}), ValueError, "sensor 'gyro': limits is 1"),
+    (lambda: observing().observe(out=np.zeros(13, int)), TypeError, "out has dtype int64"),
+    (lambda: observing().observe(out=[0.0] * 13), TypeError, "out is .* must be a NumPy array"),
+    (lambda: devices.encoder("12"), TypeError, "bits is '12', must be a whole number from 1 to 40"),
+    (lambda: devices.encoder(12, turn=None), TypeError, "turn is None, must be a number"),
+    (lambda: devices.encoder_velocity(12, -0.01), ValueError, "period is -0.01, must be a finite number above 0"),
+    (lambda: devices.find([]), ValueError, r"there is no device \[\]; the devices are: adis16470_accelerometer"),
+])  # fmt: skip
+def test_what_is_refused_is_named(call, error, match):
+    with pytest.raises(error, match=match):
+        call()
 
 
 def test_numbers_may_differ_between_environments(model):
@@ -168,35 +184,12 @@ def test_mjcf_declares_noise_and_cutoff(model):
     assert 0 < abs(sim.sensordata[0]) < 0.06
 
 
-@pytest.mark.parametrize(
-    "history",
-    ['delay="{3}" nsample="8"', 'delay="{2.5}" nsample="8"', 'delay="{2.5}" nsample="8" interp="linear"', 'delay="{9}" nsample="4"',
-     'interval="{3}" nsample="4"', 'interval="{3}" delay="{2}" nsample="8"', 'interval="{2.5}" nsample="4"'],
-)  # fmt: skip
-def test_mjcf_declares_delays_and_intervals(history):
-    """Readings are MuJoCo's, which are those before its last step; its history begins with zeros, as the clock does.
-
-    Steps are powers of two: where times are rounded, MuJoCo's samples come a step late.
-    """
-    history = re.sub(r"{(.*?)}", lambda steps: str(float(steps[1]) / 128), history)
-    text = f'<mujoco><option timestep="{1 / 128}"/><sensor><clock name="clock" {history}/></sensor></mujoco>'
-    mj = mujoco.MjModel.from_xml_string(text)
-    data, loaded = mujoco.MjData(mj), stepper.load(mj)
-    sim = stepper.Stepper(loaded, sensors=SensorModel.from_mjcf(loaded))
-    for _ in range(40):
-        mujoco.mj_step(mj, data)
-        assert sim.sensordata == pytest.approx(data.sensordata, abs=1e-12)
-        sim.step()
-
-
-@pytest.mark.parametrize(
-    ("history", "what"),
-    [
-        ('delay=".025" nsample="8" interp="cubic"', "cubic"),
-        ('delay=".02" interval=".03" nsample="8" interp="linear"', "the previous sample"),
-        ('interval=".03 -.01" nsample="8"', "at the reset"),
-    ],
-)
+@pytest.mark.parametrize(("history", "what"), [
+    ('delay=".025" nsample="8" interp="cubic"', "cubic"),
+    ('delay=".02" interval=".03" nsample="8" interp="linear"', "the previous sample"),
+    ('interval=".03 -.01" nsample="8"', "at the reset"),
+    ('delay=".04" interval=".015" nsample="2"', "a sample too late"),
+])  # fmt: skip
 def test_what_mjcf_declares_and_is_read_otherwise_is_listed(history, what):
     loaded = stepper.load(f'<mujoco><option timestep=".01"/><sensor><clock name="watch" {history}/></sensor></mujoco>')
     assert any("watch" in line and what in line for line in loaded.explain().splitlines())
@@ -236,53 +229,31 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
     np.testing.assert_array_equal(sim.sensordata[:, 7:11], x[:, 7:11])
 
 
-@pytest.mark.parametrize(
-    ("sensors", "error", "match"),
-    [
-        ({"fan": RayFan("ear", [[1, 0, 0]])}, ValueError, r"sensor 'fan': there is no site 'ear'; the names are: eye"),
-        ({"fan": RayFan("eye", [1, 0, 0])}, ValueError, r"sensor 'fan': rays has shape \(3,\), must be \(n, 3\)"),
-        ({"fan": RayFan("eye", [[1, 0, 0], [0, 0, 0]])}, ValueError, r"sensor 'fan': ray 1 is \[0.0, 0.0, 0.0\]"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], geoms=["door"])}, ValueError, r"sensor 'fan': there is no geom 'door'; the names are: floor"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], data=("normal",))}, ValueError, r"data has \['normal'\], must be one of: distance"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], data=())}, stepper.ModelError, r'sensor "fan".*fields'),
-        ({"sum": Combination({"gyr": 1.0})}, ValueError, r"sensor 'sum': there is no sensor 'gyr'; the names are: angle, gyro"),
-        ({"sum": Combination({"gyro": 1.0, "angle": 1.0})}, stepper.ModelError, r'"gyro" of dimension 3 with "angle"'),
-        ({"sum": Combination({})}, stepper.ModelError, r"its terms are empty"),
-        ({"gyro": Combination({"angle": 1.0})}, stepper.ModelError, r'gyro'),
-        ({"fan": RayFan("eye", "up")}, ValueError, r"sensor 'fan': rays is 'up', must be an array"),
-        ({"fan": RayFan("eye", [[1, 0, 0], [1]])}, ValueError, r"sensor 'fan': rays is .* must be an array"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], data="distance")}, TypeError, r"sensor 'fan': data is 'distance', must be a sequence"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], geoms=3)}, TypeError, r"sensor 'fan': geoms is 3, must be a sequence of strings"),
-        ({"fan": SensorSpec(type=[], site="eye")}, ValueError, r"sensor 'fan': there is no type \[\]; the types are: jointpos"),
-        ({"sum": Combination(["gyro"])}, TypeError, r"sensor 'sum': terms is \['gyro'\], must be a mapping"),
-        ({"sum": Combination({"gyro": None})}, TypeError, r"sensor 'sum': the coefficient of 'gyro' is None, must be a number"),
-        ({3: Combination({"gyro": 1.0})}, TypeError, r"sensor 3: its name must be a string"),
-        ({"sum": {"gyro": 1.0}}, TypeError, r"sensor 'sum' is .* must be a stepper.sensors.SensorSpec, RayFan or Combination"),
-        ([Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("sensors", "error", "match"), [
+    ({"fan": RayFan("ear", [[1, 0, 0]])}, ValueError, r"sensor 'fan': there is no site 'ear'; the names are: eye"),
+    ({"fan": RayFan("eye", [1, 0, 0])}, ValueError, r"sensor 'fan': rays has shape \(3,\), must be \(n, 3\)"),
+    ({"fan": RayFan("eye", [[1, 0, 0], [0, 0, 0]])}, ValueError, r"sensor 'fan': ray 1 is \[0.0, 0.0, 0.0\]"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], geoms=["door"])}, ValueError, r"sensor 'fan': there is no geom 'door'; the names are: floor"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], data=("normal",))}, ValueError, r"data has \['normal'\], must be one of: distance"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], data=())}, stepper.ModelError, r'sensor "fan".*fields'),
+    ({"sum": Combination({"gyr": 1.0})}, ValueError, r"sensor 'sum': there is no sensor 'gyr'; the names are: angle, gyro"),
+    ({"sum": Combination({"gyro": 1.0, "angle": 1.0})}, stepper.ModelError, r'"gyro" of dimension 3 with "angle"'),
+    ({"sum": Combination({})}, stepper.ModelError, r"its terms are empty"),
+    ({"gyro": Combination({"angle": 1.0})}, stepper.ModelError, r'gyro'),
+    ({"fan": RayFan("eye", "up")}, ValueError, r"sensor 'fan': rays is 'up', must be an array"),
+    ({"fan": RayFan("eye", [[1, 0, 0], [1]])}, ValueError, r"sensor 'fan': rays is .* must be an array"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], data="distance")}, TypeError, r"sensor 'fan': data is 'distance', must be a sequence"),
+    ({"fan": RayFan("eye", [[1, 0, 0]], geoms=3)}, TypeError, r"sensor 'fan': geoms is 3, must be a sequence of strings"),
+    ({"fan": SensorSpec(type=[], site="eye")}, ValueError, r"sensor 'fan': there is no type \[\]; the types are: jointpos"),
+    ({"sum": Combination(["gyro"])}, TypeError, r"sensor 'sum': terms is \['gyro'\], must be a mapping"),
+    ({"sum": Combination({"gyro": None})}, TypeError, r"sensor 'sum': the coefficient of 'gyro' is None, must be a number"),
+    ({3: Combination({"gyro": 1.0})}, TypeError, r"sensor 3: its name must be a string"),
+    ({"sum": {"gyro": 1.0}}, TypeError, r"sensor 'sum' is .* must be a stepper.sensors.SensorSpec, RayFan or Combination"),
+    ([Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
+])  # fmt: skip
 def test_what_cannot_be_added_is_named(sensors, error, match):
     with pytest.raises(error, match=match):
         stepper.load(SEEN).with_sensors(sensors)
-
-
-def test_what_is_no_table_or_number_is_named(model, tmp_path):
-    for make, error, match in [
-        (lambda: Transfer(noise_std=None), TypeError, "noise_std is None, must be a number"),
-        (lambda: Transfer(limits=3), ValueError, r"limits is 3, must be \(low, high\)"),
-        (lambda: Transfer(limits=("a", 1)), TypeError, r"limits\[0\] is 'a'"),
-        (lambda: SensorModel([ALL]), TypeError, "transfers is .* must be a mapping of names to stepper.Transfer"),
-        (lambda: SensorModel.from_dict({"sensors": [1]}), ValueError, "sensors: sensors is"),
-        (lambda: SensorModel.from_dict({"sensors": {"gyro": {"limits": 1}}}), ValueError, "sensor 'gyro': limits is 1"),
-        (lambda: stepper.Stepper(model).observe(out=np.zeros(13, int)), TypeError, "out has dtype int64"),
-        (lambda: stepper.Stepper(model).observe(out=[0.0] * 13), TypeError, "out is .* must be a NumPy array"),
-    ]:
-        with pytest.raises(error, match=match):
-            make()
-    file = tmp_path / "list.json"
-    file.write_text("[]")
-    with pytest.raises(ValueError, match=r"list.json holds a list, must hold tables by name"):
-        SensorModel.from_file(file)
 
 
 def test_files(model, tmp_path):
@@ -298,6 +269,9 @@ def test_files(model, tmp_path):
     file = tmp_path / "sensors.json"
     file.write_text(json.dumps(read.to_dict()))
     assert SensorModel.from_file(file) == read
+    file.write_text("[]")
+    with pytest.raises(ValueError, match=r"sensors.json holds a list, must hold tables by name"):
+        SensorModel.from_file(file)
     toml.write_text("[sensors.gyro]\nnoize = 1\n")
     with pytest.raises(ValueError, match=r"sensors.toml: sensor 'gyro': unknown entries \['noize'\]"):
         SensorModel.from_file(toml)
@@ -343,17 +317,6 @@ def test_a_wrong_seed_is_named_and_nothing_starts(model, seed, error, words):
     with pytest.raises(error, match=words):
         sim.reset(seed=seed)
     assert (sim.time > 0).all()
-
-
-@pytest.mark.parametrize(("call", "message"), [
-    (lambda: devices.encoder("12"), "bits is '12', must be a whole number from 1 to 40"),
-    (lambda: devices.encoder(12, turn=None), "turn is None, must be a number"),
-    (lambda: devices.encoder_velocity(12, -0.01), "period is -0.01, must be a finite number above 0"),
-    (lambda: devices.find([]), r"there is no device \[\]; the devices are: adis16470_accelerometer"),
-])  # fmt: skip
-def test_wrong_arguments_of_devices_are_named(call, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        call()
 
 
 @pytest.mark.parametrize("change", ["randomize", "set_state"])

@@ -29,20 +29,6 @@ TAKERS = {
 """Calls that take the name of a field, by the argument that has it."""
 
 
-@pytest.mark.parametrize("argument", TAKERS)
-@pytest.mark.parametrize(("name", "hint"), [
-    ("gem_friction", "did you mean geom_friction"),
-    ("body_mas", "did you mean body_mass"),
-])  # fmt: skip
-def test_the_message_names_the_argument_and_the_field(argument, name, hint):
-    with pytest.raises(ValueError, match=hint) as error:
-        TAKERS[argument](name)
-    text = str(error.value)
-    assert argument in text
-    assert repr(name) in text
-    assert len(text) <= LONGEST
-
-
 @st.composite
 def typos(draw):
     """A field, and its name with a letter left out, doubled, replaced, or two letters exchanged."""
@@ -54,21 +40,21 @@ def typos(draw):
     return field, before + wrong + after
 
 
-@given(typos(), st.sampled_from(["wrt", "parameters", "Stepper.randomize"]))
+@given(typos(), st.sampled_from(sorted(TAKERS)))
 def test_a_field_with_a_slip_of_the_pen_is_suggested(typo, argument):
     field, name = typo
     if hasattr(stepper.Model, name):  # Another field: "body_pos" from "body_ipos".
         return
     with pytest.raises(ValueError, match=rf"\b{field}\b") as error:
         TAKERS[argument](name)
-    assert str(error.value).startswith(f"{argument}: there is no field {name!r}")
+    assert argument in str(error.value)
+    assert f"there is no field {name!r}" in str(error.value)
     assert len(str(error.value)) <= LONGEST
 
 
 @pytest.mark.parametrize(("name", "remedy"), [
     ("geom_margin", "make a stepper.Stepper of model.replace(geom_margin=...)"),
     ("zzz", "help(stepper.Stepper.randomize) lists the fields"),
-    ("dof_dampin", "did you mean dof_damping"),
 ])  # fmt: skip
 def test_what_randomize_does_not_take_is_said_to_be_elsewhere(name, remedy):
     with pytest.raises(stepper.ModelError) as error:

@@ -196,16 +196,13 @@ def test_a_file_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path)
         stack().save_problem(tmp_path / "nowhere" / "a.problem")
 
 
-@pytest.mark.parametrize(
-    ("word", "text"),
-    [
-        (0, "Status.OK"),
-        (64, "Status.DEEP"),
-        (96, "Status.INFEASIBLE | Status.DEEP"),
-        (4096, "4096"),
-        (4096 + 32, "Status.INFEASIBLE | 4096"),
-    ],
-)
+@pytest.mark.parametrize(("word", "text"), [
+    (0, "Status.OK"),
+    (64, "Status.DEEP"),
+    (96, "Status.INFEASIBLE | Status.DEEP"),
+    (4096, "4096"),
+    (4096 + 32, "Status.INFEASIBLE | 4096"),
+])  # fmt: skip
 def test_flags_print_their_names(word, text):
     flags = stepper.Status(word)
     assert stepper.Status(np.uint32(word)) == flags

@@ -14,14 +14,14 @@ from models import SOURCES
 from rotations import matrix
 from stepper.cli import main
 from stepper.viewer import shapes
-from stepper.viewer.dragging import Drag, effective_mass
 from stepper.viewer.frames import frame_of, shown_envs, sizes_of
-from stepper.viewer.live import View, scene_for
+from stepper.viewer.live import Drag, View, effective_mass, scene_for
 from stepper.viewer.looks import looks_of
-from stepper.viewer.recordings import RecordedRun
+from stepper.viewer.player import RecordedRun
 from stepper.viewer.shapes import instances, scene_of
 
 ROOT = Path(__file__).parents[2]
+BALL = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
 ALL_KINDS = """<mujoco><asset>
   <mesh name="wedge" vertex="0 0 0  .3 0 0  0 .3 0  0 0 .3"/>
   <hfield name="hills" nrow="5" ncol="7" size="1 2 .5 .1" elevation="{}"/>
@@ -235,7 +235,7 @@ def test_contacts_of_a_recording_bear_the_weight(tmp_path):
 
 
 def test_what_is_wrong_with_a_view_is_said(tmp_path):
-    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"), 3)
+    sim = stepper.Stepper(stepper.load(BALL), 3)
     with pytest.raises(ValueError, match=r"envs is 4, must be a number of environments up to 3"):
         shown_envs(sim, 4, 16)
     with pytest.raises(IndexError, match="envs has 3, there are environments 0 to 2"):
@@ -291,7 +291,7 @@ def dragging(sim):
 
 @pytest.mark.parametrize("num_envs", [None, 2])
 def test_a_pull_leaves_nothing_behind(num_envs):
-    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"), num_envs)
+    sim = stepper.Stepper(stepper.load(BALL), num_envs)
     sim.xfrc_applied[...] = 0.1
     view, forces = dragging(sim)
     np.testing.assert_array_equal(forces[1], 0.1 + np.arange(1.0, 7.0))
@@ -305,7 +305,7 @@ def test_a_pull_leaves_nothing_behind(num_envs):
 @pytest.mark.parametrize("steps", [0, 1])
 @pytest.mark.parametrize("mask", [None, np.array([False, True])])
 def test_a_pull_ends_with_a_reset(steps, mask):
-    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"), 2)
+    sim = stepper.Stepper(stepper.load(BALL), 2)
     view, _ = dragging(sim)
     for _ in range(steps):
         sim.step()
@@ -315,7 +315,7 @@ def test_a_pull_ends_with_a_reset(steps, mask):
 
 
 def test_forces_that_the_user_writes_during_a_pull_stay():
-    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"), 2)
+    sim = stepper.Stepper(stepper.load(BALL), 2)
     view, forces = dragging(sim)
     forces[1, 2] = -30.0
     view._release()
@@ -357,7 +357,7 @@ def test_the_command_says_what_is_wrong(command, monkeypatch, arguments, said):
 
 @pytest.mark.parametrize("option", [("--contact", "hard"), ("--keyframe", "0"), ("--actions", "zero")])
 def test_a_recording_has_its_own_settings(command, tmp_path, option):
-    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"))
+    sim = stepper.Stepper(stepper.load(BALL))
     with sim.record(tmp_path / "run"):
         sim.step()
     assert f"{option[0]} has no effect on a recording" in command(str(tmp_path / "run"), *option)
@@ -379,6 +379,6 @@ def test_a_task_of_dm_control_is_shown(monkeypatch):
 
 def test_without_viser_it_says_what_to_install(command, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "viser", None)
-    (tmp_path / "a.xml").write_text("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>")
+    (tmp_path / "a.xml").write_text(BALL)
     said = command(str(tmp_path / "a.xml"))
     assert 'viser is needed for the view in the browser, and is not installed: pip install "stepper-sim[viewer]"' in said

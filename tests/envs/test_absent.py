@@ -1,8 +1,5 @@
 """Absent attributes of `now` and of a reset are errors with similar names."""
 
-import copy
-import pickle
-
 import numpy as np
 import pytest
 from cases import Slide
@@ -41,10 +38,3 @@ def test_the_time_of_an_episode_counts_actions():
     for _ in range(8):
         envs.step(np.zeros((2, 3)))
         np.testing.assert_array_equal(np.rint(envs.now.time / envs.now.dt), envs.episode_lengths)
-
-
-def test_absent_attributes_do_not_hinder_copies():
-    env = StepperEnv(Slide())
-    env.reset(seed=0)
-    for twin in (env, copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
-        assert not hasattr(twin, "healthy_reward")

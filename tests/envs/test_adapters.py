@@ -9,38 +9,31 @@ import stepper.adapters
 
 MODULES = sorted(path.stem for path in Path(stepper.adapters.__file__).parent.glob("[a-z]*.py"))
 LIBRARIES = {
-    "jax_rollout": "jax",
-    "ray": "ray",
-    "rllib": "ray.rllib",
-    "rsl_rl": "rsl_rl",
-    "sb3": "stable_baselines3",
-    "torch_rollout": "torch",
-    "torchrl": "torchrl",
+    "jax_rollout": ("jax", "pip install jax"),
+    "ray": ("ray", "pip install ray"),
+    "rllib": ("ray.rllib", 'pip install "ray[rllib]"'),
+    "rsl_rl": ("rsl_rl", "pip install rsl-rl-lib"),
+    "sb3": ("stable_baselines3", "pip install stable-baselines3"),
+    "torch_rollout": ("torch", "pip install torch"),
+    "torchrl": ("torchrl", "pip install torchrl"),
 }
-REMEDIES = {
-    "jax": "pip install jax",
-    "ray": "pip install ray",
-    "ray.rllib": 'pip install "ray[rllib]"',
-    "rsl_rl": "pip install rsl-rl-lib",
-    "stable_baselines3": "pip install stable-baselines3",
-    "torch": "pip install torch",
-    "torchrl": "pip install torchrl",
-}
+"""Library of each adapter, and the command that installs it."""
 
 
 def test_every_adapter_is_here():
     assert set(MODULES) == LIBRARIES.keys() | {"native"}
 
 
-@pytest.mark.parametrize(("module", "library"), LIBRARIES.items())
-def test_a_library_that_is_missing_is_named_with_its_remedy(module, library):
+@pytest.mark.parametrize("module", LIBRARIES)
+def test_a_library_that_is_missing_is_named_with_its_remedy(module):
+    library, remedy = LIBRARIES[module]
     code = f"import sys; sys.modules[{library!r}] = None; import stepper.adapters.{module}"
     ended = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=False)
     error = ended.stderr.splitlines()[-1]
     assert "MissingPackageError" in error
     assert f"{library.partition('.')[0]}" in error
     assert f"for stepper.adapters.{module}" in error
-    assert REMEDIES[library] in error
+    assert remedy in error
 
 
 def test_the_package_needs_no_library():

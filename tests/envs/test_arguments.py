@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stepper.adapters.native import make_native, with_autoreset
 from stepper.envs import StepperEnv, StepperVectorEnv
-from stepper.envs.making import autoreset
+from stepper.envs.environment import autoreset
 from stepper.envs.tasks import TASKS
 
 NAME = "stepper/InvertedPendulum-v5"
@@ -101,24 +101,21 @@ def test_arguments_with_a_task_that_exists():
         StepperVectorEnv(TASKS["Hopper"](), 2, frame_skp=2)
 
 
-@pytest.mark.parametrize(
-    ("given", "parts"),
-    [
-        (lambda: gymnasium.make(NAME), ["a value of type"]),
-        (lambda: lambda: gymnasium.make(NAME), ["a function"]),
-        (lambda: [len], ["a value of type list"]),
-        (lambda: MODEL, ["a value of type Model"]),
-        (lambda: None, ["the task is None"]),
-        (lambda: 3, ["the task is 3"]),
-        (lambda: dict, ["the class dict"]),
-    ],
-)
-def test_something_else_than_a_task_is_named(given, parts):
+@pytest.mark.parametrize(("given", "said"), [
+    (lambda: gymnasium.make(NAME), "a value of type"),
+    (lambda: lambda: gymnasium.make(NAME), "a function"),
+    (lambda: [len], "a value of type list"),
+    (lambda: MODEL, "a value of type Model"),
+    (lambda: None, "the task is None"),
+    (lambda: 3, "the task is 3"),
+    (lambda: dict, "the class dict"),
+])  # fmt: skip
+def test_something_else_than_a_task_is_named(given, said):
     value = given()
     for call in (lambda: StepperVectorEnv(value, 1), lambda: make_native(value, 1)):
         with pytest.raises(TypeError, match=r"the task is .*, must be a stepper.envs.Task, the class of one, or the name of one") as error:
             call()
-        assert all(part in str(error.value) for part in parts), str(error.value)
+        assert said in str(error.value)
 
 
 def test_a_single_environment_lists_no_argument_of_vector_environments():

@@ -1,14 +1,13 @@
-"""Draws of `Rng`: shapes of tuples, and errors for the arguments and methods of NumPy's generators."""
+"""Draws of `Rng`, and errors of its arguments and of those of rows of observations."""
 
 import copy
 import pickle
 
 import numpy as np
 import pytest
-from cases import Slide
 from hypothesis import given
 from hypothesis import strategies as st
-from stepper.envs import Observation, Rng, StepperVectorEnv
+from stepper.envs import Observation, Rng, normal
 from stepper.shared.streams import Streams
 
 
@@ -51,13 +50,13 @@ def test_generators_are_copied():
     (lambda: Observation("qpos", clip=(1, -1)), "clip of Observation 'qpos' is (1, -1), must be the lower bound and then the upper bound"),
     (lambda: Observation("qvel", noise=-1.0), "noise of Observation 'qvel' is -1.0, must be a finite number of at least 0"),
     (lambda: Observation("qvel", noise=(-1.0, 1.0)), "noise of Observation 'qvel' is (-1.0, 1.0), must be a number"),
+    (lambda: Observation("qpos", delay=(2, 1)), "delay of Observation 'qpos' is (2, 1), must be a whole number or a tuple of two"),
+    (lambda: Observation("qpos", history=0), "history of Observation 'qpos' is 0"),
+    (lambda: Observation("speed", lambda: 0), "func of Observation 'speed' is <lambda>(), must take 1 argument, now: write lambda now"),
+    (lambda: Observation(3), "the name of an Observation is 3, must be a text: Observation(name, func=...)"),
+    (lambda: normal(0.0, -1.0), "the latter at least 0"),
 ])  # fmt: skip
 def test_wrong_rows_are_errors(make, message):
     with pytest.raises((TypeError, ValueError)) as error:
         make()
     assert message in str(error.value)
-
-
-def test_two_rows_of_one_name_are_an_error():
-    with pytest.raises(ValueError, match=r"Own\.observations returns two rows with the name 'qpos': give one another name"):
-        StepperVectorEnv(type("Own", (Slide,), {"observations": lambda self: (Observation("qpos"), Observation("qpos"))})(), 2)

@@ -115,10 +115,3 @@ def test_the_policy_that_is_kept_follows_its_commands():
     # Most episodes last their 1,000 actions (nine of ten in the page's table), and none of those that only stand.
     assert np.median(follows.lengths) == 1000
     assert stands.lengths.max() < 1000
-
-
-def test_wrong_arguments_are_named():
-    with pytest.raises(ValueError, match="max_latency is 5, must be from 0 to frame_skip, which is 4"):
-        G1Velocity(max_latency=5)
-    with pytest.raises(ValueError, match=r"roughness is -1\.0, must be a finite number from 0 to 1"):
-        G1Velocity(roughness=-1.0)

@@ -13,7 +13,7 @@ from envs.cases import same
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
-from stepper.envs.locomotion import Go1Velocity, VelocityTask
+from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.sensors import SensorModel, Transfer
 
 NAMES = sorted(TASKS)
@@ -151,6 +151,7 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
     (lambda: Go1Velocity(max_latency="8"), TypeError, "max_latency of Go1Velocity is '8', must be a whole number"),
     (lambda: Go1Velocity(roughness="8"), TypeError, "roughness of Go1Velocity is '8', must be a number"),
     (lambda: Go1Velocity(max_latency=8), ValueError, "max_latency is 8, must be from 0 to frame_skip, which is 4"),
+    (lambda: G1Velocity(roughness=-1.0), ValueError, r"roughness is -1\.0, must be a finite number from 0 to 1"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(make, error, said):
     with pytest.raises(error, match=said):

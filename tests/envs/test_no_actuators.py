@@ -52,12 +52,3 @@ def test_a_task_with_actions_of_its_own_does_not():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         StepperVectorEnv(Moved(), 2)
-
-
-def test_a_task_without_frame_skip_is_an_error_that_names_the_field():
-    class Unskipped(Task):
-        model, observations, reward = Arm.model, Arm.observations, Arm.reward
-        actuators_of_joints = "position"
-
-    with pytest.raises(TypeError, match=r"Unskipped has no frame_skip, the number of steps per action: add the field"):
-        StepperVectorEnv(Unskipped(), 2)

@@ -1,6 +1,5 @@
 """Observation groups: errors, delays and histories of rows, and what environments and learners get of several groups."""
 
-import pickle
 from dataclasses import dataclass
 
 import gymnasium
@@ -139,36 +138,9 @@ def test_noise_and_bias_have_their_distributions():
     assert 1.99 < one.max() <= 2.0
 
 
-def test_a_pickle_has_the_memory():
-    """Equal actions give equal observations in a pickled copy, because it has errors, delays and histories."""
-    envs = made(num_envs=3, groups=True, autoreset_mode="SAME_STEP")
-    envs.reset(seed=5)
-    for _ in range(4):
-        envs.step(np.full((3, 1), 0.3))
-    first, again = ([each.step(np.full((3, 1), -0.7))[0] for _ in range(8)] for each in (envs, pickle.loads(pickle.dumps(envs))))
-    same(again, first)
-
-
 def test_a_position_that_the_user_sets_is_observed_once():
     envs = StepperVectorEnv(only(Observation("qpos", history=2)), 1)
     envs.reset(seed=0)
     np.testing.assert_array_equal(envs.set_state(qpos=[[0.5]]), [[0.5, 0.5]])
     envs.step(np.zeros((1, 1)))
     np.testing.assert_array_equal(envs.set_state(qpos=[[0.7]]), [[0.5, 0.7]])
-
-
-def test_errors_name_the_group_the_row_and_the_remedy():
-    with pytest.raises(ValueError, match="observations returns the groups 'critic', must have the group 'policy'"):
-        StepperVectorEnv(type("Wrong", (Slide,), {"observations": lambda self: {"critic": (Observation("qpos"),)}})(), 1)
-    with pytest.raises(ValueError, match="observations returns a value of type Group, must return a tuple of Observation"):
-        StepperVectorEnv(only_group(), 1)
-    with pytest.raises(ValueError, match=r"delay of Observation 'qpos' is \(2, 1\), must be a whole number or a tuple of two"):
-        Observation("qpos", delay=(2, 1))
-    with pytest.raises(ValueError, match="history of Observation 'qpos' is 0"):
-        Observation("qpos", history=0)
-    with pytest.raises(ValueError, match="the latter at least 0"):
-        normal(0.0, -1.0)
-
-
-def only_group():
-    return type("Wrong", (Slide,), {"observations": lambda self: Group((Observation("qpos"),))})()

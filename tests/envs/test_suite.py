@@ -78,10 +78,7 @@ def follow(theirs, ours):
     ours.set_state(physics.data.qpos.copy(), physics.data.qvel.copy())
 
 
-OTHERWISE = {
-    "dog": {"inertial_sensors": 3, "foot_forces": 12, "touch_sensors": 4},
-    "quadruped": {"accelerometer": 3, "force_torque": 24},
-}
+OTHERWISE = {"dog": {"inertial_sensors": 3, "foot_forces": 12, "touch_sensors": 4}, "quadruped": {"accelerometer": 3, "force_torque": 24}}
 """How many of the first numbers of rows of observations are stepper's own, by domain: see `stepper.envs.suite.quadruped` and `dog`."""
 
 
@@ -251,15 +248,12 @@ def test_the_regulator_ends_at_rest():
     assert envs.step(np.zeros((2, 1)))[2].tolist() == [True, False]
 
 
-@pytest.mark.parametrize(
-    ("name", "arguments", "message"),
-    [
-        ("cartpole-balance", {"poles": 0}, "poles is 0, must be at least 1"),
-        ("lqr-lqr_2_1", {"driven": 3}, "driven is 3 and bodies is 2: at least one mass must be driven"),
-        ("lqr-lqr_2_1", {"model_seed": -1}, "model_seed is -1, must be from 0"),
-        ("stacker-stack_2", {"boxes": 5}, "boxes is 5, must be from 1 to 4"),
-    ],
-)
+@pytest.mark.parametrize(("name", "arguments", "message"), [
+    ("cartpole-balance", {"poles": 0}, "poles is 0, must be at least 1"),
+    ("lqr-lqr_2_1", {"driven": 3}, "driven is 3 and bodies is 2: at least one mass must be driven"),
+    ("lqr-lqr_2_1", {"model_seed": -1}, "model_seed is -1, must be from 0"),
+    ("stacker-stack_2", {"boxes": 5}, "boxes is 5, must be from 1 to 4"),
+])  # fmt: skip
 def test_wrong_arguments_are_named(name, arguments, message):
     with pytest.raises(ValueError, match=message):
         gymnasium.make(named(name), **arguments)

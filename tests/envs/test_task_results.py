@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from cases import Slide
-from stepper.envs import Observation, StepperVectorEnv
+from stepper.envs import Group, Observation, StepperVectorEnv
 
 
 class Cart(Slide):
@@ -36,6 +36,8 @@ TABLES = {
         "a value of type list": (), "a function": (lambda now: now.qpos,), "the class Observation": (SPEED, Observation),
     }.items()},
     "returns the groups 'critic', must have the group 'policy'": {"critic": (SPEED,)},
+    "returns a value of type Group, must return a tuple of Observation": Group((SPEED,)),
+    "returns two rows with the name 'speed': give one another name": (SPEED, SPEED),
     "the row 'x' is 0.0, must be an array (4, ...)": (Observation("x", lambda now: 0.0),),
     "the row 'x' is an array of shape (1,), must be an array (4, ...)": (Observation("x", lambda now: now.qpos[0]),),
     "the row 'qpos': columns is 0, must be a slice": (Observation("qpos", columns=0),),
@@ -134,13 +136,3 @@ def test_a_method_with_other_arguments_is_named_with_its_signature(message):
 def test_methods_with_defaults_and_other_names_are_accepted():
     cart(reward=lambda self, now: np.ones(4))
     cart(reset=lambda self, begins, *more, scale=1.0: None, reward=lambda self, *given: (np.ones(4), {}))
-
-
-@pytest.mark.parametrize(("given", "message"), [
-    ({"name": "speed", "func": lambda: 0}, r"func of Observation 'speed' is <lambda>\(\), must take 1 argument, now: write lambda now"),
-    ({"name": "speed", "func": "qvel"}, "func of Observation 'speed' is 'qvel', must be a function of now, or None"),
-    ({"name": 3}, r"the name of an Observation is 3, must be a text: Observation\(name, func=...\)"),
-])  # fmt: skip
-def test_wrong_rows_of_observations_are_refused_at_once(given, message):
-    with pytest.raises(TypeError, match=message):
-        Observation(**given)

@@ -120,48 +120,42 @@ def test_a_ball_comes_to_rest_on_the_field():
     np.testing.assert_allclose(sim.qpos[:, 2] - origins[:, 2], 0.1, atol=1e-4)
 
 
-@pytest.mark.parametrize(("given", "said"), [
-    ({"sub_terrains": {}}, "sub_terrains is empty"),
-    ({"num_rows": 0}, "num_rows is 0, must be a whole number"),
-    ({"num_rows": "3"}, "num_rows is '3', must be a whole number of at least 1"),
-    ({"size": "8"}, "size is '8', must be a number"),
-    ({"size": -8.0}, "size is -8.0, must be a finite number of at least 0"),
-    ({"size": np.nan}, "size is nan, must be a finite number"),
-    ({"horizontal_scale": None}, "horizontal_scale is None, must be a number"),
-    ({"difficulty_range": 0.5}, "difficulty_range is 0.5, must be two numbers"),
-    ({"seed": 1.5}, "seed is 1.5, must be a whole number of at least 0"),
-    ({"seed": -1}, "seed is -1, must be a whole number of at least 0"),
-    ({"size": 8.05}, "size is 8.05 m, must be a whole number of cells of 0.1 m"),
-    ({"border_width": 0.25}, "border_width is 0.25 m"),
-    ({"horizontal_scale": 0.0}, "horizontal_scale is 0.0"),
-    ({"difficulty_range": (0.5, 0.2)}, "difficulty_range"),
-])  # fmt: skip
-def test_wrong_arguments_are_errors(given, said):
-    with pytest.raises((TypeError, ValueError), match=said):
-        Terrain(**({"sub_terrains": {"flat": terrain.Flat()}} | given))
+def ground_of(**given):
+    return Terrain(**({"sub_terrains": {"flat": terrain.Flat()}} | given))
 
 
-@pytest.mark.parametrize(("kind", "given", "message"), [
+def levels_of(**given):
+    return TerrainCurriculum(**({"terrain": GROUND} | given))
+
+
+@pytest.mark.parametrize(("kind", "given", "said"), [
+    (ground_of, {"sub_terrains": {}}, "sub_terrains is empty"),
+    (ground_of, {"num_rows": 0}, "num_rows is 0, must be a whole number"),
+    (ground_of, {"num_rows": "3"}, "num_rows is '3', must be a whole number of at least 1"),
+    (ground_of, {"size": "8"}, "size is '8', must be a number"),
+    (ground_of, {"size": -8.0}, "size is -8.0, must be a finite number of at least 0"),
+    (ground_of, {"size": np.nan}, "size is nan, must be a finite number"),
+    (ground_of, {"horizontal_scale": None}, "horizontal_scale is None, must be a number"),
+    (ground_of, {"difficulty_range": 0.5}, "difficulty_range is 0.5, must be two numbers"),
+    (ground_of, {"seed": 1.5}, "seed is 1.5, must be a whole number of at least 0"),
+    (ground_of, {"seed": -1}, "seed is -1, must be a whole number of at least 0"),
+    (ground_of, {"size": 8.05}, "size is 8.05 m, must be a whole number of cells of 0.1 m"),
+    (ground_of, {"border_width": 0.25}, "border_width is 0.25 m"),
+    (ground_of, {"horizontal_scale": 0.0}, "horizontal_scale is 0.0"),
+    (ground_of, {"difficulty_range": (0.5, 0.2)}, "difficulty_range"),
     (terrain.Wave, {"border_width": -1.0}, "border_width of Wave is -1.0, must be a finite number of at least 0"),
     (terrain.Flat, {"proportion": "8"}, "proportion of Flat is '8', must be a number"),
     (terrain.RandomRough, {"height_range": 0.1}, r"height_range of RandomRough is 0.1, must be two numbers, such as \(0.0, 0.1\)"),
     (terrain.RandomRough, {"height_range": (-0.1, 0.1)}, "height_range of RandomRough is -0.1, must be a finite number of at least 0"),
     (terrain.RandomRough, {"spacing": 0.0}, "spacing of RandomRough is 0.0, must be a finite number above 0"),
     (terrain.Wave, {"num_waves": None}, "num_waves of Wave is None, must be a whole number"),
+    (levels_of, {"terrain": None}, "terrain is None, must be a stepper.envs.terrain.Terrain"),
+    (levels_of, {"max_init_level": 0.5}, "max_init_level is 0.5, must be a whole number"),
+    (levels_of, {"spread": "near"}, "spread is 'near', must be a number"),
 ])  # fmt: skip
-def test_wrong_arguments_of_kinds_are_errors(kind, given, message):
-    with pytest.raises((TypeError, ValueError), match=message):
+def test_wrong_arguments_are_errors(kind, given, said):
+    with pytest.raises((TypeError, ValueError), match=said):
         kind(**given)
-
-
-@pytest.mark.parametrize(("given", "message"), [
-    ({"terrain": None}, "terrain is None, must be a stepper.envs.terrain.Terrain"),
-    ({"max_init_level": 0.5}, "max_init_level is 0.5, must be a whole number"),
-    ({"spread": "near"}, "spread is 'near', must be a number"),
-])  # fmt: skip
-def test_wrong_arguments_of_curricula_are_errors(given, message):
-    with pytest.raises(TypeError, match=message):
-        TerrainCurriculum(**({"terrain": GROUND} | given))
 
 
 GROUND = Terrain(sub_terrains={"flat": terrain.Flat(proportion=3.0), "rough": terrain.RandomRough()}, num_rows=4, border_width=1.0)

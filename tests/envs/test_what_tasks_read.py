@@ -1,30 +1,7 @@
-"""Quantities of bodies that tasks observe."""
+"""Forces of contacts that tasks observe."""
 
-import mujoco
 import numpy as np
-from models import mujoco_model
 from stepper.envs import StepperVectorEnv
-
-
-def test_a_moment_has_quantities_of_bodies():
-    envs = StepperVectorEnv("Humanoid", 6)
-    envs.reset(seed=0)
-    for action in np.random.default_rng(0).uniform(-0.4, 0.4, (5, *envs.action_space.shape)):
-        envs.step(action)
-    for name in ("xipos", "cinert", "cvel", "cfrc_ext"):
-        np.testing.assert_array_equal(getattr(envs.now, name), getattr(envs.sim, name))
-        assert getattr(envs.now, name) is getattr(envs.now, name)
-
-
-def test_tendons_are_mujocos():
-    envs = StepperVectorEnv("Humanoid", 2)
-    _, info = envs.reset(seed=0)
-    model = mujoco_model("gymnasium/humanoid")
-    data = mujoco.MjData(model)
-    data.qpos, data.qvel = envs.sim.qpos[1], envs.sim.qvel[1]
-    mujoco.mj_forward(model, data)
-    np.testing.assert_allclose(info["tendon_length"][1], data.ten_length, atol=1e-15)
-    np.testing.assert_allclose(info["tendon_velocity"][1], data.ten_velocity, atol=1e-15)
 
 
 def test_wrenches_of_contacts_carry_the_robot():

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 import stepper
 from stepper.envs import StepperVectorEnv
-from stepper.lab.study.batches import run_points
+from stepper.lab.study.batches import Point, run_points
 from stepper.lab.study.failure_causes import causes_of
-from stepper.lab.study.points import Point
-from stepper.lab.study.results import Results
+from stepper.lab.study.journal import Results
 
 LABS = Path(__file__).parents[2] / "examples/studies"
 
@@ -82,8 +81,7 @@ def test_ten_percent_at_each_touch_is_no_friction(tmp_path):
 
 def test_what_decides_where_a_pushed_box_stops(tmp_path):
     study = replace(lab("pushed_box.py"), episodes=3)
-    ends, found = cliffs(study, tmp_path, "friction", "mass", "height", "camera delay", cliffs=False)
-    del ends
+    _, found = cliffs(study, tmp_path, "friction", "mass", "height", "camera delay", cliffs=False)
     mean = {name: [level.mean for level in found.levels_of(name)] for name in ("friction", "mass", "height", "camera delay")}
     # Mass and height have no part in v t + v^2 / (2 mu g); 2 mm are the camera's noise and looks every 20 ms at 0.3 m/s.
     for name in ("mass", "height"):

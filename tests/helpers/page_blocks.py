@@ -28,8 +28,7 @@ from models import SOURCES
 
 ROOT = Path(__file__).parents[2]
 FENCE = re.compile(
-    r"^(?:[ ]*<!-- test: (?P<rule>.*?) -->\n)?^(?P<indent>[ ]*)```(?P<info>[^\n]*)\n(?P<text>.*?)^(?P=indent)```$",
-    re.MULTILINE | re.DOTALL,
+    r"^(?:[ ]*<!-- test: (?P<rule>.*?) -->\n)?^(?P<indent>[ ]*)```(?P<info>[^\n]*)\n(?P<text>.*?)^(?P=indent)```$", re.MULTILINE | re.DOTALL
 )
 LANGUAGES = ("python", "sh", "text", "toml", "xml", "json", "diff")
 """Languages of blocks; `diff` is a change of another project's file, `text` a transcript or a formula unless it has the title "output"."""

@@ -105,6 +105,28 @@ def test_no_start_makes_one_of_two_masses_determined(factor):
         assert np.isclose(masses, heavier, rtol=0.01).any()
 
 
+@pytest.mark.parametrize("factor", [0.05, 0.2, 0.5, 4.45, 10, 20])
+def test_a_second_mass_is_found_at_any_distance(factor):
+    """A mass `factor` times the true one has the same first moment and inertia: no interval is finite, and a search ends at each mass."""
+    scene = SCENES["far start: pendulum, lighter mass"]
+    mass, centre = scene.truth["body_mass"][1], np.array(scene.truth["body_ipos"][1])
+    # With the radius of gyration k and the first moment p, the product of both masses is (p / k)^2.
+    gyration = scene.truth["body_inertia"][1][1] / mass
+    true = np.linalg.norm(mass * centre) / np.sqrt(gyration * factor)
+    truth = {
+        "body_mass": {1: true},
+        "body_ipos": {1: tuple(mass * centre / true)},
+        "body_inertia": {1: tuple(true / mass * np.array(scene.truth["body_inertia"][1]))},
+    }
+    for seed in range(5000, 5003):
+        found = replace(scene, truth=truth).identified(seed, starts=1)
+        assert not found.determined.any()
+        masses = np.exp([search.theta[0] for search in found.searches if search.cost < 1.01 * found.searches[0].cost])
+        # 2 %: six standard deviations of a mass.
+        assert np.isclose(masses, true, rtol=0.02).any()
+        assert np.isclose(masses, factor * true, rtol=0.02).any()
+
+
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 2**20), factor=st.floats(1.0, 2.0))
 # Where start points reached 4.5 scales, these runs gave three finite intervals. Three of the eight searches end at the other centre.

@@ -11,7 +11,7 @@ from identification import online
 from identification.followed import Array
 from identification.scenes import HARD
 from identification.strikes import PERIOD, grasped, readings
-from stepper.sysid.mixture import Mixture
+from stepper.sysid.online import Mixture
 from stepper.sysid.parameters import bind, write
 from stepper.sysid.rivals import CLOSE, EXCLUDED, LEAST_SHARE, excluded_end, share_of, widened
 

@@ -56,11 +56,7 @@ def test_logs_and_recordings_say_the_same(tmp_path):
             sim.step(ctrl, nstep=10)
     channels = ["wrist_force", "box_x"]
     start = SCENE.model(1.0, 0.5)
-    for data, settings in (
-        (tmp_path / "log.npz", {}),
-        (tmp_path / "log.csv", {"columns": {"t [s]": "time"}}),
-        (tmp_path / "run", {}),
-    ):
+    for data, settings in ((tmp_path / "log.npz", {}), (tmp_path / "log.csv", {"columns": {"t [s]": "time"}}), (tmp_path / "run", {})):
         found = stepper.sysid.identify(start, data, SCENE.parameters, channels=channels, starts=1, **settings)
         # Recordings and logs hold all digits; what is left is the tolerance of the steps.
         np.testing.assert_allclose(found.values, SCENE.truth, rtol=1e-5, err_msg=str(data))
@@ -115,15 +111,14 @@ def test_logs_that_do_not_fit(tmp_path, change, message):
 
 def test_cells_lines_and_names(tmp_path):
     file = tmp_path / "log.csv"
-    file.write_text("time,ctrl,box_x\n0,0,0\n0.02,0,abc\n")
-    with pytest.raises(ValueError, match=r"log.csv, line 3, column 'box_x': 'abc' is no number"):
-        stepper.sysid.identify(MODEL, file, ["body_mass[box]"])
-    file.write_text("time,ctrl,box_x\n0,0,0\n0.02,0\n")
-    with pytest.raises(ValueError, match="line 3: 2 cells, must be 3"):
-        stepper.sysid.identify(MODEL, file, ["body_mass[box]"])
-    file.write_text("time,ctrl,box_y\n0,0,0\n0.02,0,0\n0.04,0,0\n")
-    with pytest.raises(KeyError, match="no sensor or coordinate is named 'box_y'; did you mean box_x"):
-        stepper.sysid.identify(MODEL, file, ["body_mass[box]"])
+    for text, error, message in (
+        ("time,ctrl,box_x\n0,0,0\n0.02,0,abc\n", ValueError, r"log.csv, line 3, column 'box_x': 'abc' is no number"),
+        ("time,ctrl,box_x\n0,0,0\n0.02,0\n", ValueError, "line 3: 2 cells, must be 3"),
+        ("time,ctrl,box_y\n0,0,0\n0.02,0,0\n0.04,0,0\n", KeyError, "no sensor or coordinate is named 'box_y'; did you mean box_x"),
+    ):
+        file.write_text(text)
+        with pytest.raises(error, match=message):
+            stepper.sysid.identify(MODEL, file, ["body_mass[box]"])
     for name in ("none.csv", "none"):
         with pytest.raises(FileNotFoundError, match=rf"there is no .* file '.*{name}'"):
             stepper.sysid.identify(MODEL, tmp_path / name, ["body_mass[box]"])
@@ -205,25 +200,12 @@ def test_a_log_without_a_start_says_so(tmp_path):
 def test_the_command(tmp_path):
     np.savez(tmp_path / "log.npz", **log())
     (tmp_path / "scene.xml").write_text(SCENE.text(1.0, 0.5))
-    command = [
-        sys.executable,
-        "-m",
-        "stepper.cli",
-        "identify",
-        "scene.xml",
-        "log.npz",
-        "-p",
-        "body_mass[box]",
-        "-p",
-        "geom_friction[floor,box][0]",
-    ]
-    code = "import sys; from stepper.cli.app import main; sys.argv = sys.argv[1:]; main()"
-    ran = subprocess.run([sys.executable, "-c", code, *command[2:]], cwd=tmp_path, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "stepper", "identify", "scene.xml", "log.npz", "-p", "body_mass[box]", "-p"]
+    running = {"cwd": tmp_path, "capture_output": True, "text": True}
+    ran = subprocess.run([*command, "geom_friction[floor,box][0]"], check=False, **running)
     assert ran.returncode == 0, ran.stderr
     assert "| body_mass[box] | 1.3 |" in ran.stdout
     assert stepper.load(tmp_path / "out/identified.stepper").body("box").mass == pytest.approx(1.3, rel=1e-5)
-    ran = subprocess.run(
-        [sys.executable, "-c", code, *command[2:-1], "body_mass[bok]"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    ran = subprocess.run([*command, "body_mass[bok]"], check=False, **running)
     assert ran.returncode == 1
     assert ran.stderr.startswith("stepper: parameters has 'body_mass[bok]': no body 'bok'")

@@ -110,7 +110,6 @@ def test_surprise_is_that_of_columns_with_noise():
     ({"noise": 0.3}, TypeError, "noise is 0.3, must be a dict such as"),
     ({"drift": -1.0}, ValueError, "drift is -1.0, must be standard deviations"),
     ({"drift": [0.0, 0.1]}, ValueError, r"drift has shape \(2,\), must be one number, or one for each of body_mass\[box\]"),
-    ({"state_noise": 1.0}, ValueError, r"state_noise has shape \(\), must be two numbers, of displacement"),
     ({"start_std": 1e-3}, ValueError, r"start_std has shape \(\), must be two numbers, of displacement"),
     ({"start_std": (1e-3, np.inf)}, ValueError, "start_std is .* finite and not negative"),
     ({"period": np.nan}, ValueError, r"period \(s\) is nan, must be a finite number above 0"),

@@ -176,16 +176,13 @@ def test_explicit_pairs_have_springs_of_their_own():
     assert "compliant pairs" in model.explain()
 
 
-@pytest.mark.parametrize(
-    ("fields", "words"),
-    [
-        ({"geom_stiffness": [0.0, RIGID]}, ["floor", "stiffness", "infinity"]),
-        ({"geom_stiffness": [-5.0, RIGID]}, ["floor", "-5"]),
-        ({"geom_stiffness": [np.nan, RIGID]}, ["floor", "NaN"]),
-        ({"geom_damping": [3.0, 0.0]}, ["floor", "damping", "stiffness"]),
-        ({"geom_stiffness": [1e3, RIGID], "geom_damping": [-1.0, 0.0]}, ["floor", "damping", "-1"]),
-    ],
-)
+@pytest.mark.parametrize(("fields", "words"), [
+    ({"geom_stiffness": [0.0, RIGID]}, ["floor", "stiffness", "infinity"]),
+    ({"geom_stiffness": [-5.0, RIGID]}, ["floor", "-5"]),
+    ({"geom_stiffness": [np.nan, RIGID]}, ["floor", "NaN"]),
+    ({"geom_damping": [3.0, 0.0]}, ["floor", "damping", "stiffness"]),
+    ({"geom_stiffness": [1e3, RIGID], "geom_damping": [-1.0, 0.0]}, ["floor", "damping", "-1"]),
+])  # fmt: skip
 def test_springs_that_cannot_be_are_refused(fields, words):
     with pytest.raises(stepper.ModelError) as error:
         ball(1e3).replace(geom_damping=[0.0, 0.0], geom_stiffness=[RIGID, RIGID]).replace(**fields)

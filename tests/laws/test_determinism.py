@@ -30,7 +30,8 @@ GOLDEN = (
     "humanoids humanoids-euler humanoids-rk4 humanoids-f32 humanoids-soft humanoids-soft-f32 ants-soft-rk4 stackers-f32 pile pile-newton "
     "pile-f32 pile-soft pile-soft-f32 tower sprung sprung-soft bouncing elastic hills-f32 ravine gems gems-f32 shell belts marbles tendons "
     "quadrupeds quadrupeds-f32 tendons-driven equalities equalities-soft equalities-soft-law fluid actuators actuators-bounded sensors "
-    "sensors-with-errors arm arm-implicit-f32 everything everything-soft meadow-within-an-error meadow-randomized meadow-randomized-f32"
+    "sensors-with-errors arm arm-implicit-f32 everything everything-soft meadow-within-an-error meadow-randomized meadow-randomized-f32 "
+    "whirl"
 )
 CASES = {name: TRAJECTORIES[name] for name in GOLDEN.split()} | {
     "arm-rk4-f32": dataclasses.replace(TRAJECTORIES["arm"], options=RK4, precision="f32"),
@@ -47,7 +48,7 @@ CASES = {name: TRAJECTORIES[name] for name in GOLDEN.split()} | {
 }
 """Scenes of the golden trajectories, and settings that these lack. Their starts and controls are those of `inputs`."""
 READ = (
-    *(name for name in READINGS if name != "status"), "substeps", "error_estimate", "qacc", "qacc_smooth", "qfrc_bias", "qfrc_constraint",
+    *READINGS, "substeps", "error_estimate", "qacc", "qacc_smooth", "qfrc_bias", "qfrc_constraint",
     "actuator_force", "body_contact_force", "xipos", "cinert", "cvel", "cfrc_ext", "subtree_com", "site_xpos", "geom_xquat", "body_angvel",
 )  # fmt: skip
 
@@ -106,7 +107,7 @@ def run(name: str, envs, calls=slice(None), **settings) -> stepper.Stepper:
 def bits(sim: stepper.Stepper, env: int | None = None) -> dict[str, bytes]:
     """Raw bytes of all that can be read of an environment; None is the only one."""
     own = {read: np.asarray(getattr(sim, read)) for read in READ}
-    own |= {count: np.asarray(own[count], np.uint32) for count in ("iterations", "substeps")}
+    own |= {count: np.asarray(own[count], np.uint32) for count in ("status", "iterations", "substeps")}
     own |= {"mass_matrix": sim.mass_matrix()} | {f"energy {k}": np.asarray(part) for k, part in enumerate(sim.energy())}
     found = {read: (value if env is None else value[env]).tobytes() for read, value in own.items()}
     return found | {"contacts": contact_bits(sim.contacts(env or 0))}

@@ -271,22 +271,3 @@ def test_limits_hold():
         sim.step([command])
         assert (sim.qvel[0] - before) * J / H == pytest.approx(expected, rel=1e-9)
         assert sim.sensordata_ideal == pytest.approx(expected, rel=ROUNDING)
-
-
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_numbers_of_each_environment(precision):
-    """Each of a batch is what it is alone."""
-    n = 11
-    delay, kp, stall = np.linspace(0, 0.02, n), np.linspace(1, 5, n), np.linspace(0.5, 2, n)
-    friction, efficiency = np.linspace(0, 0.1, n), np.linspace(0.5, 1, n)
-
-    def drive(i):
-        motor = DCMotor(stall_torque=stall[i], no_load_speed=20.0, efficiency=efficiency[i])
-        return Drive(delay=delay[i], lag=0.01, servo=PID(kp=kp[i], kd=0.1), motor=motor, friction=friction[i])
-
-    batch = wheel(drive(slice(None)), num_envs=n, precision=precision)
-    alone = [wheel(drive(i), precision=precision) for i in range(n)]
-    for k in range(100):
-        for sim in (batch, *alone):
-            sim.step([np.sin(k / 5)])
-    assert batch.qvel.tobytes() == np.concatenate([sim.qvel for sim in alone]).tobytes()

@@ -163,25 +163,3 @@ def test_work_that_somebody_does_is_no_gain(seed):
         sim.qfrc_applied[:] = rng.normal(scale=0.5, size=2)
         sim.step(rng.uniform(-1, 1, 2), nstep=5)
         assert not sim.status & UNRESOLVED
-
-
-def test_the_flag_is_that_of_the_state_and_of_no_neighbour():
-    """Flags and bits do not depend on the size of the batch, nor on the number of steps of a call."""
-    model = stepper.load(chain(20, 0.05, 0.02, 5.0))
-    options = stepper.Options(timestep=2e-3)
-    many, one = stepper.Stepper(model, 9, options=options), stepper.Stepper(model, options=options)
-    qvel = np.zeros((9, model.nv))
-    qvel[:, 0] = np.linspace(0.0, 0.4, 9)
-    many.set_state(qvel=qvel)
-    one.set_state(qvel=qvel[4])
-    flags = 0
-    for _ in range(200):
-        many.step(nstep=5)
-        own = 0
-        for _ in range(5):
-            one.step()
-            own |= int(one.status)
-        assert own == many.status[4]
-        assert np.array_equal(one.qpos, many.qpos[4])
-        flags |= own
-    assert flags & UNRESOLVED

@@ -37,13 +37,7 @@ AXES = sorted((name, axis) for name, (_, depths) in SPINNERS.items() for axis in
 
 
 def stepper_of(
-    world: str,
-    timestep: float,
-    precision: str = "f64",
-    integrator: str = "midpoint",
-    *,
-    gravity: float = 0.0,
-    assets: str = ASSETS,
+    world: str, timestep: float, precision: str = "f64", integrator: str = "midpoint", *, gravity: float = 0.0, assets: str = ASSETS
 ) -> stepper.Stepper:
     """Stepper of a world without friction, in which the mesh "cubes" collides as its triangles."""
     model = stepper.load(scene_xml(world, timestep=timestep, gravity=gravity, assets=assets))

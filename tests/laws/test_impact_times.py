@@ -24,10 +24,10 @@ def ball(x: float = 0.0, y: float = 0.0, z: float = 0.0, r: float = R, more: str
     return f'<body pos="{x!r} {y!r} {z!r}"><freejoint/><geom size="{r}" mass="1" {more}/></body>'
 
 
-def pit(tilt: float) -> str:
+def pit() -> str:
     """Five balls above a floor between four walls that lean outwards."""
     sides = [(1, 0), (-1, 0), (0, 1), (0, -1)]
-    walls = "".join(f'<geom type="plane" size="9 9 1" pos="{-0.6 * x} {-0.6 * y} 0" zaxis="{x} {y} {tilt}"/>' for x, y in sides)
+    walls = "".join(f'<geom type="plane" size="9 9 1" pos="{-0.6 * x} {-0.6 * y} 0" zaxis="{x} {y} .2"/>' for x, y in sides)
     return FLOOR + walls + "".join(ball(0.25 * (k % 2), 0.25 * (k // 2), 0.5 + 0.25 * (k // 4)) for k in range(5))
 
 
@@ -59,7 +59,7 @@ def test_apexes_are_exact_at_every_height(e, dt, integrator):
 @pytest.mark.parametrize("e", [0.3, 0.5, 0.9])
 def test_colliding_spheres_only_lose_energy(e):
     """Sixteen times five spheres in a pit of planes: whenever they strike, in whatever number, energy falls."""
-    sim = elastic(pit(0.2), e, 16, timestep=2e-3)
+    sim = elastic(pit(), e, 16, timestep=2e-3)
     sim.set_state(qvel=np.random.default_rng(3).normal(scale=2.0, size=(16, 30)))
     first = last = energies(sim)
     for _ in range(600):
@@ -69,16 +69,6 @@ def test_colliding_spheres_only_lose_energy(e):
         assert (now < last + 5e-4).all()
         last = now
     assert (now < first).all()
-
-
-def test_elastic_spheres_among_walls_keep_their_energy_with_several_impacts_in_a_step():
-    """At 10 ms most steps have an impact in some of the ten pairs; times differ within the step, and nothing is gained or lost."""
-    sim = elastic(pit(0.0), 1.0, 16, timestep=1e-2, tolerance=1e-6)
-    sim.set_state(qvel=np.random.default_rng(3).normal(scale=2.0, size=(16, 30)))
-    before = energies(sim)
-    sim.step(nstep=500)
-    # Rounding and a solver residual of 1e-6 m/s at each of some thousand impacts.
-    np.testing.assert_allclose(energies(sim), before, rtol=1e-5)
 
 
 def test_an_oblique_bounce_with_friction_is_of_second_order():

@@ -322,18 +322,3 @@ def test_a_batch_in_f32_is_differentiated_in_f64():
     lin = sim.linearize(method="implicit")
     assert lin.A.dtype == np.float64
     assert lin.implicit.all()
-
-
-def test_what_there_are_no_implicit_derivatives_of_is_refused_by_name():
-    model = scene(BALL.format(joints=SLIDES), more=PUSHED)
-    with pytest.raises(ValueError, match=r"integrator is rk4, must be midpoint, euler or implicit .*method='fd'"):
-        simulation(model, 2, integrator="rk4").linearize(method="implicit")
-    with pytest.raises(ValueError, match=r"integrator is rk4, must be euler, implicitfast or implicit"):
-        simulation(model, 2, "mujoco, Euler", integrator="rk4").linearize(method="implicit")
-    sim = simulation(model, 2)
-    with pytest.raises(ValueError, match=r"body_mass.*method='fd'"):
-        sim.linearize(("qpos", "body_mass"), method="implicit")
-    with pytest.raises(ValueError, match=r"sensors=True.*method='fd'"):
-        sim.linearize(method="implicit", sensors=True)
-    with pytest.raises(ValueError, match="extrapolate"):
-        sim.linearize(method="implicit", extrapolate=True)

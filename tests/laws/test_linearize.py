@@ -83,6 +83,10 @@ def test_a_spring_and_damper_follow_the_schemes_own_linear_map(scheme):
     np.testing.assert_allclose(many.A, np.linalg.matrix_power(A, 100), atol=NOISE)
 
 
+def runge_kutta(contact: str) -> stepper.Stepper:
+    return stepper.Stepper(spring(), 2, options=Options(contact=contact, integrator="rk4"))
+
+
 def test_a_spring_and_damper_follow_the_matrix_exponential():
     sim = stepper.Stepper(spring())
     F = np.array([[0, 1], [-25, -1.5]])
@@ -521,35 +525,31 @@ def test_nothing_to_perturb_is_empty():
     assert stepper.Stepper(ball(), 2).linearize(("ctrl",)).B.shape == (2, 12, 0)
 
 
-def test_wrong_calls_say_what_to_do():
-    sim = stepper.Stepper(spring(), 2)
-    with pytest.raises(ValueError, match="must be 'fd' or 'implicit'"):
-        sim.linearize(method="exact")
-    with pytest.raises(ValueError, match="did you mean qvel"):
-        sim.linearize(("qvl",))
-    with pytest.raises(TypeError, match="sequence of names"):
-        sim.linearize("qpos")
-    with pytest.raises(ValueError, match="no joint 'y'"):
-        sim.linearize(("dof_damping[y]",))
-    with pytest.raises(ValueError, match=r"columns are \['x'\], must be numbers, as 'gravity\[0\]'"):
-        sim.linearize(("gravity[x]",))
-    with pytest.raises(ValueError, match=r"write 'actuator_gainprm\[...\]\[0\]' and 'actuator_biasprm\[...\]\[1\]'"):
-        sim.linearize(("actuator_kp",))
-    with pytest.raises(ValueError, match=r"ctrl has shape \(3,\)"):
-        sim.linearize(ctrl=np.zeros(3))
-    with pytest.raises(ValueError, match="not finite"):
-        sim.linearize(ctrl=[np.nan])
-    with pytest.raises(ValueError, match="nstep is 0"):
-        sim.linearize(nstep=0)
-    with pytest.raises(ValueError, match="step is -1"):
-        sim.linearize(step=-1)
-    with pytest.raises(KeyError, match="'act' in wrt"):
-        _ = sim.linearize(("qpos", "qvel")).A
-    with pytest.raises(KeyError, match="sensors=True"):
-        _ = sim.linearize().C
-    # A plate, whose largest moment of inertia is the sum of the others.
-    plate = scene('<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"/></body>')
-    with pytest.raises(stepper.ModelError, match=r"^a parameter cannot be perturbed: .*wrt"):
-        stepper.Stepper(plate).linearize(("body_inertia",))
-    with pytest.raises(ValueError, match="of these elements is 0 and cannot be perturbed"):
-        stepper.Stepper(ball()).linearize(("body_mass[world]",))
+# A plate, whose largest moment of inertia is the sum of the others.
+PLATE = '<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"/></body>'
+
+
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda sim: sim.linearize(method="exact"), "must be 'fd' or 'implicit'"),
+    (lambda sim: sim.linearize(("qvl",)), "did you mean qvel"),
+    (lambda sim: sim.linearize("qpos"), "sequence of names"),
+    (lambda sim: sim.linearize(("dof_damping[y]",)), "no joint 'y'"),
+    (lambda sim: sim.linearize(("gravity[x]",)), r"columns are \['x'\], must be numbers, as 'gravity\[0\]'"),
+    (lambda sim: sim.linearize(("actuator_kp",)), r"write 'actuator_gainprm\[...\]\[0\]' and 'actuator_biasprm\[...\]\[1\]'"),
+    (lambda sim: sim.linearize(ctrl=np.zeros(3)), r"ctrl has shape \(3,\)"),
+    (lambda sim: sim.linearize(ctrl=[np.nan]), "not finite"),
+    (lambda sim: sim.linearize(nstep=0), "nstep is 0"),
+    (lambda sim: sim.linearize(step=-1), "step is -1"),
+    (lambda sim: sim.linearize(("qpos", "qvel")).A, "'act' in wrt"),
+    (lambda sim: sim.linearize().C, "sensors=True"),
+    (lambda sim: stepper.Stepper(scene(PLATE)).linearize(("body_inertia",)), "^a parameter cannot be perturbed: .*wrt"),
+    (lambda sim: stepper.Stepper(ball()).linearize(("body_mass[world]",)), "of these elements is 0 and cannot be perturbed"),
+    (lambda sim: sim.linearize(("qpos", "body_mass"), method="implicit"), r"body_mass.*method='fd'"),
+    (lambda sim: sim.linearize(method="implicit", sensors=True), r"sensors=True.*method='fd'"),
+    (lambda sim: sim.linearize(method="implicit", extrapolate=True), "extrapolate"),
+    (lambda sim: runge_kutta("hard").linearize(method="implicit"), r"integrator is rk4, must be midpoint, euler or implicit .*method='fd'"),
+    (lambda sim: runge_kutta("mujoco").linearize(method="implicit"), "integrator is rk4, must be euler, implicitfast or implicit"),
+])  # fmt: skip
+def test_wrong_calls_say_what_to_do(call, message):
+    with pytest.raises((ValueError, TypeError, KeyError, stepper.ModelError), match=message):
+        call(stepper.Stepper(spring(), 2))

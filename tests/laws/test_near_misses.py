@@ -76,22 +76,6 @@ def slide(floor: Floor, mover: str, speed: float, step: Step):
     return sim.qvel[0] / speed, away
 
 
-def check_slide(floor: Floor, mover: str, speed: float, step: Step):
-    """The body keeps its speed and its height. Bounds of atlas scene 21."""
-    kept, away = slide(floor, mover, speed, step)
-    assert abs(kept - 1) < 1e-3
-    assert away < 1e-5
-
-
-@pytest.mark.parametrize("mover", SLIDERS)
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("timestep", [1e-3, 5e-3])
-@pytest.mark.parametrize("speed", [0.5, 1.0, 2.0])
-def test_a_body_slides_over_the_seams_of_tiles(mover, kind, timestep, speed):
-    # With the rows of the next tile active: an upright cylinder kept 4 % of its speed and rose by 5.6 mm.
-    check_slide(Floor(kind), mover, speed, (timestep, 0.0, "midpoint"))
-
-
 floors = st.builds(Floor, st.sampled_from(KINDS), st.floats(0.03, 0.2), st.floats(-40.0, 40.0) | st.just(0.0))
 steps = st.tuples(st.sampled_from([1e-3, 2e-3, 5e-3, 1e-2]), st.floats(-0.05, 0.05), st.sampled_from(INTEGRATORS))
 
@@ -99,7 +83,11 @@ steps = st.tuples(st.sampled_from([1e-3, 2e-3, 5e-3, 1e-2]), st.floats(-0.05, 0.
 @given(floors, st.sampled_from(SLIDERS), steps, st.floats(0.5, 4.0))
 @example(Floor("mixed"), "lying cylinder", (5e-3, 0.0, "midpoint"), 0.5)  # The predicted motion sinks by 15 um: 94 % were kept.
 def test_a_body_slides_over_tiles_of_any_width_and_direction(floor, mover, step, speed):
-    check_slide(floor, mover, speed, step)
+    """The body keeps its speed and its height. Bounds of atlas scenes 21 and 44."""
+    # With the rows of the next tile active: an upright cylinder kept 4 % of its speed and rose by 5.6 mm.
+    kept, away = slide(floor, mover, speed, step)
+    assert abs(kept - 1) < 1e-3
+    assert away < 1e-5
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])

@@ -18,13 +18,10 @@ STACK = f"""<mujoco><worldbody><body><joint axis="0 0 1"/><geom type="cylinder" 
 """Five boxes on a turntable."""
 
 
-@pytest.mark.parametrize(
-    ("text", "qvel", "seconds", "steps"),
-    [
-        pytest.param(BALL, [0, 0.5, 0, -5, 0, 0, 4, 6, -5], 0.4, 40, id="ball"),
-        pytest.param(STACK, [1.0] + 5 * [0, 0.3, 0, 0, 0, 1.0], 1.0, 25, id="stack"),
-    ],
-)
+@pytest.mark.parametrize(("text", "qvel", "seconds", "steps"), [
+    pytest.param(BALL, [0, 0.5, 0, -5, 0, 0, 4, 6, -5], 0.4, 40, id="ball"),
+    pytest.param(STACK, [1.0] + 5 * [0, 0.3, 0, 0, 0, 1.0], 1.0, 25, id="stack"),
+])  # fmt: skip
 def test_half_the_time_step_has_a_quarter_of_the_error(text, qvel, seconds, steps):
     model = stepper.load(text, strict=False)
 

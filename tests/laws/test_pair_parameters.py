@@ -59,10 +59,7 @@ def test_restitution_of_a_pair_is_randomized():
     assert np.allclose(sim.qvel[:, [2, 8]], [[0, 0], [0.5, 0]], atol=5 * 0.002 * 9.81 + 1e-6)
 
 
-@pytest.mark.parametrize(
-    ("field", "pair_field"),
-    [("geom_friction", "pair_friction"), ("geom_restitution", "pair_restitution")],
-)
+@pytest.mark.parametrize(("field", "pair_field"), [("geom_friction", "pair_friction"), ("geom_restitution", "pair_restitution")])
 def test_what_a_pair_overrides_is_refused_unless_the_pair_is_given(field, pair_field):
     sim = stepper.Stepper(model(), 2)
     for geom, refused in (("paired", True), ("floor", True), ("loose", False)):
@@ -105,14 +102,11 @@ def test_a_mask_leaves_the_other_environments_rows_alone():
     sim.randomize(np.array([True, False]), geom_friction=values)
 
 
-@pytest.mark.parametrize(
-    ("field", "pair_field"),
-    [
-        ("geom_friction", "pair_friction"), ("geom_restitution", "pair_restitution"), ("geom_margin", "pair_margin"),
-        ("geom_gap", "pair_gap"), ("geom_condim", "pair_dim"), ("geom_solref", "pair_solref"), ("geom_solimp", "pair_solimp"),
-        ("geom_solmix", "pair_solref"), ("geom_stiffness", "pair_stiffness"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("field", "pair_field"), [
+    ("geom_friction", "pair_friction"), ("geom_restitution", "pair_restitution"), ("geom_margin", "pair_margin"),
+    ("geom_gap", "pair_gap"), ("geom_condim", "pair_dim"), ("geom_solref", "pair_solref"), ("geom_solimp", "pair_solimp"),
+    ("geom_solmix", "pair_solref"), ("geom_stiffness", "pair_stiffness"),
+])  # fmt: skip
 def test_replace_has_the_same_rule(field, pair_field):
     scene = model()
     values = np.array(getattr(scene, field))
@@ -126,18 +120,6 @@ def test_replace_has_the_same_rule(field, pair_field):
 def test_a_pair_without_friction_overrides_none():
     scene = model(condim=1)
     assert scene.replace(geom_friction=0.5 * np.asarray(scene.geom_friction)).geom_friction[1, 0] == 0.5
-
-
-def test_pickles_keep_what_pairs_and_geoms_have():
-    import pickle
-
-    sim = stepper.Stepper(model(), 2)
-    friction = np.tile(0.5 * np.asarray(sim.model.geom_friction), (2, 1, 1))
-    sim.randomize(geom_friction=friction, pair_friction=np.tile(sim.model.pair_friction, (2, 1, 1)))
-    again = pickle.loads(pickle.dumps(sim))
-    assert {name: rows.tolist() for name, rows in again.randomized.items()} == {
-        name: rows.tolist() for name, rows in sim.randomized.items()
-    }
 
 
 def test_pairs_are_elements():

@@ -176,24 +176,21 @@ def test_frictions_ranges_and_gains_may_vanish():
     np.testing.assert_allclose(sim.qpos[0], own.qpos, atol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("fields", "parts"),
-    [
-        ({"body_mass": np.ones((4, 3))}, ["body_mass has shape (4, 3), must be (4, 11)"]),
-        ({"timestep": np.ones(4)}, ["no field 'timestep'", "all environments of a stepper share", "model.replace(timestep=...)"]),
-        ({"timestep": None}, ["no field 'timestep'", "all environments of a stepper share"]),
-        ({"body_mass": ("body_mass", (2, 1), -1.0)}, ["environment 2", 'body "ball"', "mass is -1 kg"]),
-        ({"body_mass": ("body_mass", (2, 1), 0.0)}, ["environment 2", 'body "ball"', "body_mass is 0 kg", "give a mass above 0"]),
-        ({"gravity": ("gravity", (3, 2), np.nan)}, ["environment 3", "gravity", "NaN"]),
-        ({"jnt_stiffness": ("jnt_stiffness", (1, 0), 2.0)}, ["environment 1", 'joint "#0"', "jnt_stiffness is 2", "no spring", "replace("]),
-        ({"dof_frictionloss": ("dof_frictionloss", (1, slice(6)), 2.0)}, ["environment 1", "dof_frictionloss is 2", "no dry friction"]),
-        ({"dof_damping": ("dof_damping", (1, 0), 2.0)}, ["environment 1", 'field "dof_damping"', "same value"]),
-        ({"jnt_range": ("jnt_range", (1, 7), (-np.inf, np.inf))}, ["environment 1", 'joint "elbow"', "the joint never reaches"]),
-        ({"actuator_biasprm": ("actuator_biasprm", (1, 1, 1), -9.0)}, ["environment 1", 'actuator "motor"', 'its biastype is "none"']),
-        ({"geom_size": ("geom_size", (1, 0, 0), 9.0)}, ["environment 1", 'field "geom_size"', "where the shape has no number"]),
-        ({"geom_size": ("geom_size", (1, 2, 0), -9.0)}, ["environment 1", 'geom "ball"', "radius is -9"]),
-    ],
-)
+@pytest.mark.parametrize(("fields", "parts"), [
+    ({"body_mass": np.ones((4, 3))}, ["body_mass has shape (4, 3), must be (4, 11)"]),
+    ({"timestep": np.ones(4)}, ["no field 'timestep'", "all environments of a stepper share", "model.replace(timestep=...)"]),
+    ({"timestep": None}, ["no field 'timestep'", "all environments of a stepper share"]),
+    ({"body_mass": ("body_mass", (2, 1), -1.0)}, ["environment 2", 'body "ball"', "mass is -1 kg"]),
+    ({"body_mass": ("body_mass", (2, 1), 0.0)}, ["environment 2", 'body "ball"', "body_mass is 0 kg", "give a mass above 0"]),
+    ({"gravity": ("gravity", (3, 2), np.nan)}, ["environment 3", "gravity", "NaN"]),
+    ({"jnt_stiffness": ("jnt_stiffness", (1, 0), 2.0)}, ["environment 1", 'joint "#0"', "jnt_stiffness is 2", "no spring", "replace("]),
+    ({"dof_frictionloss": ("dof_frictionloss", (1, slice(6)), 2.0)}, ["environment 1", "dof_frictionloss is 2", "no dry friction"]),
+    ({"dof_damping": ("dof_damping", (1, 0), 2.0)}, ["environment 1", 'field "dof_damping"', "same value"]),
+    ({"jnt_range": ("jnt_range", (1, 7), (-np.inf, np.inf))}, ["environment 1", 'joint "elbow"', "the joint never reaches"]),
+    ({"actuator_biasprm": ("actuator_biasprm", (1, 1, 1), -9.0)}, ["environment 1", 'actuator "motor"', 'its biastype is "none"']),
+    ({"geom_size": ("geom_size", (1, 0, 0), 9.0)}, ["environment 1", 'field "geom_size"', "where the shape has no number"]),
+    ({"geom_size": ("geom_size", (1, 2, 0), -9.0)}, ["environment 1", 'geom "ball"', "radius is -9"]),
+])  # fmt: skip
 def test_errors_name_field_environment_and_remedy(fields, parts):
     model = meadow()
     sim = stepper.Stepper(model, 4)

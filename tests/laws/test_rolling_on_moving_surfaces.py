@@ -27,13 +27,6 @@ def off_circle(velocity, seconds: float) -> float:
     return float(np.abs(velocity - SPEED * np.array([-np.sin(angle), np.cos(angle)])).max()) / SPEED
 
 
-def on_a_hinged_table(dt: float, integrator: str = "midpoint") -> float:
-    sim = start(HINGED + BALL, dt, integrator)
-    sim.set_state(qvel=[TURN, *ROLLS])
-    sim.step(nstep=round(SECONDS / dt))
-    return off_circle(sim.qvel[1:3], SECONDS)
-
-
 def on_a_conveyor_that_turns(dt: float, integrator: str = "midpoint") -> float:
     sim = start(f'<geom type="plane" size="9 9 1" surfacevel="0 0 0 0 0 {TURN}"/>' + BALL, dt, integrator)
     sim.set_state(qvel=ROLLS)
@@ -57,8 +50,9 @@ def on_a_table_of_the_users(dt: float, integrator: str = "midpoint") -> float:
 
 
 @pytest.mark.parametrize("integrator", ["midpoint", "rk4"])
-@pytest.mark.parametrize("measure", [on_a_hinged_table, on_a_conveyor_that_turns, on_a_table_of_the_users])
+@pytest.mark.parametrize("measure", [on_a_conveyor_that_turns, on_a_table_of_the_users])
 def test_a_ball_on_a_turntable_is_of_second_order(measure, integrator):
+    """Scene 33 of the atlas has a table on a hinge."""
     errors = [measure(dt, integrator) for dt in DTS]
     assert slope(DTS, errors) > 1.9
     assert errors[2] < (TURN * DTS[2]) ** 2

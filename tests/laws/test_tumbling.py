@@ -81,9 +81,7 @@ def test_the_midpoint_rule_keeps_momentum_exactly_and_energy_without_drift(body,
 
 
 # Not Euler's rule, whose gyroscopic term is explicit: its energy grows as exp(c h t), which is its first order.
-@pytest.mark.parametrize("integrator", ["midpoint", "rk4"])
 @pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
-def test_nothing_blows_up_in_a_hundred_periods(integrator, dt):
+def test_runge_and_kuttas_rule_does_not_blow_up_in_a_hundred_periods(dt):
     """A user's largest step, 0.1 rad of spin each: the body still tumbles with the energy that it had, to a tenth."""
-    sim = spun(dt, integrator, 100 * PERIOD)
-    assert sum(sim.energy()) == pytest.approx(ENERGY, rel=0.1)
+    assert sum(spun(dt, "rk4", 100 * PERIOD).energy()) == pytest.approx(ENERGY, rel=0.1)

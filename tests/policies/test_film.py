@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import gymnasium
 import numpy as np
 import pytest
-from stepper.cli import evaluate as command
+from stepper import policies
 from stepper.cli import main
 from stepper.policies import film
 
@@ -50,14 +50,14 @@ def test_the_command_evaluate_films_after_it_has_checked_that_it_can(tmp_path, m
     """With stand-ins for the parts that render and run, because few machines have OpenGL."""
     calls = []
     policy = SimpleNamespace(environment={})
-    monkeypatch.setattr(command, "load", lambda _: policy)
-    monkeypatch.setattr(command, "differences", lambda *_: [])
-    monkeypatch.setattr(command, "make", lambda *_, **__: None)
-    monkeypatch.setattr(command, "describe", lambda _: {})
-    monkeypatch.setattr(command, "check_film", lambda env, file, **settings: calls.append(("check", env, file, settings)))
-    monkeypatch.setattr(command, "run", lambda *_, **__: calls.append(("run",)) or "return 7")
+    monkeypatch.setattr(policies, "load", lambda _: policy)
+    monkeypatch.setattr(policies, "differences", lambda *_: [])
+    monkeypatch.setattr(policies, "make", lambda *_, **__: None)
+    monkeypatch.setattr(policies, "describe", lambda _: {})
+    monkeypatch.setattr(policies, "check_film", lambda env, file, **settings: calls.append(("check", env, file, settings)))
+    monkeypatch.setattr(policies, "evaluate", lambda *_, **__: calls.append(("run",)) or "return 7")
     monkeypatch.setattr(
-        command, "film", lambda *given, actions, seed, progress, **settings: calls.append(("film", *given, actions, seed, settings))
+        policies, "film", lambda *given, actions, seed, progress, **settings: calls.append(("film", *given, actions, seed, settings))
     )
     file = tmp_path / "run.mp4"
     words = ["evaluate", "policy.npz", "stepper/HalfCheetah-v5", "--film", str(file), "--seed", "3", "--contact", "hard"]

@@ -35,19 +35,6 @@ def envs():
     return gymnasium.make_vec("stepper/Reacher-v5", num_envs=3)
 
 
-@pytest.mark.parametrize("arrays", [{"weight": np.ones(3)}, {"settings": np.array("[]")}, {"settings": np.array("{}")}])
-def test_an_archive_of_another_library_is_named_without_internal_keys(tmp_path, arrays):
-    """Also a file of PyTorch, which is a ZIP archive as those of NumPy."""
-    file = tmp_path / "agent.pt"
-    with file.open("wb") as stream:
-        np.savez(stream, **arrays)
-    with pytest.raises(PolicyError) as error:
-        load(file)
-    assert str(error.value) == (
-        f"{file} contains no policy; give a file that Policy.save wrote, or make a stepper.policies.Policy of another library's layers"
-    )
-
-
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 def test_an_action_is_what_the_layers_say(envs, activation):
     policy = made(envs, activation)
@@ -165,10 +152,15 @@ def test_other_sizes_are_an_error(envs):
     ({"low": np.zeros(3)}, "bounds of actions"),
     ({"mean": np.full(10, np.nan)}, "not finite"),
     ({"layers": [(np.zeros((10, 3)), np.zeros(3)), (np.zeros((4, 2)), np.zeros(2))]}, r"layer 1 has weights \(4, 2\)"),
+    # `ClipAction` widens the space of actions to infinity.
+    ({"low": np.full(2, -np.inf), "high": np.full(2, np.inf)}, r"bounds of actions are not finite.*envs\.unwrapped\.single_action_space"),
+    ({"low": np.array([0.0, 1.0]), "high": np.zeros(2)}, "action 1 has the bounds .* must have the lower one first"),
+    *(({"clip": clip}, r"clip is .*, must be a number above 0: 10.0 is usual") for clip in (np.nan, -1.0, 0.0, "1", None, True)),
 ])  # fmt: skip
 def test_a_policy_that_could_not_act_is_not_made(envs, change, message):
     with pytest.raises(PolicyError, match=message):
         replace(made(envs), **change)
+    assert replace(made(envs), clip=np.inf).clip == np.inf
 
 
 def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
@@ -176,11 +168,20 @@ def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     np.savez(tmp_path / "future.npz", settings=np.array(json.dumps({"format": 99})))
     np.savez(tmp_path / "list.npz", settings=np.array("[]"))
+    np.savez(tmp_path / "dict.npz", settings=np.array("{}"))
     settings = json.dumps({"format": 1, "clip": 5.0, "activation": "tanh", "environment": {}, "training": {}})
     np.savez(tmp_path / "scalar.npz", settings=np.array(settings), mean=np.zeros(()), std=np.ones(()), low=np.zeros(()), high=np.ones(()))
     for name in ("text", "other", "future", "list", "scalar"):
         with pytest.raises(PolicyError, match=f"{name}.npz"):
             load(tmp_path / f"{name}.npz")
+    # Also a file of PyTorch, which is a ZIP archive as those of NumPy.
+    for name in ("other", "list", "dict"):
+        with pytest.raises(PolicyError) as error:
+            load((tmp_path / f"{name}.npz").rename(tmp_path / f"{name}.pt"))
+        assert str(error.value) == (
+            f"{tmp_path / name}.pt contains no policy; give a file that Policy.save wrote, "
+            "or make a stepper.policies.Policy of another library's layers"
+        )
     with pytest.raises(FileNotFoundError):
         load(tmp_path / "nothing.npz")
     with pytest.raises(ValueError, match=r"must be \.npz"):
@@ -211,7 +212,7 @@ def test_a_damaged_file_is_refused_by_name(envs, tmp_path):
 
 @needs_gymnasiums
 def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
-    from stepper.cli.evaluate import evaluate
+    from stepper.cli.commands import evaluate
 
     made(envs).save(tmp_path / "policy.npz")
     evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", against="Reacher-v5", episodes=3, contact="hard")
@@ -233,37 +234,6 @@ def test_an_unknown_environment_is_an_error_with_the_form_of_its_name(env, remed
     with pytest.raises(ValueError) as error:
         stepper.policies.make(env)
     assert ("write the module that registers it first" in str(error.value)) == remedy
-
-
-def test_bounds_of_a_widened_space_are_named():
-    """`ClipAction` widens the space of actions to infinity."""
-    layers = [(np.zeros((2, 1), np.float32), np.zeros(1, np.float32))]
-    with pytest.raises(stepper.policies.PolicyError, match=r"bounds of actions are not finite.*envs\.unwrapped\.single_action_space"):
-        stepper.policies.Policy(
-            mean=np.zeros(2),
-            std=np.ones(2),
-            clip=10.0,
-            layers=layers,
-            activation="tanh",
-            low=np.full(1, -np.inf),
-            high=np.full(1, np.inf),
-            environment={},
-        )
-
-
-@pytest.mark.parametrize("clip", [np.nan, -1.0, 0.0, "1", None, True])
-def test_a_clip_is_a_number_above_zero(envs, clip):
-    with pytest.raises(PolicyError, match=r"clip is .*, must be a number above 0: 10.0 is usual"):
-        replace(made(envs), clip=clip)
-    assert replace(made(envs), clip=np.inf).clip == np.inf
-
-
-def test_bounds_are_in_order(envs):
-    one = made(envs)
-    high = one.high.copy()
-    high[-1] = one.low[-1] - 1.0
-    with pytest.raises(PolicyError, match=f"action {len(high) - 1} has the bounds .* must have the lower one first"):
-        replace(one, high=high)
 
 
 @pytest.mark.parametrize("name", ["mean", "std", "low", "high", "weights", "biases"])

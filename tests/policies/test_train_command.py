@@ -9,11 +9,11 @@ from types import SimpleNamespace
 import gymnasium
 import numpy as np
 import pytest
+from stepper import policies
 from stepper.adapters.native import make_native
-from stepper.cli import evaluate as evaluate_command
 from stepper.cli import main
 from stepper.policies import check_film, make, ppo_settings
-from stepper.shared.name_values import literal
+from stepper.shared.arguments import literal
 
 ROOT = Path(__file__).parents[2]
 WITHOUT_TORCH = "import sys; sys.modules['torch'] = None; "
@@ -161,7 +161,7 @@ def test_values_of_views_are_arguments_of_environments_alone(words, message, mon
 
 def test_evaluate_gives_values_to_both_environments(monkeypatch, capsys):
     seen = []
-    monkeypatch.setattr(evaluate_command, "compare", lambda *_, settings, **__: seen.append(settings) or SimpleNamespace(one=1, other=2))
+    monkeypatch.setattr(policies, "compare", lambda *_, settings, **__: seen.append(settings) or SimpleNamespace(one=1, other=2))
     words = ["evaluate", str(ROOT / "examples/policies/reacher.npz"), REACHER, "--against", "Reacher-v5"]
     monkeypatch.setattr("sys.argv", ["stepper", *words, "--precision", "f32", "--values", "reward_dist_weight=2"])
     with pytest.raises(SystemExit) as end:

@@ -149,7 +149,10 @@ def test_an_early_activation_is_that_after_the_step(integrator, contact):
 @pytest.mark.parametrize("samples", [1, 2, 3, 5, 8])
 @pytest.mark.parametrize("interp", ["zoh", "linear"])
 def test_controls_are_as_late_as_mujocos(delay, samples, interp):
-    """Delays in steps, whatever acts between two controls, and where the history is too short. The first control is 0, as MuJoCo's are."""
+    """Delays in steps, whatever acts between two controls, and where the history is too short. The first control is 0, as MuJoCo's are.
+
+    MuJoCo's history of controls begins with zeros, a delay line here with the first control (docs/reference/actuators.md).
+    """
     # A power of two: sums of time steps have no rounding error, which could delay MuJoCo's samples by a step.
     h = 1 / 256
     scene = WHEEL.format(history=f'delay="{delay * h}" nsample="{samples}" interp="{interp}"').replace('".01"', f'"{h}"')
@@ -182,19 +185,16 @@ def test_a_cubic_delay_is_refused_but_where_it_is_whole():
         stepper.load(WHEEL.format(history=history.format(0.025)))
 
 
-@pytest.mark.parametrize(
-    "actuator",
-    [
-        'dcmotor {} motorconst=".05" resistance="2" inductance=".01"',
-        'dcmotor {} motorconst=".05" resistance="2" cogging=".1 6 0"',
-        'dcmotor {} motorconst=".05" resistance="2" lugre="1 2 3 4 5"',
-        'dcmotor {} motorconst=".05" resistance="2" thermal="1 2 3 4 5 6"',
-        'dcmotor {} motorconst=".05" resistance="2" input="pos" controller="1 2 3"',
-        'pid {} kp="3" ki="1" input="pos"',
-        'pid {} kp="3" slewmax="1" input="pos"',
-        'pid {} kp="3"',
-    ],
-)
+@pytest.mark.parametrize("actuator", [
+    'dcmotor {} motorconst=".05" resistance="2" inductance=".01"',
+    'dcmotor {} motorconst=".05" resistance="2" cogging=".1 6 0"',
+    'dcmotor {} motorconst=".05" resistance="2" lugre="1 2 3 4 5"',
+    'dcmotor {} motorconst=".05" resistance="2" thermal="1 2 3 4 5 6"',
+    'dcmotor {} motorconst=".05" resistance="2" input="pos" controller="1 2 3"',
+    'pid {} kp="3" ki="1" input="pos"',
+    'pid {} kp="3" slewmax="1" input="pos"',
+    'pid {} kp="3"',
+])  # fmt: skip
 def test_motors_and_servos_beyond_an_affine_law_are_refused_by_name(actuator):
     text = TREE.format(actuators=f"<{actuator.format(TARGETS['joint'])} name='hip'/>", sensors="")
     with pytest.raises(stepper.ModelError, match=r"hip.*(dcmotor|pid|2 controls) not simulated"):

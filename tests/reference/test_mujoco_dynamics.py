@@ -73,18 +73,6 @@ def test_qacc_smooth(name):
         assert kinetic_error(full_mass_matrix(model, data), found, data.qacc_smooth) < BOUND
 
 
-def test_activations_act():
-    """The one robot with activations (quadruped: servos behind a lag) loads with omissions only; its actuators are compared alone."""
-    sim, model, many, rng = states("dm_control/quadruped")
-    for state in many:
-        forces = []
-        for act in (np.zeros(model.na), rng.uniform(-1, 1, model.na)):
-            sim.set_state(*state, act=act)
-            data = forward(model, *state, act=act)
-            forces.append((sim.mass_matrix() @ sim.qacc_smooth, data.qfrc_actuator.copy()))
-        assert relative_error(forces[1][0] - forces[0][0], forces[1][1] - forces[0][1]) < BOUND
-
-
 @pytest.mark.parametrize("name", SOURCES_BY_NAME)
 def test_energy(name):
     """Potential energy (gravity and joint springs) up to MuJoCo's constant for bodies that cannot move, kinetic energy with rotors."""

@@ -30,6 +30,14 @@ OTHERS = {
     "gymnasium_robotics/hand": "envs/assets/hand/reach.xml",
 }
 """Robots of packages that are not always there: welded grippers, bodies that the user poses."""
+MOCAP = """
+<mujoco><worldbody>
+  <body name="hand" mocap="true" pos="0 0 1"><inertial pos="0 .1 0" mass="2" diaginertia=".1 .2 .25" euler="10 20 30"/>
+    <body name="finger" pos="0 0 .2"><joint name="finger" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/></body>
+  </body>
+  <body pos="1 0 0"><geom size=".1" pos=".2 0 0"/></body></worldbody></mujoco>"""
+INERTIAS = {"f64": 1e-12, "f32": 1e-4}
+"""Bounds of inertias and of velocities about centres of mass: sums of a few numbers of at most the size of the largest."""
 
 
 @functools.cache
@@ -37,6 +45,8 @@ def robot(name: str) -> mujoco.MjModel:
     """A robot that touches nothing. Frames that agree to 1e-6 are one to MuJoCo, which spares it their product: here they are two."""
     if name in SOURCES:
         model = afloat(name)
+    elif name == "mocap":
+        model = mujoco.MjModel.from_xml_string(MOCAP)
     else:
         package = find_spec(name.partition("/")[0])
         if package is None:
@@ -103,9 +113,15 @@ def check_poses(pair: Pair, bound: float) -> None:
         expected = velocities(pair.mujoco, data)
         close(sim.body_angvel[env], expected[:, :3], bound)
         close(sim.body_linvel[env], expected[:, 3:], bound)
+        check_inertias(sim, env, data)
 
 
-@pytest.mark.parametrize("name", [*ROBOTS, *OTHERS])
+def check_inertias(sim: stepper.Stepper, env: int, data: mujoco.MjData) -> None:
+    for quantity in ("cinert", "cvel", "xipos"):
+        close(getattr(sim, quantity)[env], getattr(data, quantity), INERTIAS[sim.precision])
+
+
+@pytest.mark.parametrize("name", [*ROBOTS, *OTHERS, "mocap"])
 def test_poses_and_velocities(name):
     pair = Pair(name)
     assert (pair.model.nbody, pair.model.ngeom, pair.model.nsite) == (pair.mujoco.nbody, pair.mujoco.ngeom, pair.mujoco.nsite)
@@ -185,6 +201,7 @@ def test_parameters_of_environments_move_geoms_and_centres_of_mass():
     numbers = {
         "geom_pos": pair.model.geom_pos + rng.normal(scale=0.1, size=(9, pair.model.ngeom, 3)),
         "body_mass": pair.model.body_mass * rng.uniform(0.5, 2, (9, pair.model.nbody)),
+        "body_inertia": pair.model.body_inertia * rng.uniform(0.9, 1.1, (9, pair.model.nbody, 1)),
         "body_ipos": pair.model.body_ipos + rng.normal(scale=0.02, size=(9, pair.model.nbody, 3)) * (pair.model.body_mass > 0)[:, None],
     }
     before = pair.sim.geom_xpos, pair.sim.subtree_com
@@ -199,6 +216,7 @@ def test_parameters_of_environments_move_geoms_and_centres_of_mass():
         data = forward(own, pair.sim.qpos[env], pair.sim.qvel[env])
         close(pair.sim.geom_xpos[env], data.geom_xpos)
         close(pair.sim.subtree_com[env], data.subtree_com)
+        check_inertias(pair.sim, env, data)
 
 
 @pytest.mark.parametrize("name", ["gymnasium/humanoid", "dm_control/stacker", "dm_control/lqr"])

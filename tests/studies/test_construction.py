@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import stepper
 from stepper.lab import Outcome, Parameter, Study, chart, rank, sweep, tune
@@ -19,39 +20,36 @@ def words(measure):
     return Outcome(name="x", measure=measure)
 
 
-@pytest.mark.parametrize(
-    ("given", "kind", "parts"),
-    [
-        ({"outcome": []}, TypeError, ["unexpected keyword argument 'outcome'"]),
-        ({"outcomes": []}, ValueError, ["outcomes is []", "no outcome"]),
-        ({"outcomes": "body arm z"}, TypeError, ["outcomes is 'body arm z'", "stepper.lab.Outcome"]),
-        ({"outcomes": ["body arm z"]}, TypeError, ["outcomes has 'body arm z'", "Outcome(name=..., measure=...)"]),
-        ({"outcomes": [words("body amr z")]}, ValueError, ["outcome 'x'", "'body amr z'", "did you mean arm"]),
-        ({"outcomes": [words("site hand z")]}, ValueError, ["outcome 'x'", "no site 'hand'", "tip"]),
-        ({"outcomes": [words("joint hing")]}, ValueError, ["outcome 'x'", "did you mean hinge"]),
-        ({"outcomes": [words("jointvel hing")]}, ValueError, ["outcome 'x'", "did you mean hinge"]),
-        ({"outcomes": [words("sensor angel 0")]}, ValueError, ["outcome 'x'", "did you mean angle"]),
-        ({"outcomes": [words("force amr z")]}, ValueError, ["outcome 'x'", "did you mean arm"]),
-        ({"parameters": [Parameter("gravity[2]", low=-10, high=-9)]}, TypeError, ["parameters is [", "a dict of stepper.lab.Parameter"]),
-        ({"settings": {"fast": "euler"}}, TypeError, ["settings 'fast' is 'euler'", "must be a dict"]),
-        ({"settings": ["euler"]}, TypeError, ["settings is ['euler']", "must be a dict"]),
-        ({"parameters": {"g": (0, 1)}}, TypeError, ["parameter 'g' is (0, 1)", "stepper.lab.Parameter"]),
-        (
-            {"parameters": {"m": Parameter("body_mass[amr]", low=1, high=2)}},
-            ValueError,
-            ["parameter 'm'", "body_mass[amr]", "did you mean arm"],
-        ),
-        (
-            {"parameters": {"m": Parameter("body_mas[arm]", low=1, high=2)}},
-            ValueError,
-            ["parameter 'm'", "body_mas", "did you mean body_mass"],
-        ),
-        ({"seed": -1}, ValueError, ["seed is -1, must be a whole number of at least 0"]),
-        ({"precision": "f16"}, ValueError, ["did you mean"]),
-        ({"parameters": {"d": Parameter("sensor.delay[angel]", low=0, high=1)}}, ValueError, ["parameter 'd'", "did you mean angle"]),
-        ({"parameters": {"d": Parameter("actuator.delay[sevro]", low=0, high=1)}}, ValueError, ["parameter 'd'", "did you mean servo"]),
-    ],
-)
+@pytest.mark.parametrize(("given", "kind", "parts"), [
+    ({"outcome": []}, TypeError, ["unexpected keyword argument 'outcome'"]),
+    ({"outcomes": []}, ValueError, ["outcomes is []", "no outcome"]),
+    ({"outcomes": "body arm z"}, TypeError, ["outcomes is 'body arm z'", "stepper.lab.Outcome"]),
+    ({"outcomes": ["body arm z"]}, TypeError, ["outcomes has 'body arm z'", "Outcome(name=..., measure=...)"]),
+    ({"outcomes": [words("body amr z")]}, ValueError, ["outcome 'x'", "'body amr z'", "did you mean arm"]),
+    ({"outcomes": [words("site hand z")]}, ValueError, ["outcome 'x'", "no site 'hand'", "tip"]),
+    ({"outcomes": [words("joint hing")]}, ValueError, ["outcome 'x'", "did you mean hinge"]),
+    ({"outcomes": [words("jointvel hing")]}, ValueError, ["outcome 'x'", "did you mean hinge"]),
+    ({"outcomes": [words("sensor angel 0")]}, ValueError, ["outcome 'x'", "did you mean angle"]),
+    ({"outcomes": [words("force amr z")]}, ValueError, ["outcome 'x'", "did you mean arm"]),
+    ({"parameters": [Parameter("gravity[2]", low=-10, high=-9)]}, TypeError, ["parameters is [", "a dict of stepper.lab.Parameter"]),
+    ({"settings": {"fast": "euler"}}, TypeError, ["settings 'fast' is 'euler'", "must be a dict"]),
+    ({"settings": ["euler"]}, TypeError, ["settings is ['euler']", "must be a dict"]),
+    ({"parameters": {"g": (0, 1)}}, TypeError, ["parameter 'g' is (0, 1)", "stepper.lab.Parameter"]),
+    (
+        {"parameters": {"m": Parameter("body_mass[amr]", low=1, high=2)}},
+        ValueError,
+        ["parameter 'm'", "body_mass[amr]", "did you mean arm"],
+    ),
+    (
+        {"parameters": {"m": Parameter("body_mas[arm]", low=1, high=2)}},
+        ValueError,
+        ["parameter 'm'", "body_mas", "did you mean body_mass"],
+    ),
+    ({"seed": -1}, ValueError, ["seed is -1, must be a whole number of at least 0"]),
+    ({"precision": "f16"}, ValueError, ["did you mean"]),
+    ({"parameters": {"d": Parameter("sensor.delay[angel]", low=0, high=1)}}, ValueError, ["parameter 'd'", "did you mean angle"]),
+    ({"parameters": {"d": Parameter("actuator.delay[sevro]", low=0, high=1)}}, ValueError, ["parameter 'd'", "did you mean servo"]),
+])  # fmt: skip
 def test_what_is_wrong_is_named_at_once(given, kind, parts):
     for model in (ARM, stepper.load(ARM), lambda: ARM):
         with pytest.raises(kind) as error:
@@ -63,19 +61,16 @@ def test_what_is_wrong_is_named_at_once(given, kind, parts):
         assert all(part in str(error.value) for part in parts), str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("own", "parts"),
-    [
-        ({"engine": "mujoco", "cones": "elliptic"}, ["no setting 'cones'", "did you mean cone?"]),
-        ({"engine": "mujoco", "cone": "eliptic"}, ["no cone 'eliptic'", "did you mean elliptic?", "pyramidal"]),
-        ({"engine": "mujoco", "iterations": 2.5}, ["iterations is 2.5", "a whole number of at least 0"]),
-        ({"engine": "mujoco", "timestep": 0}, ["timestep is 0", "a number above 0"]),
-        ({"engine": "mujoco", "tolerance": "1e-8"}, ["tolerance is '1e-8'", "a number of at least 0"]),
-        ({"cone": "elliptic"}, ["unknown ['cone']", 'add engine = "mujoco"']),
-        ({"contact": "mujco"}, ["contact is 'mujco'", "did you mean mujoco?"]),
-        ({"precision": "f16"}, ["precision is 'f16'", "'f32'"]),
-    ],
-)
+@pytest.mark.parametrize(("own", "parts"), [
+    ({"engine": "mujoco", "cones": "elliptic"}, ["no setting 'cones'", "did you mean cone?"]),
+    ({"engine": "mujoco", "cone": "eliptic"}, ["no cone 'eliptic'", "did you mean elliptic?", "pyramidal"]),
+    ({"engine": "mujoco", "iterations": 2.5}, ["iterations is 2.5", "a whole number of at least 0"]),
+    ({"engine": "mujoco", "timestep": 0}, ["timestep is 0", "a number above 0"]),
+    ({"engine": "mujoco", "tolerance": "1e-8"}, ["tolerance is '1e-8'", "a number of at least 0"]),
+    ({"cone": "elliptic"}, ["unknown ['cone']", 'add engine = "mujoco"']),
+    ({"contact": "mujco"}, ["contact is 'mujco'", "did you mean mujoco?"]),
+    ({"precision": "f16"}, ["precision is 'f16'", "'f32'"]),
+])  # fmt: skip
 def test_settings_are_checked_before_any_episode(own, parts):
     with pytest.raises(ValueError, match="settings 'other'") as error:
         Study(model=ARM, settings={"other": own})
@@ -88,7 +83,18 @@ def arm():
 
 @pytest.mark.parametrize(("call", "message"), [
     (lambda out: Parameter("gravity[2]", values=3.0), "values is 3.0, must be a list of values"),
+    (lambda out: Parameter("gravity[2]", low=-10.0, high=-9.0, nominal=[]), r"nominal of 'gravity\[2\]' has \[\], must be finite numbers"),
+    (lambda out: Parameter("gravity[2]", low=-10.0, high=-9.0, nominal=np.nan), r"nominal of 'gravity\[2\]' has nan, must be finite"),
+    (lambda out: Parameter("gravity[2]", low=-10.0, high=-9.0, values=[(1, 2)]), r"values of 'gravity\[2\]' has \(1, 2\), must be finite"),
     (lambda out: Study(model=ARM, name=3), "name is 3, must be a text"),
+    (lambda out: Study(model=ARM, seconds="1.5"), "seconds is '1.5', must be a number"),
+    (lambda out: Study(model=ARM, control=[0.02, -1.0]), r"control is \[0.02, -1.0\], must be a number"),
+    (lambda out: Study(model=ARM, qvel_noise="much"), "qvel_noise is 'much', must be a number"),
+    (lambda out: Study(model=ARM, episodes=2.5), "episodes is 2.5, must be a whole number"),
+    (lambda out: Study(model=ARM, batch=np.array([8, 16])), r"batch is array\(\[ 8, 16\]\), must be a whole number"),
+    (lambda out: Study(model=ARM, options={"timestep": 0.01}), r"options is .*, must be a stepper.Options: write stepper.Options"),
+    (lambda out: Study(model=ARM, sensors={"hinge": 0.1}), "sensors is .*, must be a stepper.SensorModel: write"),
+    (lambda out: Outcome(name="a", measure="joint hinge", success=0.2), r"outcome 'a': success is 0\.2, must be a comparison such as"),
     (lambda out: Outcome(name=3, measure="joint hinge"), "the name of an Outcome is 3, must be a text"),
     (lambda out: Outcome(name="x", measure="joint hinge", unit=3), "outcome 'x': unit is 3, must be a text"),
     (lambda out: Outcome(name="x", measure="joint hinge", margin="small"), "outcome 'x': margin is 'small', must be a number"),
@@ -106,18 +112,8 @@ def arm():
     (lambda out: tune(arm(), out, error="1 mm", horizon="1 s", coverage="0.9"), "coverage is '0.9', must be a number"),
 ])  # fmt: skip
 def test_arguments_of_another_type_are_named(tmp_path, call, message):
-    with pytest.raises(TypeError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         call(tmp_path)
-
-
-@pytest.mark.parametrize(("given", "message"), [
-    ({"nominal": []}, r"nominal of 'gravity\[2\]' has \[\], must be finite numbers"),
-    ({"nominal": float("nan")}, r"nominal of 'gravity\[2\]' has nan, must be finite numbers"),
-    ({"values": [(1, 2)]}, r"values of 'gravity\[2\]' has \(1, 2\), must be finite numbers"),
-])  # fmt: skip
-def test_values_of_parameters_are_numbers(given, message):
-    with pytest.raises(ValueError, match=message):
-        Parameter("gravity[2]", **({"low": -10.0, "high": -9.0} | given))
 
 
 def test_settings_of_mujoco_run():

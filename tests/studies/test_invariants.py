@@ -6,17 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from stepper.lab.accuracy.invariants import (
-    ANGULAR,
-    CONSERVED,
-    ENERGY,
-    LIMITS,
-    LOOPS,
-    MOMENTUM,
-    NORM,
-    PENETRATION,
-    Invariants,
-)
+from stepper.lab.accuracy.invariants import ANGULAR, CONSERVED, ENERGY, LIMITS, LOOPS, MOMENTUM, NORM, PENETRATION, Invariants
 from stepper.lab.accuracy.traces import run
 
 SPACE = """<mujoco><option gravity="0 0 -3"/><worldbody><body><freejoint/><geom type="box" size=".1 .2 .05" contype="0" conaffinity="0"/>

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 import stepper
 from stepper.lab import Outcome, Parameter, Study
-from stepper.lab.study.batches import group_of, run_episodes, run_points, world_of
+from stepper.lab.study.batches import Point, group_of, run_episodes, run_points, world_of
 from stepper.lab.study.journal import Journal
-from stepper.lab.study.points import Point
 from stepper.lab.study.worlds import own_fields
 
 # A pendulum at its limit and a ball on the floor, of soft constraints: how far they give follows from the weights.

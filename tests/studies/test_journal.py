@@ -14,8 +14,7 @@ import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stepper.lab.study.journal import Journal, JournalError, rows_of
-from stepper.lab.study.results import JOURNAL
+from stepper.lab.study.journal import JOURNAL, Journal, JournalError, rows_of
 
 ROWS = [{"key": str(k), "x": x} for k, x in enumerate([0.1, math.inf, math.nan, 1e-300])]
 ANOTHER = """

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from stepper.cli.app import application
 from stepper.lab.study.document import Document, Section, cell
 from stepper.lab.study.draw import WIDEST, figure_of
+from stepper.lab.study.journal import Table
 from stepper.lab.study.report import _differences, _no_cliff
 from stepper.lab.study.sweep import Cliff, Level, Sweep
-from stepper.lab.study.table import Table
 from stepper.shared.files import existing, os_error_message
 from stepper.shared.progress import show_progress
 
@@ -364,15 +364,12 @@ def test_parameters_without_a_cliff_are_listed_with_their_range(tmp_path):
     assert ("MuJoCo", "solver") not in rows  # MuJoCo has no solver auto, which the page says elsewhere.
 
 
-@pytest.mark.parametrize(
-    ("successes", "told"),
-    [
-        ([2, 2, 2], "same number of successes between 0.1 and 0.3"),
-        ([4, 3, 2], "share of successes at least one half between 0.1 and 0.3"),
-        ([1, 0, 1], "share of successes below one half between 0.1 and 0.3"),
-        ([4, 0, 0], "share of successes crosses one half, not located, between 0.1 and 0.3"),
-    ],
-)
+@pytest.mark.parametrize(("successes", "told"), [
+    ([2, 2, 2], "same number of successes between 0.1 and 0.3"),
+    ([4, 3, 2], "share of successes at least one half between 0.1 and 0.3"),
+    ([1, 0, 1], "share of successes below one half between 0.1 and 0.3"),
+    ([4, 0, 0], "share of successes crosses one half, not located, between 0.1 and 0.3"),
+])  # fmt: skip
 def test_a_row_without_a_cliff_says_whether_outcomes_changed(successes, told):
     levels = [
         Level("stepper", "p", value, 4, count, 4, (0.0, 1.0), 0.0, math.nan, (0.0, math.nan), 0, 0)

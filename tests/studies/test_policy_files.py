@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import stepper
 import stepper.policies
 from servo_arm import ARM, angles
@@ -80,15 +79,3 @@ class Count:
     study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
     one, all_ = (stepper.lab.sweep(replace(study, batch=n), tmp_path / f"{n}").sweep.table.rows for n in (1, 2))
     assert [row["outcomes"] for row in one] == [row["outcomes"] for row in all_]
-
-
-def test_controls_of_another_shape_are_named(tmp_path):
-    study = stepper.lab.Study(
-        model=ARM,
-        controller=stepper.lab.PolicyController(lambda seen: seen),
-        episodes=3,
-        seconds=0.02,
-        outcomes=stepper.lab.Outcome(name="a", measure="joint hinge"),
-    )
-    with pytest.raises(ValueError, match=r"returned the shape \(3, 2\), must be \(num_envs, nu\), which is \(3, 1\)"):
-        stepper.lab.sweep(study, tmp_path)

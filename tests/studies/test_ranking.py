@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 import stepper
-from stepper.lab.study.journal import rows_of
-from stepper.lab.study.results import JOURNAL
+from stepper.lab.study.journal import JOURNAL, rows_of
 from typer.testing import CliRunner
 
 BALL = '<mujoco><worldbody><body name="ball"><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
@@ -69,29 +68,26 @@ def test_the_table_of_a_sweep_stays(tmp_path):
     assert [(tmp_path / "known" / name).read_bytes() for name in ("table.csv", "table.npz")] == before
 
 
-@pytest.mark.parametrize(
-    ("study", "given", "message"),
-    [
-        (of(ishigami), {"samples": 48}, "samples is 48, must be a power of 2"),
-        (
-            of(lambda now: np.asarray(now.parameters["x"], float) * np.asarray(now.parameters["y"], float), success="> 4", seed=4),
-            {"samples": 2},
-            "the outcome is the same at all 4 independent points and differs at others",
-        ),
-        (of(ishigami), {"parameters": ["w"]}, "there is no parameter 'w', there are: x, y, z; or give a selector with its range"),
-        (of(ishigami), {"parameters": ["x"]}, "1 parameter with low and high, must have two"),
-        (of(ishigami), {"setting": "fast"}, "no settings 'fast'"),
-        (of(ishigami, outcomes=None), {}, "no outcome"),
-        (of(lambda now: np.zeros(now.num_envs)), {"samples": 2}, "value is the same at all 10 points"),
-        (of(ishigami, success="> 1e9"), {"samples": 2}, "as many episodes succeed at all 10 points, 0% of them by value > 1e9, so that no"),
-        (of(lambda now: np.log(np.asarray(now.parameters["x"], float))), {"samples": 4}, "value is not finite in"),
-        (
-            of(ishigami, parameters={"step": stepper.lab.Parameter("options.timestep", low=0.001, high=0.002)}),
-            {"parameters": ["step"]},
-            "is an option of the step",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("study", "given", "message"), [
+    (of(ishigami), {"samples": 48}, "samples is 48, must be a power of 2"),
+    (
+        of(lambda now: np.asarray(now.parameters["x"], float) * np.asarray(now.parameters["y"], float), success="> 4", seed=4),
+        {"samples": 2},
+        "the outcome is the same at all 4 independent points and differs at others",
+    ),
+    (of(ishigami), {"parameters": ["w"]}, "there is no parameter 'w', there are: x, y, z; or give a selector with its range"),
+    (of(ishigami), {"parameters": ["x"]}, "1 parameter with low and high, must have two"),
+    (of(ishigami), {"setting": "fast"}, "no settings 'fast'"),
+    (of(ishigami, outcomes=None), {}, "no outcome"),
+    (of(lambda now: np.zeros(now.num_envs)), {"samples": 2}, "value is the same at all 10 points"),
+    (of(ishigami, success="> 1e9"), {"samples": 2}, "as many episodes succeed at all 10 points, 0% of them by value > 1e9, so that no"),
+    (of(lambda now: np.log(np.asarray(now.parameters["x"], float))), {"samples": 4}, "value is not finite in"),
+    (
+        of(ishigami, parameters={"step": stepper.lab.Parameter("options.timestep", low=0.001, high=0.002)}),
+        {"parameters": ["step"]},
+        "is an option of the step",
+    ),
+])  # fmt: skip
 @pytest.mark.filterwarnings("ignore:invalid value encountered in log")
 def test_what_cannot_be_ranked_is_named(tmp_path, study, given, message):
     with pytest.raises(ValueError, match=message):

@@ -6,8 +6,7 @@ from envs.test_terms import ROBOT, made
 from stepper.envs import BatchView
 from stepper.envs.quantities import base_height, base_linvel, gravity, joint_pos
 from stepper.lab import Outcome, Study
-from stepper.lab.study.batches import begin, run_episodes, world_of
-from stepper.lab.study.points import USUAL
+from stepper.lab.study.batches import USUAL, begin, run_episodes, world_of
 
 
 def world(engine, **given):

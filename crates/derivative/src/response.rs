@@ -80,7 +80,7 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
         let (response, before) = self.impulses.of(solve);
         self.lanes &= !lanes | is_solved(&self.settings, residual).bits();
-        let name = |kind: usize, i: usize, lane: usize| names.of(kind, i, lane);
+        let name = |i: usize, lane: usize| names.of(i, lane);
         self.lanes &= !lanes | response.settle(system, impulses, self.lanes & lanes, name, before);
     }
 
@@ -89,7 +89,7 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
     fn set(&mut self, problem: ImpulseProblem<'_, R>) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
         let (response, before) = self.impulses.of(solve);
-        let name = |kind: usize, i: usize, lane: usize| names.of(kind, i, lane);
+        let name = |i: usize, lane: usize| names.of(i, lane);
         self.lanes &= !response.respond(system, impulses, self.lanes & lanes, name, before);
         response.compare(system, impulses, self.lanes & lanes, &mut *self.near);
     }

@@ -7,7 +7,7 @@
 //! | 8 | [`MAGIC`] |
 //! | 4 | [`FORMAT_VERSION`], little endian |
 //! | 32 | SHA-256 of the payload |
-//! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian): the lane's constraints, kind by kind |
+//! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian): the lane's scalar rows, then its contacts |
 
 use std::fmt;
 use std::path::Path;
@@ -16,9 +16,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{Impulse, SavedConstraint};
-use crate::constraints::{by_kind, each_kind, make_kinds};
-use crate::iterate::{Iterate, rows_of};
+use crate::constraints::constraint_set::SavedConstraint;
+use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
 use crate::solver::Settings;
 use stepper_real::{Mask, Real, Scalar};
@@ -27,7 +26,7 @@ use stepper_real::{Mask, Real, Scalar};
 const MAGIC: [u8; 8] = *b"problem\xff";
 
 /// Version of the format of saved problems. It changes whenever the payload changes.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 
 /// Number of bytes of a saved problem before its payload.
 const HEADER: usize = 8 + 4 + 32;
@@ -35,18 +34,18 @@ const HEADER: usize = 8 + 4 + 32;
 /// Largest number of coordinates of a loaded problem. It bounds the memory that is reserved before anything is solved.
 const MOST_COORDINATES: usize = 1 << 20;
 
-by_kind! {
-    /// Payload of a file: one lane of a problem, and the limits of its solve.
-    #[derive(Debug, Serialize, Deserialize)]
-    struct Payload[] {
-        dimension: usize,
-        redundant: bool,
-        sweeps: u32,
-        newton_steps: u32,
-        tolerance: f64,
-        newton_threshold: f64,
-        accepted_residual: f64,
-    } each same Vec<SavedConstraint>
+/// Payload of a file: one lane of a problem, and the limits of its solve.
+#[derive(Debug, Serialize, Deserialize)]
+struct Payload {
+    dimension: usize,
+    redundant: bool,
+    sweeps: u32,
+    newton_steps: u32,
+    tolerance: f64,
+    newton_threshold: f64,
+    accepted_residual: f64,
+    scalars: Vec<SavedConstraint>,
+    contacts: Vec<SavedConstraint>,
 }
 
 /// Error of a saved problem that cannot be read.
@@ -85,10 +84,10 @@ impl<R: Real> System<'_, R> {
         let Settings { sweeps, newton_steps, tolerance, newton_threshold, accepted_residual } = *settings;
         let [tolerance, newton_threshold, accepted_residual] =
             [tolerance, newton_threshold, accepted_residual].map(|x| x.lane(lane).to_f64());
-        let payload = make_kinds!(
-            Payload { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, accepted_residual, }
-            [set: &self.problem] [rows: self] [impulses: &iterate] => set.save(rows, impulses, lane)
-        );
+        let scalars = self.problem.scalars.save(self.scalars, &iterate.scalars, lane);
+        let contacts = self.problem.contacts.save(self.contacts, &iterate.contacts, lane);
+        let payload =
+            Payload { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, accepted_residual, scalars, contacts };
         let payload = postcard::to_stdvec(&payload).expect("a problem is plain data in memory: numbers and sequences of known length");
         let digest: [u8; 32] = Sha256::digest(&payload).into();
         [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
@@ -147,19 +146,22 @@ impl Payload {
         if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && limits.iter().all(|&limit| limit >= tolerance)) {
             return Err(format!("{dimension} coordinates, tolerance {tolerance}, limits {limits:?}: not of a problem"));
         }
-        let capacity = make_kinds!(Capacity { dimension, scalar_entries: 0, columns_per_contact: 0, } [saved: &self] => saved.len());
+        let mut capacity = Capacity::of_coordinates(dimension);
+        capacity.scalars = self.scalars.len();
         let (mut problem, mut iterate) = (Problem::<R>::new(&capacity), Iterate::<R>::new(&capacity));
-        each_kind!([saved: &self] [set: &mut problem] [impulses: &mut iterate] => {
-            for (i, saved) in saved.iter().enumerate() {
-                if !saved.is_sound(dimension, rows_of::<R, _>(impulses)) {
-                    return Err(format!("constraint {i} of its kind has numbers that no constraint has"));
-                }
-                set.load(saved);
-                impulses.push(Impulse::zero());
-                let own = impulses.last_mut().map(std::slice::from_mut).expect("one was pushed");
-                Impulse::<R>::flatten_mut(own).iter_mut().zip(&saved.impulse).for_each(|(to, &x)| *to = R::of(x));
+        for (what, list, rows) in [("scalar row", &self.scalars, &[1][..]), ("contact", &self.contacts, &[3, 4, 6])] {
+            if let Some(i) = list.iter().position(|saved| !saved.is_sound(dimension, rows)) {
+                return Err(format!("{what} {i} has numbers that no {what} has"));
             }
-        });
+        }
+        for saved in &self.scalars {
+            problem.scalars.load(saved);
+            iterate.scalars.extend(saved.impulse.iter().map(|&x| R::of(x)));
+        }
+        for saved in &self.contacts {
+            problem.contacts.load(saved);
+            iterate.contacts.extend(saved.impulse.iter().map(|&x| R::of(x)));
+        }
         problem.newly_loaded = R::Mask::splat(redundant);
         iterate.compute_w(&problem);
         let [tolerance, newton_threshold, accepted_residual] = [tolerance, newton_threshold, accepted_residual].map(R::of);

@@ -20,8 +20,9 @@
 //! A solve reads a [`System`], that of the problem or that of [`PositionRows`].
 //!
 //! The interface is generic over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. Newton's method computes one lane at
-//! a time, in f64. Each kind of constraint has one file in `constraints/`. The file has the operations of the kind in a sweep, in the
-//! residual, in Newton's method and in the position solve.
+//! a time, in f64. The files `scalar.rs` and `friction.rs` in `constraints/` have the two kinds of constraints: scalar rows, and
+//! contacts with any number of rows. They have the operations of the kind in a sweep, in the residual, in Newton's method and in the
+//! position solve.
 
 mod admissible_set;
 mod capacity;
@@ -42,12 +43,11 @@ mod vectors;
 
 pub use admissible_set::AdmissibleSet;
 pub use capacity::Capacity;
-pub use constraints::constraint_set::Damping;
-pub use constraints::friction::{FrictionContact, FrictionContacts, LocalSolver};
+pub use constraints::constraint_set::{Constraint, Damping};
+pub use constraints::friction::{FrictionContact, FrictionContacts, MAX_CONTACT_ROWS, RowCount};
+pub use constraints::local_solver::LocalSolver;
 pub use constraints::orthogonalisation::{EntryScales, ROUNDING_RATIO, RowScales, dependence_threshold, velocity_rounding};
-pub use constraints::rolling::{RollingContact, RollingContacts};
 pub use constraints::scalar::{ScalarRow, ScalarRows};
-pub use constraints::sliding::{SlidingContact, SlidingContacts};
 pub use file::{FORMAT_VERSION, FileError, LoadedProblem};
 pub use iterate::{Iterate, Snapshot};
 pub use position_rows::PositionRows;

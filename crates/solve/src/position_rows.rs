@@ -12,44 +12,49 @@
 //! the bounds c_d meets the targets (weak duality).
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{Damping, ReferenceRows, Rows};
-use crate::constraints::{by_kind, each_kind, make_kinds};
+use crate::constraints::constraint_set::{ConstraintList, Damping, ReferenceRows};
+use crate::constraints::friction::ContactList;
+use crate::constraints::scalar::ScalarList;
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
 use crate::reference::Reference;
 use crate::residual::WorstConstraint;
 use stepper_real::{Mask, Real, kernel};
 
-by_kind! {
-    /// Rows of the position solve: copies of the rows of a [`Problem`], with other offsets g and more compliance. The problem does not
-    /// change.
-    #[derive(Clone, Debug)]
-    pub struct PositionRows[R: Real] {} each Rows[]
+/// Rows of the position solve: copies of the rows of a [`Problem`], with other offsets g and more compliance. The problem does not change.
+#[derive(Clone, Debug)]
+pub struct PositionRows<R: Real> {
+    /// Copies of the scalar rows.
+    scalars: ScalarList<R>,
+    /// Copies of the contacts.
+    contacts: ContactList<R>,
 }
 
 impl<R: Real> PositionRows<R> {
     /// Empty rows, with memory for a problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
-        make_kinds!(Self {} [count: capacity] => Rows::with_capacity(count))
+        Self { scalars: ScalarList::with_capacity(capacity), contacts: ContactList::with_capacity(capacity) }
     }
 
     /// Copies the rows of a problem. Their offsets are those of the velocity solve until [`PositionRows::exchange_offsets`].
     #[inline(always)]
     pub fn copy(&mut self, problem: &Problem<R>) {
-        each_kind!([own: &mut self] [set: &problem] => own.copy(&set.rows));
+        self.scalars.copy(&problem.scalars.rows);
+        self.contacts.copy(&problem.contacts.rows);
     }
 
     /// System for a solver: these rows with the problem `problem`. The rows must be copies of the rows of that problem.
     #[inline(always)]
     pub fn system<'a>(&'a self, problem: &'a Problem<R>) -> System<'a, R> {
-        make_kinds!(System { problem, needs_residual: true, } [own: &self] => own)
+        System { problem, needs_residual: true, scalars: &self.scalars, contacts: &self.contacts }
     }
 
     /// Exchanges, in every row, the offset of the velocity solve and that of the position solve. A solve of these rows is then a position
     /// solve.
     #[inline(always)]
     pub fn exchange_offsets(&mut self) {
-        each_kind!([own: &mut self] => own.exchange_offsets(R::Mask::splat(true)));
+        self.scalars.exchange_offsets(R::Mask::splat(true));
+        self.contacts.exchange_offsets(R::Mask::splat(true));
     }
 
     /// Damps the targets of all rows by a compliance, which acts on the difference from the impulses of `iterate`. These impulses therefore
@@ -64,46 +69,66 @@ impl<R: Real> PositionRows<R> {
         problem: &Problem<R>,
         iterate: &Iterate<R>,
         damping: Damping<R>,
-        mut added_mobilities: &[R],
+        added_mobilities: &[R],
         reference: &mut Reference<R>,
     ) {
         let Reference { w, lambda, g, .. } = reference;
         w.clone_from(&iterate.w);
         lambda.clear();
         g.clear();
-        each_kind!([own: &mut self] [set: &problem] [impulses: &iterate] => {
-            let added_mobilities = take(&mut added_mobilities, own.items.len());
-            set.damp(own, impulses, damping, added_mobilities, [&mut *lambda, &mut *g]);
-        });
+        let (scalars, contacts) = added_mobilities.split_at(problem.scalars.len());
+        problem.scalars.damp(&mut self.scalars, &iterate.scalars, damping, scalars, [&mut *lambda, &mut *g]);
+        problem.contacts.damp(&mut self.contacts, &iterate.contacts, damping, contacts, [lambda, g]);
     }
 }
 
 impl<R: Real> System<'_, R> {
+    /// Calls `f` with the velocity by which damping prevents each constraint from meeting its target, m/s or rad/s. `reference` has the
+    /// impulses at which damping causes no velocity.
+    #[inline(always)]
+    fn for_each_shortfall(&self, iterate: &Iterate<R>, reference: &Reference<R>, mut f: impl FnMut(R)) {
+        let (scalars, contacts) = reference.lambda.split_at(self.problem.scalars.len());
+        self.problem.scalars.for_each_shortfall(self.scalars, &iterate.scalars, scalars, &mut f);
+        self.problem.contacts.for_each_shortfall(self.contacts, &iterate.contacts, contacts, f);
+    }
+
+    /// Calls `f` with the target of each constraint that no impulse can move, m/s or rad/s; 0 for the others.
+    #[inline(always)]
+    fn for_each_immovable_target(&self, mut f: impl FnMut(R)) {
+        self.problem.scalars.for_each_immovable_target(self.scalars, &mut f);
+        self.problem.contacts.for_each_immovable_target(self.contacts, f);
+    }
+
+    /// Calls `f` with the target velocity of each constraint that no impulse can move, without position corrections, m/s or rad/s; 0 for
+    /// the others.
+    #[inline(always)]
+    fn for_each_unmet_velocity(&self, mut f: impl FnMut(R)) {
+        self.problem.scalars.for_each_unmet_velocity(self.scalars, &mut f);
+        self.problem.contacts.for_each_unmet_velocity(self.contacts, f);
+    }
+
     /// Largest velocity by which damping prevents a row from meeting its target, m/s or rad/s. `reference` has the impulses at which
     /// damping causes no velocity.
     #[inline(always)]
     pub fn shortfall(&self, iterate: &Iterate<R>, reference: &Reference<R>) -> R {
-        let (mut most, mut before) = (R::zero(), &reference.lambda[..]);
-        each_kind!([set: &self.problem] [rows: self] [impulses: &iterate] => set.for_each_shortfall(
-            rows,
-            impulses,
-            take(&mut before, rows.items.len()),
+        let mut most = R::zero();
+        self.for_each_shortfall(
+            iterate,
+            reference,
             #[inline(always)]
             |x| most = most.max(x),
-        ));
+        );
         most
     }
 
     /// Constraint of lane `lane` that misses its position target by the largest velocity, because of damping or because no impulse can move
-    /// it. The result is its index, counted over all kinds in their order; `None` if all targets are met.
+    /// it. The result is its index, which counts the scalar rows first; `None` if all targets are met.
     pub fn worst_position_target(&self, iterate: &Iterate<R>, reference: &Reference<R>, lane: usize) -> Option<usize> {
         kernel!(R, || {
-            let (mut worst, mut before) = (WorstConstraint::new(lane), &reference.lambda[..]);
-            each_kind!([set: &self.problem] [rows: self] [impulses: &iterate] => {
-                set.for_each_shortfall(rows, impulses, take(&mut before, rows.items.len()), |x| worst.visit(x));
-            });
+            let mut worst = WorstConstraint::new(lane);
+            self.for_each_shortfall(iterate, reference, |x| worst.visit(x));
             worst.restart();
-            each_kind!([set: &self.problem] [rows: self] => set.for_each_immovable_target(rows, |x| worst.visit(x)));
+            self.for_each_immovable_target(|x| worst.visit(x));
             worst.constraint().map(|(i, _)| i)
         })
     }
@@ -112,11 +137,10 @@ impl<R: Real> System<'_, R> {
     #[inline(always)]
     pub fn immovable_target(&self) -> R {
         let mut most = R::zero();
-        each_kind!([set: &self.problem] [rows: self] => set.for_each_immovable_target(
-            rows,
+        self.for_each_immovable_target(
             #[inline(always)]
             |x| most = most.max(x),
-        ));
+        );
         most
     }
 
@@ -128,20 +152,19 @@ impl<R: Real> System<'_, R> {
     #[inline(always)]
     pub fn unmet_velocity(&self) -> R {
         let mut most = R::zero();
-        each_kind!([set: &self.problem] [rows: self] => set.for_each_unmet_velocity(
-            rows,
+        self.for_each_unmet_velocity(
             #[inline(always)]
             |x| most = most.max(x),
-        ));
+        );
         most
     }
 
-    /// Constraint of lane `lane` with the largest part in [`System::unmet_velocity`]. The result is its index, counted over all kinds in
-    /// their order; `None` if all parts are 0.
+    /// Constraint of lane `lane` with the largest part in [`System::unmet_velocity`]. The result is its index, which counts the scalar rows
+    /// first; `None` if all parts are 0.
     pub fn worst_unmet_velocity(&self, lane: usize) -> Option<usize> {
         kernel!(R, || {
             let mut worst = WorstConstraint::new(lane);
-            each_kind!([set: &self.problem] [rows: self] => set.for_each_unmet_velocity(rows, |x| worst.visit(x)));
+            self.for_each_unmet_velocity(|x| worst.visit(x));
             worst.constraint().map(|(i, _)| i)
         })
     }
@@ -156,20 +179,9 @@ impl<R: Real> System<'_, R> {
         let Reference { w, lambda, g, momentum } = reference;
         momentum.clear();
         momentum.resize(w.len(), R::zero());
-        let (mut lambda, mut g, mut missing_work) = (&lambda[..], &g[..], R::zero());
-        each_kind!([set: &self.problem] [rows: self] [impulses: &iterate] => {
-            let n = rows.items.len();
-            let before = ReferenceRows { lambda: take(&mut lambda, n), g: take(&mut g, n) };
-            missing_work = set.witness(rows, impulses, before, w, momentum, missing_work);
-        });
-        missing_work
+        let n = self.problem.scalars.len();
+        let [scalars, contacts] = [(&lambda[..n], &g[..n]), (&lambda[n..], &g[n..])].map(|(lambda, g)| ReferenceRows { lambda, g });
+        let work = self.problem.scalars.witness(self.scalars, &iterate.scalars, scalars, w, momentum, R::zero());
+        self.problem.contacts.witness(self.contacts, &iterate.contacts, contacts, w, momentum, work)
     }
-}
-
-/// Splits off the first `n` entries of a list with one entry for each constraint, and returns them. `list` keeps the other entries.
-#[inline(always)]
-fn take<'a, R>(list: &mut &'a [R], n: usize) -> &'a [R] {
-    let (first, rest) = list.split_at(n);
-    *list = rest;
-    first
 }

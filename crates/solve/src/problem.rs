@@ -1,49 +1,54 @@
 //! Constraint problem, which no solve changes, and the system of rows that one solve reads.
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{ConstraintSet, RowsRef};
-use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
+use crate::constraints::constraint_set::{ConstraintList, ConstraintSet};
+use crate::constraints::friction::{ContactList, FrictionContacts, RowCount};
+use crate::constraints::scalar::{ScalarList, ScalarRows};
 use stepper_real::{Mask, Real};
 
-by_kind! {
-    /// Constraint problem of one step, for every lane: one set of constraints for each kind (scalar rows, contacts, contacts with rolling
-    /// friction). Each row has an offset for the velocity solve and one for the position solve. A solve does not change the problem.
-    #[derive(Clone, Debug)]
-    pub struct Problem[R: Real] {
-        /// Number of coordinates of the scaled velocity change w, one per degree of freedom. In these coordinates the kinetic energy is
-        /// |w|^2 / 2.
-        dimension: usize,
-        /// Lanes with redundant supports that take up load for the first time. The solver first computes impulses of least norm in these
-        /// lanes, which distribute the load evenly.
-        ///
-        /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example.
-        pub newly_loaded: R::Mask,
-        /// Mobility of a contact along its normal below which the contact is immovable, 1/kg. A new value applies to the contacts that are
-        /// appended after it.
-        pub least_mobility: R,
-    } each ConstraintSet[R]
+/// Constraint problem of one step, for every lane. Each row has an offset for the velocity solve and one for the position solve. A solve
+/// does not change the problem. Sweeps visit the scalar rows first.
+#[derive(Clone, Debug)]
+pub struct Problem<R: Real> {
+    /// Number of coordinates of the scaled velocity change w, one per degree of freedom. In these coordinates the kinetic energy is
+    /// |w|^2 / 2.
+    dimension: usize,
+    /// Lanes with redundant supports that take up load for the first time. The solver first computes impulses of least norm in these
+    /// lanes, which distribute the load evenly.
+    ///
+    /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example.
+    pub newly_loaded: R::Mask,
+    /// Mobility of a contact along its normal below which the contact is immovable, 1/kg. A new value applies to the contacts that are
+    /// appended after it.
+    pub least_mobility: R,
+    /// Scalar rows: equalities, limits and dry friction.
+    pub scalars: ScalarRows<R>,
+    /// Contacts, with any number of rows.
+    pub contacts: FrictionContacts<R>,
 }
 
-by_kind! {
-    /// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve.
-    ///
-    /// A system made from a `&Problem` is solved for velocities. One made from [`PositionRows`](crate::PositionRows) is solved for
-    /// positions: its rows have other offsets.
-    #[derive(Clone, Copy, Debug)]
-    pub struct System['a, R: Real] {
-        /// Problem, which the velocity solve and the position solve share.
-        pub(crate) problem: &'a Problem<R>,
-        /// Whether the solve must end with the residual of its impulses. For this it recomputes the scaled velocity change w from the
-        /// impulses, and evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little,
-        /// and Newton's method makes one pass.
-        pub(crate) needs_residual: bool,
-    } each RowsRef['a]
+/// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve.
+///
+/// A system made from a `&Problem` is solved for velocities. One made from [`PositionRows`](crate::PositionRows) is solved for
+/// positions: its rows have other offsets.
+#[derive(Clone, Copy, Debug)]
+pub struct System<'a, R: Real> {
+    /// Problem, which the velocity solve and the position solve share.
+    pub(crate) problem: &'a Problem<R>,
+    /// Whether the solve must end with the residual of its impulses. For this it recomputes the scaled velocity change w from the
+    /// impulses, and evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little,
+    /// and Newton's method makes one pass.
+    pub(crate) needs_residual: bool,
+    /// Scalar rows of this solve.
+    pub(crate) scalars: &'a ScalarList<R>,
+    /// Contacts of this solve.
+    pub(crate) contacts: &'a ContactList<R>,
 }
 
 impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
     #[inline(always)]
     fn from(problem: &'a Problem<R>) -> Self {
-        make_kinds!(System { problem, needs_residual: true, } [set: &problem] => &set.rows)
+        System { problem, needs_residual: true, scalars: &problem.scalars.rows, contacts: &problem.contacts.rows }
     }
 }
 
@@ -64,14 +69,21 @@ impl<R: Real> Problem<R> {
 
     /// Empty problem with memory for this capacity.
     pub fn new(capacity: &Capacity) -> Self {
-        let (dimension, newly_loaded, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
-        make_kinds!(Self { dimension, newly_loaded, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
+        let columns = capacity.columns_per_contact;
+        Self {
+            dimension: capacity.dimension,
+            newly_loaded: R::Mask::splat(false),
+            least_mobility: R::zero(),
+            scalars: ConstraintSet::new(capacity, capacity.scalar_entries, capacity.scalar_entries),
+            contacts: ConstraintSet::new(capacity, columns * capacity.all_contacts(), columns * capacity.contact_rows()),
+        }
     }
 
     /// Removes all rows.
     #[inline(always)]
     pub fn clear(&mut self) {
-        each_kind!([set: &mut self] => set.clear());
+        self.scalars.clear();
+        self.contacts.clear();
         self.newly_loaded = R::Mask::splat(false);
     }
 
@@ -84,29 +96,21 @@ impl<R: Real> Problem<R> {
     /// Whether the problem has no rows.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        let mut empty = true;
-        each_kind!([set: &self] => empty &= set.rows.items.is_empty());
-        empty
+        self.scalars.is_empty() && self.contacts.is_empty()
     }
 
-    /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `columns`, ascending.
-    ///
-    /// The contact exists in the lanes `exists`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
-    /// velocity before any impulse, plus its bias (minus the target velocity).
-    #[inline(always)]
-    pub fn push_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 3], exists: R::Mask, mu: R, g: [R; 3]) {
-        self.contacts.push(columns, y, exists, mu, g, self.least_mobility);
-    }
-
-    /// Appends a contact with rolling friction, whose rows (n, t1, t2, spin, roll1, roll2) have the entries `y` at the coordinates
-    /// `columns`, ascending.
+    /// Appends a contact with three rows (n, t1, t2), with four rows (n, t1, t2, spin) if it has torsional friction, or with six rows
+    /// (n, t1, t2, spin, roll1, roll2) if it has rolling friction. The rows have the entries `y` at the coordinates `columns`, ascending.
     ///
     /// The contact exists in the lanes `exists`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
     /// velocity before any impulse, plus its bias (minus the target velocity). The rows must be scaled so that all of them have the
     /// friction coefficient `mu`.
     #[inline(always)]
-    pub fn push_rolling_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 6], exists: R::Mask, mu: R, g: [R; 6]) {
-        self.rolling_contacts.push(columns, y, exists, mu, g, self.least_mobility);
+    pub fn push_contact<const N: usize>(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], exists: R::Mask, mu: R, g: [R; N])
+    where
+        [R; N]: RowCount<R, N>,
+    {
+        self.contacts.push(columns, y, exists, mu, g, self.least_mobility);
     }
 
     /// Changes the offsets of all rows after a change of the free velocity. The offsets of the velocity solve and of
@@ -114,85 +118,15 @@ impl<R: Real> Problem<R> {
     /// Each offset increases by the row's velocity due to this change.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R]) {
-        each_kind!([set: &mut self] => {
-            let mut rows = std::mem::take(&mut set.rows);
-            set.shift(&mut rows, change);
-            set.rows = rows;
-        });
-    }
-
-    /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn activate_contact(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
-        at_contact!(i of self.contacts.len(), [set: &mut self] => set.activate(i, lanes))
-    }
-
-    /// Defers the rows of contact `i` in the lanes `lanes`: the solver ignores them until they are activated. In these lanes they must be
-    /// active and have no impulse.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn defer_contact(&mut self, i: usize, lanes: R::Mask) {
-        at_contact!(i of self.contacts.len(), [set: &mut self] => set.defer_contact(i, lanes))
-    }
-
-    /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn normal_offset_mut(&mut self, i: usize) -> &mut R {
-        at_contact!(i of self.contacts.len(), [set: &mut self] => &mut set[i].g[0])
-    }
-
-    /// Lanes in which the solver reads contact `i`: it exists there, is movable along its normal, and is not deferred.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn contact_lanes(&self, i: usize) -> R::Mask {
-        at_contact!(i of self.contacts.len(), [set: &self] => set[i].active)
-    }
-
-    /// Friction coefficient of the rows of contact `i`.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn contact_friction(&self, i: usize) -> R {
-        at_contact!(i of self.contacts.len(), [set: &self] => set[i].mu)
-    }
-
-    /// Velocity of contact `i` under impulses that cause the scaled velocity change `w`, m/s, as six numbers. The last three are zeros for
-    /// a contact with three rows.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn contact_velocity(&self, i: usize, w: &[R]) -> [R; 6] {
-        at_contact!(i of self.contacts.len(), [set: &self] => set.padded_velocity(i, w))
-    }
-
-    /// Calls `f` with each coordinate of contact `i` and with the entries of the contact's rows there in the lane `lane`. The entries are
-    /// six numbers; the last three are zeros for a contact with three rows.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn for_each_contact_entry(&self, i: usize, lane: usize, f: impl FnMut(u32, [f64; 6])) {
-        at_contact!(i of self.contacts.len(), [set: &self] => set.for_each_entry(i, lane, f))
-    }
-
-    /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
-    /// at the contact's target velocity.
-    ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
-    #[inline(always)]
-    pub fn normal_velocity_above_target(&self, i: usize, w: &[R]) -> R {
-        at_contact!(i of self.contacts.len(), [set: &self] => set.normal_velocity_above_target(i, w))
+        self.scalars.shift(change);
+        self.contacts.shift(change);
     }
 
     /// Exchanges, in every row, the offset of the velocity solve and that of the position solve, in the lanes `lanes`.
     #[inline(always)]
     pub fn exchange_offsets(&mut self, lanes: R::Mask) {
-        each_kind!([set: &mut self] => set.rows.exchange_offsets(lanes));
+        self.scalars.rows.exchange_offsets(lanes);
+        self.contacts.rows.exchange_offsets(lanes);
     }
 }
 
@@ -207,6 +141,7 @@ impl<R: Real> System<'_, R> {
     /// Calls `f` for each row or contact that is active in a lane: it exists, an impulse can move it, and it is not deferred. `f` gets an
     /// iterator over the coordinates (columns of the Jacobian) at which this row or contact has entries in the lane, ascending.
     pub fn for_each_column_set(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
-        each_kind!([set: &self.problem] [rows: self] => set.for_each_column_set(rows, lane, &mut f));
+        self.problem.scalars.for_each_column_set(self.scalars, lane, &mut f);
+        self.problem.contacts.for_each_column_set(self.contacts, lane, &mut f);
     }
 }

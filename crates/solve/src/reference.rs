@@ -21,7 +21,7 @@ pub struct Reference<R> {
 impl<R> Reference<R> {
     /// Empty reference, with memory for a problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
-        let rows = capacity.constraints();
+        let rows = capacity.scalars + capacity.all_contacts();
         let reserve = |n: usize| Vec::with_capacity(n);
         Self { w: reserve(capacity.dimension), lambda: reserve(rows), g: reserve(rows), momentum: reserve(capacity.dimension) }
     }

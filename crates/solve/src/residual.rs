@@ -1,7 +1,6 @@
 //! Residual of a solve: the error of the impulses, expressed as a velocity, m/s.
 
 use crate::constraints::constraint_set::number_of;
-use crate::constraints::each_kind;
 use crate::iterate::{Iterate, energy};
 use crate::problem::System;
 use stepper_real::{Real, kernel};
@@ -14,31 +13,44 @@ use stepper_real::{Real, kernel};
 /// Delassus matrix before elimination of equality rows.
 #[inline(always)]
 pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>) -> R {
-    let (system, mut worst) = (system.into(), R::zero());
-    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(
-        rows,
-        impulses,
-        &iterate.w,
+    let mut worst = R::zero();
+    for_each_residual(
+        system.into(),
+        iterate,
         #[inline(always)]
         |r| worst = worst.max_or_nan(r),
-    ));
+    );
     worst
 }
 
-/// Constraint of lane `lane` with the largest residual: its index, counted over all kinds in their order, and the residual, m/s.
+/// Calls `f` with the residual of each constraint, m/s: the scalar rows first, then the contacts. See [`residual`].
+#[inline(always)]
+fn for_each_residual<R: Real>(system: System<'_, R>, iterate: &Iterate<R>, mut f: impl FnMut(R)) {
+    let System { problem, scalars, contacts, .. } = system;
+    problem.scalars.for_each_residual(scalars, &iterate.scalars, &iterate.w, &mut f);
+    problem.contacts.for_each_residual(contacts, &iterate.contacts, &iterate.w, f);
+}
+
+/// Sum of the magnitudes of the impulses of all scalar and normal rows, N s.
+#[inline(always)]
+fn sum_normal_impulses<R: Real>(system: System<'_, R>, iterate: &Iterate<R>) -> R {
+    let sum = system.problem.scalars.sum_normal_impulses(system.scalars, &iterate.scalars, R::zero());
+    system.problem.contacts.sum_normal_impulses(system.contacts, &iterate.contacts, sum)
+}
+
+/// Constraint of lane `lane` with the largest residual: its index, which counts the scalar rows first, and the residual, m/s.
 ///
 /// `None` if all residuals are 0. A NaN counts as the largest.
 pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lane: usize) -> Option<(usize, f64)> {
     let system = system.into();
     kernel!(R, || {
         let mut worst = WorstConstraint::new(lane);
-        each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(
-            rows,
-            impulses,
-            &iterate.w,
+        for_each_residual(
+            system,
+            iterate,
             #[inline(always)]
             |r| worst.visit(r),
-        ));
+        );
         worst.constraint()
     })
 }
@@ -51,11 +63,12 @@ pub fn for_each_load<'a, R: Real>(
     lane: usize,
     mut f: impl FnMut(&mut dyn Iterator<Item = u32>, f64, f64),
 ) {
-    let system = system.into();
-    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_load(rows, impulses, &iterate.w, lane, &mut f));
+    let System { problem, scalars, contacts, .. } = system.into();
+    problem.scalars.for_each_load(scalars, &iterate.scalars, &iterate.w, lane, &mut f);
+    problem.contacts.for_each_load(contacts, &iterate.contacts, &iterate.w, lane, &mut f);
 }
 
-/// Search for the constraint of one lane with the largest error. It visits the constraints of all kinds in their order.
+/// Search for the constraint of one lane with the largest error. It visits the scalar rows first, then the contacts.
 pub(crate) struct WorstConstraint {
     lane: usize,
     next: usize,
@@ -92,8 +105,7 @@ impl WorstConstraint {
 /// kinetic energy.
 #[inline(always)]
 pub fn max_residual_for_energy<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, negligible: R) -> R {
-    let (system, mut impulse) = (system.into(), R::zero());
-    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => impulse = set.sum_normal_impulses(rows, impulses, impulse));
+    let impulse = sum_normal_impulses(system.into(), iterate);
     (energy(&iterate.w) + negligible) / impulse.max(R::of(f64::from(f32::MIN_POSITIVE)))
 }
 
@@ -105,7 +117,6 @@ pub fn max_residual_for_energy<'a, R: Real>(system: impl Into<System<'a, R>>, it
 /// impulses and velocities are both rounding error.
 #[inline(always)]
 pub fn energy_is_ambiguous<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R, negligible: R) -> R::Mask {
-    let (system, mut impulse) = (system.into(), R::zero());
-    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => impulse = set.sum_normal_impulses(rows, impulses, impulse));
+    let impulse = sum_normal_impulses(system.into(), iterate);
     (residual.min(R::of(1e-6)) * impulse).gt(energy(&iterate.w) + negligible)
 }

@@ -180,8 +180,7 @@ fn solve_system<R: Real>(
 /// Largest slip speed of all contacts with a positive normal impulse, m/s.
 #[inline(always)]
 fn fastest_slip<R: Real>(system: System<'_, R>, iterate: &Iterate<R>) -> R {
-    let sliding = system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w);
-    sliding.max(system.problem.rolling_contacts.fastest_slip(system.rolling_contacts, &iterate.rolling_contacts, &iterate.w))
+    system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w)
 }
 
 /// Improves the impulses of the lanes `lanes` by sweeps, and updates the outcome.

@@ -41,7 +41,7 @@ fn chain(contacts: usize) -> (Problem<f64>, Iterate<f64>) {
         let columns = [at as u32, at as u32 + 1, at as u32 + 2];
         let y = move |c: usize| [[1.0, 0.3, 0.0], [0.2, 1.0, 0.1], [-0.9, 0.1, 1.0]][c - at];
         problem.push_contact(&columns, y, true, 0.3, [-1.0, 0.4, 0.1 * k as f64]);
-        iterate.contacts.push([0.0; 3]);
+        iterate.contacts.extend([0.0; 3]);
     }
     iterate.compute_w(&problem);
     (problem, iterate)
@@ -54,7 +54,7 @@ fn a_solve_allocates_nothing_the_second_time() {
     let mut all = [chain(30), chain(7), chain(12)];
     for pass in 0..2 {
         for (problem, iterate) in &mut all {
-            iterate.contacts.fill([0.0; 3]);
+            iterate.contacts.fill(0.0);
             iterate.compute_w(problem);
             let before = COUNT.get();
             let outcome = solve(&*problem, iterate, settings, true, &mut newton);

@@ -9,7 +9,7 @@ from gymnasium.envs.registration import load_env_creator
 from gymnasium.vector import AutoresetMode
 
 from stepper.envs import StepperVectorEnv, Task
-from stepper.envs.making import autoreset
+from stepper.envs.environment import autoreset
 from stepper.shared.environments import import_env, unknown_id
 
 Env: TypeAlias = str | Task | type[Task]

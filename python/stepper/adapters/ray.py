@@ -15,7 +15,6 @@ from stepper.adapters.native import Env, make_native
 from stepper.envs.task import Array
 from stepper.shared.arguments import check_whole
 from stepper.shared.machine import require
-from stepper.shared.ray_tasks import each_task, running_ray
 
 require("ray", "for stepper.adapters.ray")
 
@@ -72,7 +71,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         if num_actors is not None and not 1 <= num_actors <= blocks:
             blocks_of = f"the number of blocks of {block_size} in {num_envs} environments: lower block_size for more"
             raise ValueError(f"num_actors is {num_actors}, must be from 1 to {blocks}, {blocks_of}")
-        running_ray("for stepper.adapters.ray")
+        _start_ray()
         settings = {"autoreset_mode": AutoresetMode.SAME_STEP, **settings}
         one = make_native(env, 1, **settings)
         self.num_envs, self.autoreset_mode, self.metadata = num_envs, one.autoreset_mode, one.metadata
@@ -222,6 +221,8 @@ def map_cases(
 ) -> list[Any]:
     """Calls `run(*shared, case)` for every case, in parallel on Ray. Examples of cases are values of friction, or contact models.
 
+    If a call fails, the others are cancelled.
+
     Args:
         run: Function to call. Its return value is pickled.
         cases: Last argument of each call.
@@ -235,8 +236,27 @@ def map_cases(
     Raises:
         ray.exceptions.RayTaskError: `run` raised an error.
     """
-    tasks = each_task(running_ray("for stepper.adapters.ray"), run, shared, cases, max_retries=attempts, **(options or {}))
-    return [made for _, made in sorted(tasks, key=lambda task: task[0])]
+    _start_ray()
+    references = [ray.put(value) for value in shared]
+    task = ray.remote(run).options(max_retries=attempts, **(options or {}))
+    calls = [task.remote(*references, case) for case in cases]
+    try:
+        waiting = calls
+        while waiting:
+            (done,), waiting = ray.wait(waiting, num_returns=1)
+            ray.get(done)
+    except BaseException:
+        for left in waiting:
+            ray.cancel(left)
+        raise
+    made: list[Any] = ray.get(calls)
+    return made
+
+
+def _start_ray() -> None:
+    """Starts Ray if it is not running."""
+    if not ray.is_initialized():
+        ray.init(include_dashboard=False)
 
 
 class _Host:

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from stepper.lab.study import Study
-from stepper.shared.name_values import argument_values, name_values
+from stepper.shared.arguments import argument_values, name_values
 from stepper.shared.progress import ProgressCallback, show_files, show_progress
 
 STUDY = "Study: a .toml file, or a .py file with a variable study of type stepper.lab.Study."

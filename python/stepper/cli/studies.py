@@ -24,8 +24,8 @@ from stepper.cli.options import (
     study_of_file,
     values_of,
 )
+from stepper.lab.study.batches import USUAL
 from stepper.lab.study.document import Document, Section, check_pages
-from stepper.lab.study.points import USUAL
 from stepper.loading import ModelWarning
 from stepper.loading.findings import explained
 from stepper.shared.files import locked, write_text

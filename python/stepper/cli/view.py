@@ -16,9 +16,9 @@ from stepper._options import Options
 from stepper._stepper import Stepper
 from stepper.cli.options import ARGUMENTS, VALUES, arguments_of, values_of
 from stepper.lab.study import Study
+from stepper.lab.study.batches import USUAL
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.journal import diverged
-from stepper.lab.study.points import USUAL
 from stepper.loading import ModelWarning, load
 from stepper.recording.format import HEADER
 from stepper.shared.environments import import_env

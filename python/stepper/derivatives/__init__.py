@@ -6,19 +6,16 @@ set of active constraints: contacts that stick or slip, joints at their limits.
 - `perturbations`: perturbed quantities and the displacements at which they are evaluated
 - `copies`: perturbed copies of the environments, stepped together
 - `kinks`: comparison of the active contacts and limits of the copies
-- `linearize`: matrices by finite differences
+- `linearize`: matrices by finite differences, and the error for steps without a derivative
 - `implicit`: matrices by the implicit function theorem, at the mode of the solved step
-- `nominal_mode`, `pair_readings`: replacement of columns whose difference crosses a kink
+- `nominal_mode`: replacement of columns whose difference crosses a kink
 - `rollout`: gradients of a function of a rollout, by backpropagation through the steps
 - `smoothing`: randomised smoothing of these gradients
-- `tangent`: conversion between gradients with respect to quaternions and to rotation vectors
-- `undetermined`: error for gradients through a step without a derivative
 """
 
 from stepper.derivatives.kinks import Kink
-from stepper.derivatives.linearize import Linearization, linearize
+from stepper.derivatives.linearize import Linearization, UndeterminedDerivative, linearize
 from stepper.derivatives.rollout import Gradients, Rollout, rollout
 from stepper.derivatives.smoothing import Smoothing
-from stepper.derivatives.undetermined import UndeterminedDerivative
 
 __all__ = ["Gradients", "Kink", "Linearization", "Rollout", "Smoothing", "UndeterminedDerivative", "linearize", "rollout"]

@@ -320,14 +320,9 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
 
 
 def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat: dict[str, Array], index: NDArray[np.int64]) -> None:
-    """Sets the per-environment parameters of copies to the values in the original environments, and the perturbed parameters to `flat`.
+    """Sets parameters of copies of the environments `index`, (copies,), to those of the originals, and perturbed ones to `flat`.
 
-    Args:
-        copies: Stepper of the copies.
-        nominal: State of the original environments.
-        blocks: Perturbed quantities.
-        flat: Perturbed arrays by field, one row per copy.
-        index: Environment of each copy, (copies,).
+    `flat` has the perturbed arrays by field, one row per copy.
     """
     own: dict[str, Any] = {name: value.chosen(index) if name == "actuators" else value[index] for name, value in nominal.randomized.items()}
     for field in {block.field for block in blocks} & RANDOMIZED.keys():

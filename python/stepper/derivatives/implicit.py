@@ -109,11 +109,7 @@ def derivatives(
 def _product(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], width: float, *, nstep: int, tolerance: float
 ) -> dict[str, NDArray[Any]]:
-    """Derivatives of the state after several steps: the product of the derivatives of the single steps.
-
-    Returns:
-        Arrays by name, as `derivatives` returns them.
-    """
+    """Derivatives of the state after several steps, as `derivatives` returns them: the product of those of the single steps."""
     model, ctrl = sim.model, nominal.fields["ctrl"]
     plant = replicas_of(sim, nominal, 1, tolerance=tolerance)
     whole = blocks_of(model, (*STATE, "ctrl"))

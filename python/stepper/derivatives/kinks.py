@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Stepper
 from stepper.derivatives.perturbations import NOISE_RATIO, Array, Stencil
 
 Bools = NDArray[np.bool_]
@@ -212,15 +212,10 @@ Models are not used as keys, because hashing a model takes longer than a step.
 
 def _joint_data_of(sim: Stepper) -> _JointData:
     """Limits and dry friction of the joints of a stepper's model, read once per stepper."""
-    known = _joint_data.get(sim)
-    if known is None:
-        known = _joint_data[sim] = _read_joint_data(sim.model)
-    return known
-
-
-def _read_joint_data(model: Model) -> _JointData:
-    """Limits and dry friction of a model's joints."""
-    joints = (model.joint(k) for k in range(model.njnt))
-    limited = [(joint.qposadr, joint.dofadr, joint.id) for joint in joints if joint.limited and joint.type in ("slide", "hinge")]
-    rubbing = np.flatnonzero(np.asarray(model.dof_frictionloss) > 0.0).tolist()
-    return _JointData(limited, rubbing, np.array(model.jnt_range, np.float64))
+    if sim not in _joint_data:
+        model = sim.model
+        joints = (model.joint(k) for k in range(model.njnt))
+        limited = [(joint.qposadr, joint.dofadr, joint.id) for joint in joints if joint.limited and joint.type in ("slide", "hinge")]
+        rubbing = np.flatnonzero(np.asarray(model.dof_frictionloss) > 0.0).tolist()
+        _joint_data[sim] = _JointData(limited, rubbing, np.array(model.jnt_range, np.float64))
+    return _joint_data[sim]

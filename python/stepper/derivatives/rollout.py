@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,16 +13,68 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._arrays import array_of
-from stepper._stepper import State, Stepper
+from stepper._stepper import Model, State, Stepper
 from stepper.derivatives.copies import rows
 from stepper.derivatives.kinks import Bools
-from stepper.derivatives.linearize import Linearization, linearize
+from stepper.derivatives.linearize import Linearization, first_undetermined, linearize
 from stepper.derivatives.perturbations import STATE, Array, check_parameters
 from stepper.derivatives.smoothing import Smoothing, smoothed
-from stepper.derivatives.tangent import from_tangent, to_tangent
-from stepper.derivatives.undetermined import first_undetermined
 from stepper.shared.arguments import check_flag, check_kind, check_whole
 from stepper.shared.selectors import parse
+
+
+@functools.lru_cache(maxsize=8)
+def _places(model: Model) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of rotations and of all other coordinates in qpos and in qvel.
+
+    Returns:
+        Indices in qpos and in qvel of all coordinates except rotations, (k,) each. Indices of quaternions in qpos, (count, 4), and of the
+        corresponding angular velocities in qvel, (count, 3).
+    """
+    plain, turned = [], []
+    for k in range(model.njnt):
+        joint = model.joint(k)
+        shifts = {"free": 3, "ball": 0}.get(joint.type, 1)
+        plain += [(joint.qposadr + i, joint.dofadr + i) for i in range(shifts)]
+        if joint.type in ("free", "ball"):
+            turned.append((joint.qposadr + shifts, joint.dofadr + shifts))
+    q, v = np.array(plain, dtype=np.int64).reshape(-1, 2).T
+    quat, rotation = np.array(turned, dtype=np.int64).reshape(-1, 2).T
+    return q, v, quat[:, None] + np.arange(4), rotation[:, None] + np.arange(3)
+
+
+def _rates(quat: Array) -> Array:
+    """Derivative of the quaternion q * exp(r / 2) with respect to the rotation vector r in the body's frame, at r = 0.
+
+    The shape is (..., 4, 3), the unit is 1/rad. `quat` is the unit quaternion q, (..., 4). Twice the derivative has orthonormal columns.
+    """
+    w, x, y, z = np.moveaxis(quat, -1, 0)
+    rates: Array = 0.5 * np.stack([-x, -y, -z, w, -z, y, z, w, -x, -y, x, w], axis=-1).reshape(*quat.shape[:-1], 4, 3)
+    return rates
+
+
+def to_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
+    """Converts a gradient with respect to the entries of qpos, (..., nq), to a gradient in tangent coordinates, (..., nv)."""
+    q, v, quat, rotation = _places(model)
+    out = np.zeros((*gradient.shape[:-1], model.nv))
+    out[..., v] = gradient[..., q]
+    if len(quat):
+        out[..., rotation] = np.einsum("...ij,...i->...j", _rates(qpos[..., quat]), gradient[..., quat])
+    return out
+
+
+def from_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
+    """Converts a gradient in tangent coordinates, (..., nv), to a gradient with respect to the entries of qpos, (..., nq).
+
+    The result is orthogonal to the quaternions in qpos.
+    """
+    q, v, quat, rotation = _places(model)
+    out = np.zeros((*gradient.shape[:-1], model.nq))
+    out[..., q] = gradient[..., v]
+    if len(quat):
+        out[..., quat] = 4.0 * np.einsum("...ij,...j->...i", _rates(qpos[..., quat]), gradient[..., rotation])
+    return out
+
 
 OUTPUTS = (*STATE, "sensors")
 
@@ -164,11 +217,7 @@ class Rollout:
         return self._gradients(adjoint, controls, parameters, kinked, lost)
 
     def _cotangent(self, name: str, given: ArrayLike | None) -> Array | None:
-        """Checked copy of an argument of `vjp`: the user's gradient with respect to an attribute of this rollout.
-
-        Returns:
-            The gradient, (T, num_envs, ...); None if it was not given.
-        """
+        """Checked copy of an argument of `vjp`, (T, num_envs, ...): the gradient with respect to an attribute; None if not given."""
         if given is None:
             return None
         states = getattr(self, name)

@@ -8,9 +8,52 @@ import subprocess
 from dataclasses import dataclass
 
 from stepper._stepper import __version__, cpu_levels
-from stepper.doctor.extras import Extra, extras
 from stepper.doctor.self_test import digest_at, expected_digest
 from stepper.shared.machine import allowed_cores, cpu_name, package_version
+
+PACKAGES = {
+    "mjcf": ("mujoco-core",),
+    "cli": ("jinja2", "matplotlib", "rich", "scipy", "typer"),
+    "envs": ("glfw", "gymnasium", "imageio", "mujoco-core", "packaging"),
+    "viewer": ("moviepy", "mujoco-core", "viser"),
+    "train": ("gymnasium", "imageio", "matplotlib", "moviepy", "mujoco-core", "packaging", "rich", "scipy", "torch", "typer"),
+    "identify": ("scipy",),
+}
+"""Names of the packages of each extra (group of optional packages), as in pyproject.toml."""
+
+
+@dataclass(frozen=True)
+class Extra:
+    """Group of optional packages, as in `pip install "stepper-sim[viewer]"`.
+
+    Attributes:
+        name: Name of the extra.
+        versions: Installed version of each package of the extra by name; None if it is not installed.
+    """
+
+    name: str
+    versions: dict[str, str | None]
+
+    @property
+    def missing(self) -> list[str]:
+        """Names of the packages that are not installed."""
+        return [name for name, version in self.versions.items() if version is None]
+
+    @property
+    def command(self) -> str:
+        """Command that installs the extra."""
+        return f'pip install "stepper-sim[{self.name}]"'
+
+    def __str__(self) -> str:
+        if self.missing:
+            return f"missing {', '.join(self.missing)}: {self.command}"
+        return ", ".join(f"{name} {version}" for name, version in self.versions.items())
+
+
+def extras() -> tuple[Extra, ...]:
+    """All extras (groups of optional packages) with the installed versions of their packages."""
+    return tuple(Extra(name, {package: package_version(package) for package in packages}) for name, packages in PACKAGES.items())
+
 
 _LEVEL = "STEPPER_CPU_LEVEL"
 _VERSIONS = ("numpy", "mujoco-core", "mujoco")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from stepper._hints import WrongArgumentError, unknown_field
 from stepper._stepper import Model, Stepper
+from stepper.shared.arguments import in_words
 from stepper.shared.draws import Draw
 from stepper.shared.fields import COMPOUNDS, RANDOMIZED
-from stepper.shared.functions import in_words
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import Part, conflict, parse, parts_of
 from stepper.shared.streams import Rng
@@ -244,10 +244,7 @@ class Events:
     def _fire(self, chosen: list[tuple[Event, list[list[Part]], Array]], reset: Reset, rng: Rng) -> None:
         """Makes events: sets all parameters in one call, and then calls functions.
 
-        Args:
-            chosen: The events, their selected numbers, and the environments among those of `reset`, (n,) bool.
-            reset: The environments.
-            rng: Random number generator of these environments.
+        Each event comes with its selected numbers, and with a mask (n,) of the environments of `reset`.
         """
         model, envs = reset.sim.model, reset.envs
         fields: dict[str, Array] = {}

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._hints import WrongArgumentError
-from stepper.shared.arguments import check_number, check_whole
+from stepper.shared.arguments import check_number, check_takes, check_whole, in_words
 from stepper.shared.draws import Draw
 from stepper.shared.fields import COMPOUNDS, RANDOMIZED
-from stepper.shared.functions import check_takes, in_words
 from stepper.shared.streams import Rng, Streams
 
 if TYPE_CHECKING:

@@ -12,11 +12,8 @@ from gymnasium.error import ResetNeeded
 
 from stepper._arrays import array_of
 from stepper._options import Options, Precision
-from stepper.envs.batch import Batch
-from stepper.envs.drawing import RENDER_MODES, RenderMode, camera_settings
-from stepper.envs.environment import Environment
-from stepper.envs.groups import each_group
-from stepper.envs.making import make_task
+from stepper.envs.batch import Batch, each_group
+from stepper.envs.environment import RENDER_MODES, Environment, RenderMode, camera_settings, make_task
 from stepper.envs.task import Array, Camera, Contact, Task, Terms
 
 

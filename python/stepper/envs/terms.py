@@ -66,13 +66,7 @@ class TaskTerms:
         self._draw(reset.envs, list(self.commands), "commands")
 
     def _draw(self, envs: Array, names: list[str], stream: str) -> None:
-        """Draws commands of the environments `envs`, indices (n,), and the number of actions for which they hold.
-
-        Args:
-            envs: Indices of the environments, (n,).
-            names: Names of the commands.
-            stream: Name of the stream of random numbers.
-        """
+        """Draws commands of the environments `envs`, indices (n,), and the number of actions for which they hold."""
         if not names:
             return
         rng = Rng(self._streams.fork(stream), envs)

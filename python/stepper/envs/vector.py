@@ -16,11 +16,8 @@ from numpy.typing import ArrayLike
 from stepper._arrays import array_of
 from stepper._options import Options, Precision
 from stepper._stepper import Model, selected
-from stepper.envs.batch import Batch
-from stepper.envs.drawing import RenderMode, camera_settings
-from stepper.envs.environment import Environment
-from stepper.envs.groups import each_group
-from stepper.envs.making import autoreset, make_task
+from stepper.envs.batch import Batch, each_group
+from stepper.envs.environment import Environment, RenderMode, autoreset, camera_settings, make_task
 from stepper.envs.task import Array, Camera, Contact, Task, Terms
 from stepper.shared.arguments import check_mapping
 

@@ -9,19 +9,18 @@ docs/reference/studies.md explains studies.
 """
 
 from stepper.lab.accuracy.chart import Chart, chart
-from stepper.lab.accuracy.dots import Dot
+from stepper.lab.accuracy.measure import Dot
 from stepper.lab.accuracy.tune import Candidate, Tuning, tune
 from stepper.lab.calibration.calibrate import Calibration, MeasuredParameter, calibrate
-from stepper.lab.calibration.certificate import Certificate
 from stepper.lab.calibration.fit import Fit
 from stepper.lab.calibration.recordings import FittedSet, RecordedCalibration, calibrate_on_recordings
-from stepper.lab.calibration.search import Trial
+from stepper.lab.calibration.search import Certificate, Trial
 from stepper.lab.study import Outcome, Parameter, PolicyController, Study, World
 from stepper.lab.study.failure_causes import Verdict
+from stepper.lab.study.journal import Table
 from stepper.lab.study.ranking import Rank, Ranking, rank
 from stepper.lab.study.report import Report, report, sweep
 from stepper.lab.study.sweep import Cliff, Level, Statistics, Sweep
-from stepper.lab.study.table import Table
 
 __all__ = [
     "Calibration",

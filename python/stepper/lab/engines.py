@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,48 +12,10 @@ from numpy.typing import NDArray
 from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.lab.study import worlds
 from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
-
-
-class EngineBatch(Protocol):
-    """Batch of environments in one engine, stepped together."""
-
-    @property
-    def name(self) -> str:
-        """Names of engine and settings, for tables."""
-
-    @property
-    def num_envs(self) -> int:
-        """Number of environments."""
-
-    @property
-    def qpos(self) -> Array:
-        """Positions, (num_envs, nq), m and rad."""
-
-    @property
-    def qvel(self) -> Array:
-        """Velocities, (num_envs, nv), m/s and rad/s."""
-
-    def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Resets all environments, and clears controls and warm starts.
-
-        Args:
-            qpos: Positions, (num_envs, nq) or (nq,), m and rad.
-            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None sets them to 0.
-        """
-
-    def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Steps all environments. Benchmarks time only this method.
-
-        Args:
-            ctrl: Controls, (num_envs, nu), in the actuators' units; None keeps the last ones.
-            nstep: Number of steps.
-        """
-
-    def record(self, phase: str) -> None:
-        """Adds status and residual of the last step to the statistics of a phase of the run, such as "rest"."""
 
 
 @dataclass
@@ -217,8 +180,23 @@ class MujocoBatch(MujocoFields):
         return self._batch.get_data(env)
 
 
+EngineBatch: TypeAlias = StepperBatch | MujocoBatch
+"""Batch of environments in one engine, stepped together. Benchmarks time only its method `step`."""
 _WARNING_COUNT = 1
 """Column of `Batch.warning` with the number of warnings."""
+
+
+@dataclass(frozen=True)
+class MujocoEngine:
+    """Settings of MuJoCo's step.
+
+    Attributes:
+        setting: Name of the settings, for tables.
+        options: Options by name, as in settings of a study with engine="mujoco". Others keep the values of the model.
+    """
+
+    setting: str
+    options: Mapping[str, Any]
 
 
 def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
@@ -232,35 +210,5 @@ def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
 def configure(model: Any, settings: MujocoEngine | None) -> None:
     """Writes settings into a `mujoco.MjModel`, and disables its sensors. With None, the model keeps its settings."""
     mujoco = require("mujoco", "to compare stepper with MuJoCo")
-    if settings is not None:
-        settings.configure(mujoco, model)
+    worlds.configure(mujoco, model, settings.options if settings else {})
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
-
-
-@dataclass(frozen=True)
-class MujocoEngine:
-    """Settings of MuJoCo's step.
-
-    Attributes:
-        setting: Name of the settings, for tables.
-        integrator: "EULER", "IMPLICIT", "IMPLICITFAST", "DISCRETE" or "RK4".
-        cone: "PYRAMIDAL" or "ELLIPTIC".
-        solver: "NEWTON", "CG" or "PGS".
-        impratio: Ratio of frictional to normal stiffness.
-        noslip: Iterations of the noslip post-processing.
-    """
-
-    setting: str
-    integrator: str = "EULER"
-    cone: str = "PYRAMIDAL"
-    solver: str = "NEWTON"
-    impratio: float = 1.0
-    noslip: int = 0
-
-    def configure(self, mujoco: Any, model: Any) -> None:
-        """Writes these settings, except for the time step, into a `mujoco.MjModel`."""
-        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator}")
-        model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{self.cone}")
-        model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{self.solver}")
-        model.opt.impratio = self.impratio
-        model.opt.noslip_iterations = self.noslip

@@ -73,14 +73,10 @@ def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) ->
 
 
 def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool) -> bool:
-    """Whether the warning about a loaded model lists a mesh whose convex hull is larger than the mesh.
+    """Whether the warning about a loaded model lists a mesh whose convex hull is `ratio` times as large as the mesh.
 
-    Args:
-        model: The model.
-        geom: Index of the geom.
-        ratio: Volume of the hull divided by the volume of the mesh. Fixed ground is listed at any ratio, a part of a robot if the ratio is
-            at least `_LARGE_PART`.
-        is_robot: Whether fixed geoms are the base of a robot, as in a URDF, instead of ground.
+    Fixed ground is listed at any ratio, a part of a robot if the ratio is at least `_LARGE_PART`. With `is_robot`, fixed geoms are the base
+    of a robot.
     """
     body = model.body(model.geom(geom).bodyid)
     while body.jntnum == 0 and body.id != 0:

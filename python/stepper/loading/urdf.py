@@ -10,7 +10,7 @@ from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from stepper._stepper import ModelError
-from stepper.loading.urdf_xml import parse
+from stepper.loading.urdf_elements import parse
 from stepper.shared.files import shortened
 
 _PACKAGE = ("package://", "model://")

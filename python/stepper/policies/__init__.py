@@ -10,8 +10,7 @@ docs/how-to/train.md shows how to train one.
 """
 
 from stepper.policies.environment import describe, differences
-from stepper.policies.evaluation import Comparison, Evaluation, compare, evaluate, is_native, make
-from stepper.policies.film import check_film, film
+from stepper.policies.evaluation import Comparison, Evaluation, check_film, compare, evaluate, film, is_native, make
 from stepper.policies.policy import ACTIVATIONS, Policy, PolicyError, PolicyWarning, load
 
 __all__ = [

@@ -46,7 +46,7 @@ from torch import Tensor, nn  # noqa: E402
 
 from stepper.envs import StepperVectorEnv  # noqa: E402
 from stepper.policies import Policy, check_film, describe, evaluate, film, is_native, make  # noqa: E402
-from stepper.policies.film import FILMED  # noqa: E402
+from stepper.policies.evaluation import FILMED  # noqa: E402
 from stepper.policies.ppo_settings import (  # noqa: E402
     CHECKPOINT,
     Settings,
@@ -215,9 +215,7 @@ class Run:
     def _count(self, info: dict[str, Any], over: Array) -> None:
         """Adds returns and lengths of ended episodes to `recent`, their number to `episodes`, and returns of reward terms to `terms`.
 
-        Args:
-            info: Info dict of the step.
-            over: Environments whose episode ended, (num_envs,) bool.
+        `over` is a mask of the environments whose episode ended, (num_envs,).
         """
         episode = info.get("episode") or info["final_info"]["episode"]
         self.recent += [(float(r), int(n)) for r, n in zip(episode["r"][over], episode["l"][over], strict=True)]

@@ -17,9 +17,8 @@ import numpy as np
 
 from stepper.policies.evaluation import is_native
 from stepper.policies.policy import ACTIVATIONS
-from stepper.shared.arguments import check_file_name, check_number, check_whole
+from stepper.shared.arguments import argument_values, check_file_name, check_number, check_whole
 from stepper.shared.files import read_text, write_text
-from stepper.shared.name_values import argument_values
 
 ABOUT = """Trains a policy for a task by proximal policy optimisation (PPO), evaluates it, and films it with --film.
 

@@ -250,11 +250,9 @@ def _source(model: Model) -> dict[str, Any]:
 
 
 def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[str, np.ndarray[Any, Any]]:
-    """Arrays that a recording stores for the per-environment parameters of some environments, by name.
+    """Arrays that a recording stores for the per-environment parameters of some environments, a mask (num_envs,), by name.
 
-    Args:
-        fields: Parameters for all environments, (num_envs, ...) by name; "actuators" is an `ActuatorModel`, which is stored as JSON.
-        chosen: Mask of the environments whose values are stored, (num_envs,) bool.
+    "actuators" is an `ActuatorModel`, which is stored as JSON.
     """
     rows = {name: values for name, values in fields.items() if name != "actuators"}
     kept = {f"randomized/{name}": np.asarray(values, np.float64).reshape(len(chosen), -1)[chosen] for name, values in rows.items()}

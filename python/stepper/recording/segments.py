@@ -61,7 +61,7 @@ def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
     head = read_header(folder)
     warn_of_end(folder, head)
     with reading(folder / HEADER):
-        sim = recorded_stepper(folder, head, None, None)
+        sim = recorded_stepper(folder, head)
     unapplied = {name: np.asarray(getattr(sim, name), np.float64) for name in APPLIED}
     applied: dict[str, np.ndarray[Any, Any]] = {}
     steps: list[Arrays] = []
@@ -94,14 +94,9 @@ def _state(sim: Stepper) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def _segment(sim: Stepper, row: int, start: dict[str, Any], steps: list[Arrays], unapplied: dict[str, np.ndarray[Any, Any]]) -> Segment:
-    """Segment of a recording from the arrays of its recorded calls of `Stepper.step`.
+    """Segment of a recording from the arrays of its recorded calls of `Stepper.step`; `row` is the first among all recorded events.
 
-    Args:
-        sim: Stepper with the recorded model.
-        row: Index of the first of these calls among all recorded events.
-        start: State before the first step.
-        steps: Arrays of each call of `step`.
-        unapplied: Initial values of applied forces, mocap poses and active equalities by name, for steps before these are set.
+    `unapplied` has initial values of applied forces, mocap poses and active equalities by name, for steps before these are set.
     """
     lead = (len(steps), sim.num_envs or 1)
 

@@ -85,31 +85,26 @@ class Verification:
         return f"differs at {self.difference}{end}"
 
 
-def verify(
-    path: str | os.PathLike[str], *, model: Model | None = None, threads: int | None = None, progress: ProgressCallback | None = None
-) -> Verification:
+def verify(path: str | os.PathLike[str], *, threads: int | None = None, progress: ProgressCallback | None = None) -> Verification:
     """Repeats a recording and compares states, sensor readings, residuals and flags bit for bit, up to the first difference.
 
     Args:
         path: Folder that `Stepper.record` wrote.
-        model: Model that the recorded one must equal; None skips this check.
         threads: Number of threads; None uses the recorded number. Results do not depend on it.
         progress: Function that is called with "replay" and the fraction of the recorded events that were repeated.
 
     Raises:
-        TypeError, ValueError: `model` or `threads` is invalid.
-        RecordingError: The recording has another model, or no events, or a file is missing or changed.
+        TypeError, ValueError: `threads` is invalid.
+        RecordingError: The recording has no events, or a file is missing or changed.
         OSError: A file cannot be read.
         MemoryError: There is not enough memory for the environments.
     """
-    if model is not None and not isinstance(model, Model):
-        raise TypeError(f"model is {model!r} ({type(model).__name__}), must be a stepper.Model")
     if threads is not None and operator.index(threads) < 0:
         raise ValueError(f"threads is {threads}, must be a whole number, 0 or more")
     folder = path_of("path", path)
     head = read_header(folder)
     with reading(folder / HEADER):
-        sim = recorded_stepper(folder, head, model, threads)
+        sim = recorded_stepper(folder, head, threads)
         versions = (head["provenance"]["versions"]["stepper"], __version__)
     rows = steps = 0
     for place, kind, arrays in read_rows(folder, head):
@@ -123,7 +118,7 @@ def verify(
     return Verification(rows, steps, None, head["closed"], versions)
 
 
-def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
+def recorded_stepper(folder: Path, head: Header, threads: int | None = None) -> Stepper:
     """New stepper with the model and settings of a recording.
 
     Args:
@@ -134,10 +129,9 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
     """
     with reading(folder / MODEL):
         own = Model.from_file(folder / MODEL)
-    for digest, place in [(own.digest, "the model in its folder"), (model.digest if model else own.digest, "the argument model")]:
-        if digest != head["model"]["sha256"]:
-            name = head["model"]["name"]
-            raise RecordingError(f'{folder} was recorded with model "{name}" {head["model"]["sha256"][:12]}, and {place} is {digest[:12]}')
+    if own.digest != head["model"]["sha256"]:
+        name, digest = head["model"]["name"], head["model"]["sha256"][:12]
+        raise RecordingError(f'{folder} was recorded with model "{name}" {digest}, and the model in its folder is {own.digest[:12]}')
     if differ := head["options"].keys() ^ {field.name for field in fields(Options)}:
         raise RecordingError(
             f"{folder / HEADER}: its options differ in {', '.join(sorted(differ))}; replay it with the version that recorded it"
@@ -243,11 +237,7 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
 
 
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:
-    """Compares the current state of a stepper with the recorded result of a step.
-
-    Returns:
-        First difference; None if all fields are identical bit for bit.
-    """
+    """First difference of a stepper's current state from the recorded result of a step; None if all fields are identical bit for bit."""
     n = sim.num_envs or 1
     for name in COMPARED:
         was, now = arrays[name], np.asarray(getattr(sim, name))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from stepper.sensors import devices
 from stepper.sensors.transfer import Transfer
 from stepper.shared.named_parts import NamedParts, read_part
+from stepper.shared.tables import read_file
 
 if TYPE_CHECKING:
     from stepper._stepper import Model
@@ -56,12 +57,7 @@ class SensorModel(NamedParts[Transfer]):
         Raises:
             ValueError: An unknown entry or device; the message has the entry and the file.
         """
-        return cls._read_file(path)
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any], place: str = "sensors") -> SensorModel:
-        """Returns a sensor model from a dictionary in the format of `to_dict` and of files; error messages begin with `place`."""
-        return cls._read(data, place)
+        return cls.from_dict(read_file(path), str(path))
 
     @classmethod
     def _read_part(cls, table: Any, place: str) -> Transfer:

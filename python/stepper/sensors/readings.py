@@ -182,11 +182,7 @@ def _terms(names: Sequence[str], combination: Combination, place: str) -> list[t
 
 
 def _kind(model: Model, spec: SensorSpec, place: str) -> str | dict[str, Any]:
-    """Type and measured element of an additional sensor, as a name or dictionary for the Rust library.
-
-    Raises:
-        ValueError: The type is unknown, or the sensor names an element or a reference that the type does not have.
-    """
+    """Type and element of an additional sensor for the Rust library; a ValueError if the type is unknown or lacks the element."""
     family = next((family for family, (_, words) in _WORDS.items() if spec.type in list(words)), None)
     if family is None:
         known = ", ".join(word for _, words in _WORDS.values() for word in words)
@@ -219,11 +215,7 @@ def _named(model: Model, what: str, name: str, place: str) -> int:
 
 
 def _index(names: Sequence[str], name: str, kind: str, place: str) -> int:
-    """Index of a name in a list of names.
-
-    Raises:
-        ValueError: The list does not contain the name.
-    """
+    """Index of a name in a list of names; a ValueError if the list does not contain it."""
     if name not in names:
         raise ValueError(f"{place}: there is no {kind} {name!r}; the names are: {', '.join(filter(None, names)) or 'none'}")
     return names.index(name)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
 import operator
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import Path, PureWindowsPath
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+
+from stepper._hints import WrongArgumentError
 
 MAX_FILE_NAME = 200
 """Largest length of a name that becomes the name of a file, bytes. File systems allow 255, of which endings need some."""
@@ -142,3 +146,98 @@ def _range(kind: str, least: float, above: float, most: float) -> str:
     if least > -math.inf:
         return f"{kind} of at least {least:g}"
     return f"{kind} of at most {most:g}" if most < math.inf else kind
+
+
+def check_takes(function: Callable[..., Any], arguments: Sequence[str], what: str, *, is_method: bool = False) -> None:
+    """Checks that a function can be called with some positional arguments. Functions without a known signature pass.
+
+    Args:
+        function: The function, or the bound method.
+        arguments: Names of the arguments, for the message.
+        what: Description of the function, which begins the message: "controller".
+        is_method: Whether the function is a method, so that the definition in the message begins with `self`.
+
+    Raises:
+        TypeError: The function takes another number of arguments. The message has its name and signature, and the required arguments.
+    """
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return
+    try:
+        signature.bind(*arguments)
+    except TypeError:
+        name = getattr(function, "__name__", "") or type(function).__name__
+        own = signature.replace(return_annotation=inspect.Signature.empty)
+        needed = ", ".join(arguments)
+        if name == "<lambda>":
+            remedy = f"lambda {needed}: ..." if needed else "lambda: ..."
+        elif inspect.isfunction(function) or is_method:
+            remedy = f"def {name}({', '.join((['self'] if is_method else []) + list(arguments))})"
+        else:
+            remedy = f"def __call__({', '.join(['self', *arguments])})"
+        count = len(arguments)
+        takes = f"{count} argument{'' if count == 1 else 's'}, {needed}" if count else "no arguments"
+        raise WrongArgumentError(f"{what} is {name}{own}, must take {takes}: write {remedy}") from None
+
+
+def in_words(value: Any) -> str:
+    """Description of a value in an error message: its type, with the shape of an array and the types in a tuple."""
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, tuple):
+        return f"a tuple ({', '.join(type(part).__name__ for part in value)})"
+    if value is None or isinstance(value, bool | int | float | str):
+        return repr(value)
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if callable(value):
+        return "a function"
+    return f"a value of type {type(value).__name__}"
+
+
+T = TypeVar("T")
+_WORDS = {"true": True, "false": False, "none": None}
+"""Values of the words true, false and none in upper or lower case, in addition to Python's literals."""
+
+
+def literal(text: str) -> object:
+    """Value that a text has in Python's syntax: a number, bool, None, tuple, list, dict or string. Any other text is returned unchanged.
+
+    The words true, false and none may be in upper or lower case.
+    """
+    if text.lower() in _WORDS:
+        return _WORDS[text.lower()]
+    try:
+        value: object = ast.literal_eval(text)
+    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+        return text
+    return value if isinstance(value, bool | int | float | str | tuple | list | dict | None) else text
+
+
+def argument_values(texts: Sequence[str], option: str) -> dict[str, object]:
+    """Arguments by name from texts NAME=VALUE. A name with a point belongs to a dictionary: rewards.upright=2 gives {"rewards": {...}}."""
+    found: dict[str, object] = {}
+    for name, value in name_values(texts, option, literal).items():
+        group, point, key = name.partition(".")
+        inner = found.setdefault(group, {}) if point else None
+        if inner is None:
+            found[group] = value
+        elif isinstance(inner, dict):
+            inner[key] = value
+        else:
+            raise ValueError(f"{option} gives {group!r} and {name!r}: give one of them")
+    return found
+
+
+def name_values(texts: Sequence[str], option: str, convert: Callable[[str], T]) -> dict[str, T]:
+    """Dictionary of values by name from texts NAME=VALUE of a command-line option."""
+    found: dict[str, T] = {}
+    for text in texts:
+        name, sign, value = text.rpartition("=")
+        if not (name and sign and value):
+            raise ValueError(f"{option} is {text!r}, must be NAME=VALUE; repeat the option for more")
+        made = convert(value)
+        if found.setdefault(name, made) != made:
+            raise ValueError(f"{option} gives {name!r} twice, as {found[name]} and as {made}: give it once")
+    return found

@@ -62,15 +62,7 @@ class Field:
 
 
 def _field(name: str, shape: str, quantity: str, unit: str, per_environment: bool) -> Field:
-    """Entry of the table of fields.
-
-    Args:
-        name: Name in MuJoCo's vocabulary, such as "geom_friction".
-        shape: Shape as text: "(ngeom, 3)".
-        quantity: Description of the quantity.
-        unit: Unit.
-        per_environment: Whether values may differ between environments.
-    """
+    """Entry of the table of fields; `shape` is a text such as "(ngeom, 3)"."""
     element = _ELEMENTS.get(shape.strip("()").partition(",")[0], "")
     return Field(name, element, shape, quantity, unit, per_environment, _DERIVED.get(name, ""))
 

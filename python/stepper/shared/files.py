@@ -9,7 +9,7 @@ import io
 import math
 import os
 import zipfile
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -118,7 +118,6 @@ def read_csv(path: Path, what: str) -> list[list[str]]:
 def read_arrays(
     path: str | os.PathLike[str],
     what: str,
-    names: Collection[str] | None = None,
     *,
     data: bytes | None = None,
     remedy: str = "copy it again, or give an .npz file of numpy.savez",
@@ -129,7 +128,6 @@ def read_arrays(
     Args:
         path: The file, or the place in a file for error messages.
         what: Kind of file, for the error message: "policy".
-        names: Names of the arrays to read; absent ones are left out. None selects all arrays.
         data: Contents of the file; None reads them from `path`.
         remedy: Last part of the message for a damaged file or another kind of file.
         kind: Class of the error for such a file.
@@ -140,10 +138,9 @@ def read_arrays(
             raise ValueError("it is not an .npz file, or is cut off")
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-            chosen = {name: info for name, info in members.items() if names is None or name in names}
-            if too_large := [name for name, info in chosen.items() if info.file_size > _LARGEST_RATIO * len(data)]:
+            if too_large := [name for name, info in members.items() if info.file_size > _LARGEST_RATIO * len(data)]:
                 raise ValueError(f"the array {too_large[0]!r} has more bytes than a file of {len(data)} bytes can have")
-            return {name: _read_array(archive, info, name) for name, info in chosen.items()}
+            return {name: _read_array(archive, info, name) for name, info in members.items()}
 
 
 def check_archive(path: Path) -> None:
@@ -275,9 +272,9 @@ def os_error_message(error: OSError) -> str:
     return f"{shortened(name)!r} cannot be used: {text[:1].lower()}{text[1:]}"
 
 
-def shortened(text: str, most: int = 200) -> str:
-    """Text for a message; of a text with more than `most` characters, its beginning and its end."""
-    return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
+def shortened(text: str) -> str:
+    """Text for a message; of a text with more than 200 characters, its beginning and its end."""
+    return text if len(text) <= 200 else f"{text[:100]}...{text[-100:]}"
 
 
 def _absent(file: Path, what: str) -> str:

@@ -109,10 +109,8 @@ def package_file(package: str, file: str, purpose: str) -> str:
 def _missing(module: str, purpose: str, extra: str = "") -> MissingPackageError:
     """Error for a missing package, with the command that installs it.
 
-    Args:
-        module: Name of the module.
-        purpose: End of the sentence "<module> is needed ...".
-        extra: Extra of the package stepper-sim that contains the module. With "", the message has the command from `INSTALL`.
+    `purpose` ends the sentence "<module> is needed ...". `extra` is that of the package stepper-sim; with "", the command is from
+    `INSTALL`.
     """
     top = module.split(".", maxsplit=1)[0]
     how = f'pip install "stepper-sim[{extra}]"' if extra else INSTALL.get(module) or INSTALL.get(top) or f"pip install {top}"

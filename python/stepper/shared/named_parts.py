@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
-from stepper.shared.tables import by_name, check_names, fitting, named_tables, read_file
+from stepper.shared.tables import by_name, check_names, fitting, named_tables
 
 T = TypeVar("T")
 
@@ -40,8 +39,9 @@ class NamedParts(Generic[T]):
         return made
 
     @classmethod
-    def _read(cls, data: Mapping[str, Any], place: str) -> Self:
-        """Model from a dictionary in the format of `to_dict`; error messages begin with `place`."""
+    def from_dict(cls, data: Mapping[str, Any], place: str = "") -> Self:
+        """Returns a model from a dictionary in the format of `to_dict` and of files; error messages begin with `place`."""
+        place = place or f"{cls._element}s"
         tables = named_tables(data, f"{cls._element}s", place)
         named = {name: cls._read_part(table, f"{place}: {cls._element} {name!r}") for name, table in tables.items()}
         return cls._of(named, cls._read_part(data["default"], f"{place}: default") if "default" in data else None)
@@ -51,10 +51,6 @@ class NamedParts(Generic[T]):
         """Part from a table of a file; error messages begin with `place`."""
         part: T = read_part(table, cls._kind, place)
         return part
-
-    @classmethod
-    def _read_file(cls, path: str | os.PathLike[str]) -> Self:
-        return cls._read(read_file(path), str(path))
 
     def to_dict(self) -> dict[str, Any]:
         """Returns a dictionary in the format of the files of `from_file`; arrays become lists."""

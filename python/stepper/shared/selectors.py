@@ -324,13 +324,7 @@ def matches(model: Model, selector: Selector) -> str:
 
 
 def _name_of(model: Model, kind: str, rows: int | range) -> str:
-    """Name of an element for an error message, with the number of its rows if there are several; without a name, its index.
-
-    Args:
-        model: The model.
-        kind: Kind of element, as in `_chosen`.
-        rows: Index of the element; for "dof" and "coordinate", the range of a joint's rows.
-    """
+    """Name of an element for an error message, with the number of its rows if there are several; without a name, its index."""
     if isinstance(rows, int):
         return _labels(model, kind)[rows][0] or str(rows)
     joints = (model.joint(k) for k in range(model.njnt))
@@ -481,14 +475,9 @@ def conflict(where: str, one: object, other: object, field: str, differ: str = "
 
 
 def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int, ...], matched: Callable[[], str]) -> Array:
-    """Values for a selector as an array of the shape (*lead, *tail).
+    """Values for a selector as an array (*lead, *tail), from a number, such an array, or an array (*lead,).
 
-    Args:
-        what: Name of the values, for the error message.
-        value: A single number, an array of that shape, or an array (*lead,).
-        lead: Shape of the axes of environments.
-        tail: Shape of the selected numbers.
-        matched: Function that returns the end of the error message, with the elements that patterns select.
+    The error message names the values `what`, and ends with `matched()`: the elements that patterns select.
     """
     given = array_of(what, value)
     if given.shape == lead and tail:

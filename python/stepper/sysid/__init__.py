@@ -9,14 +9,13 @@ Identification from recordings:
 - `fit`: the least-squares search
 - `nullspace`: directions of the parameters that the data do not determine
 - `combinations`: combinations of parameters that the data determine nevertheless
-- `uncertainty`, `findings`: covariance of the estimate, and warnings about it
+- `uncertainty`: covariance of the estimate, and warnings about it
 - `result`: the estimate
 - `shift`: detection of readings that are one sample early or late
 
 Online identification, with an estimate after every sample:
 
-- `online`: the tracker
-- `mixture`: weights of hypotheses about friction
+- `online`: the tracker, with weights of its hypotheses about friction
 - `horizon`: moving-horizon estimate under one hypothesis
 - `rivals`: other values of friction that may explain the readings
 - `problem`: the data of a tracker, and its predictions

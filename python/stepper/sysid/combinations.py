@@ -13,13 +13,14 @@ from itertools import combinations as subsets
 from math import comb
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stepper._stepper import Model
 from stepper.shared.rotations import matrices
-from stepper.sysid.findings import VAGUE
 from stepper.sysid.inertia import Array
 from stepper.sysid.nullspace import FlatSet
 from stepper.sysid.parameters import Block, derivatives, split, value_slopes, write
+from stepper.sysid.uncertainty import VAGUE
 
 LARGEST = 4
 """Largest number of features in a sum or product."""
@@ -72,54 +73,39 @@ def combinations_of(
     axes, squares, _ = np.linalg.svd(inside @ (covariance / np.outer(scale, scale)) @ inside)
     root = axes * np.sqrt(squares)
     certain = axes[:, (np.sqrt(squares) < VAGUE) & (np.arange(n) < n - first.null.shape[1])]
-    span = _Span(certain)
-    slopes = value_slopes(blocks, first.x[:n] * scale) * scale
-    for slope in slopes[known]:
-        span.add(slope)
-    features = _Features(blocks, model, [point.x[:n] * scale for point in flat.points], scale)
+    basis: list[Array] = []
+
+    def is_new(slope: Array) -> bool:
+        """Whether the derivative of a combination, (n,), is none of earlier combinations. If so, it is added to their basis."""
+        unit = slope @ certain
+        unit /= max(float(np.linalg.norm(unit)), 1e-300)
+        for other in basis:
+            unit = unit - other * (other @ unit)
+        size = float(np.linalg.norm(unit))
+        if size > NEW:
+            basis.append(unit / size)
+        return size > NEW
+
+    for slope in (value_slopes(blocks, first.x[:n] * scale) * scale)[known]:
+        is_new(slope)
     out: list[Combination] = []
-    for candidate in features.candidates(flat):
-        if span.full():
+    for term in _terms(_features(blocks, model, [point.x[:n] * scale for point in flat.points], scale), flat):
+        if len(basis) >= certain.shape[1]:
             break
-        values, derivative = candidate.values(features), candidate.slopes(features)
+        values, derivative = term.values(), term.derivatives()
         std = float(np.linalg.norm(derivative[0] @ root))
         if std > VAGUE * np.linalg.norm(derivative[0]) or flat.undetermined(values[:, None], derivative[:, None], np.array([std])).any():
             continue
-        if span.add(derivative[0]):
-            out.append(candidate.combination(features, float(values[0]), std, quantile))
+        if is_new(derivative[0]):
+            value, spread = float(values[0]), quantile * std
+            ends = [value * np.exp(sign * spread / abs(value)) if term.product else value + sign * spread for sign in (-1, 1)]
+            out.append(Combination(str(term), value, std, (float(min(ends)), float(max(ends)))))
     return tuple(out)
 
 
-class _Span:
-    """Span of the derivatives of all combinations so far, as an orthonormal basis.
-
-    Args:
-        certain: Orthonormal basis of the directions that the data determine, (n, r).
-    """
-
-    def __init__(self, certain: Array):
-        self._certain = certain
-        self._basis: list[Array] = []
-
-    def full(self) -> bool:
-        """Whether no direction is left without a combination."""
-        return len(self._basis) >= int(self._certain.shape[1])
-
-    def add(self, slope: Array) -> bool:
-        """Adds a derivative, (n,), unless the others have it already, and returns whether it is new."""
-        unit = slope @ self._certain
-        unit /= max(float(np.linalg.norm(unit)), 1e-300)
-        for other in self._basis:
-            unit = unit - other * (other @ unit)
-        size = float(np.linalg.norm(unit))
-        if size <= NEW:
-            return False
-        self._basis.append(unit / size)
-        return True
-
-
+@dataclass(frozen=True)
 class _Features:
-    """Features of the parameters at several points: their values and derivatives.
+    """Features of the parameters at several points.
 
     Attributes:
         labels: Names of the p features.
@@ -127,60 +113,78 @@ class _Features:
         slopes: Derivatives with respect to x, (points, p, n).
     """
 
-    def __init__(self, blocks: Sequence[Block], model: Model, thetas: Sequence[Array], scale: Array):
-        self._blocks, self._model = blocks, model
-        self.labels = self._names()
-        self.values = np.stack([self._of(theta[None])[0] for theta in thetas])
-        self.slopes = np.stack([derivatives(self._of, theta, scale) * scale for theta in thetas])
-        # Features that do not change with the parameters are no part of a combination.
-        used = np.flatnonzero(np.linalg.norm(self.slopes[0], axis=1) > 0)
-        self.labels = [self.labels[k] for k in used]
-        self.values, self.slopes = self.values[:, used], self.slopes[:, used]
+    labels: list[str]
+    values: Array
+    slopes: Array
 
-    def _bodies(self) -> dict[int, set[str]]:
-        """Kinds of the parameters of each body with an unknown centre of mass or inertia, by index of the body."""
-        kinds: dict[int, set[str]] = {}
-        for block in self._blocks:
-            for k in block.index if block.kind.element == "body" else ():
-                kinds.setdefault(k, set()).add(block.parameter.kind)
-        return {k: own for k, own in kinds.items() if own != {"body_mass"}}
+    def chosen(self, index: NDArray[np.int64]) -> _Features:
+        """Features with the given indices, (k,)."""
+        return _Features([self.labels[k] for k in index], self.values[:, index], self.slopes[:, index])
 
-    def _anchor(self, k: int) -> tuple[Array, str]:
-        """Position of a body's first joint in the body's frame, (3,) m, and its description; the origin of a body without joints."""
-        for j in range(self._model.njnt):
-            joint = self._model.joint(j)
-            if joint.bodyid == k and joint.type != "free":
-                return np.asarray(joint.pos, float), f"about joint {joint.name or j}"
-        return np.zeros(3), "about its origin"
 
-    def _names(self) -> list[str]:
-        labels = [label for block in self._blocks if block.kind.element != "body" or len(block.index) > 1 for label in block.labels]
-        bodies = self._bodies()
-        labels += [b.labels[0] for b in self._blocks if b.parameter.kind == "body_mass" and len(b.index) == 1 and b.index[0] not in bodies]
-        for k in bodies:
-            name = self._model.body_names[k] or f"#{k}"
-            anchor, where = self._anchor(k)
-            labels.append(f"body_mass[{name}]")
-            for j, offset in enumerate(anchor):
-                centre = f"body_ipos[{name}][{j}]"
-                labels.append(f"body_mass[{name}] * " + (f"({centre} - {offset:g})" if offset else centre))
-            labels += [f"I{axes}[{name}] {where}" for axes in ("xx", "yy", "zz", "xy", "xz", "yz")]
-        return labels
+@dataclass(frozen=True)
+class _Term:
+    """Sum or product of k features.
 
-    def _of(self, theta: Array) -> Array:
+    Attributes:
+        features: The features.
+        numbers: Coefficients of the sum or exponents of the product, (k,).
+        product: Whether it is a product.
+    """
+
+    features: _Features
+    numbers: Array
+    product: bool
+
+    def values(self) -> Array:
+        """Values at the points, (points,)."""
+        own = self.features.values
+        return np.asarray(np.prod(own**self.numbers, axis=1) if self.product else own @ self.numbers)
+
+    def derivatives(self) -> Array:
+        """Derivatives with respect to x at the points, (points, n)."""
+        slopes = self.features.slopes
+        if self.product:
+            slopes = slopes / self.features.values[..., None] * self.values()[:, None, None]
+        return np.asarray(np.einsum("k,pkn->pn", self.numbers, slopes))
+
+    def __str__(self) -> str:
+        if not self.product:
+            return _sum(self.features.labels, self.numbers)
+        powers = list(zip(self.features.labels, self.numbers, strict=True))
+        above, below = (" * ".join(_power(label, abs(e)) for label, e in powers if sign * e > 0) for sign in (1, -1))
+        return (above or "1") + (f" / ({below})" if " " in below else f" / {below}" if below else "")
+
+
+def _features(blocks: Sequence[Block], model: Model, thetas: Sequence[Array], scale: Array) -> _Features:
+    """Features at several parameter vectors theta, (n,) each; `scale` has the scales of their numbers, (n,).
+
+    They are values of parameters. Of bodies with an unknown centre of mass or inertia, they are mass, first moments and moments of inertia.
+    """
+    kinds: dict[int, set[str]] = {}
+    for block in blocks:
+        for k in block.index if block.kind.element == "body" else ():
+            kinds.setdefault(k, set()).add(block.parameter.kind)
+    bodies = {k: _anchor(model, k) for k, own in kinds.items() if own != {"body_mass"}}
+    plain = [block for block in blocks if block.kind.element != "body" or len(block.index) > 1]
+    plain += [block for block in blocks if block not in plain and block.parameter.kind == "body_mass" and block.index[0] not in bodies]
+    labels = [label for block in plain for label in block.labels]
+    for k, (anchor, where) in bodies.items():
+        name = model.body_names[k] or f"#{k}"
+        labels.append(f"body_mass[{name}]")
+        for j, offset in enumerate(anchor):
+            centre = f"body_ipos[{name}][{j}]"
+            labels.append(f"body_mass[{name}] * " + (f"({centre} - {offset:g})" if offset else centre))
+        labels += [f"I{pair}[{name}] {where}" for pair in ("xx", "yy", "zz", "xy", "xz", "yz")]
+
+    def values_of(theta: Array) -> Array:
         """Values of the features, (count, p), for parameter vectors theta, (count, n)."""
-        bodies = self._bodies()
-        parts, alone = [], []
-        for block, piece in zip(self._blocks, split(self._blocks, theta), strict=True):
-            if block.kind.element != "body" or len(block.index) > 1:
-                parts.append(block.natural(piece))
-            elif block.parameter.kind == "body_mass" and block.index[0] not in bodies:
-                alone.append(block.natural(piece))
-        parts += alone
-        variants = write(self._blocks, theta, self._model)
-        for k in bodies:
+        pieces = dict(zip(blocks, split(blocks, theta), strict=True))
+        parts = [block.natural(pieces[block]) for block in plain]
+        variants = write(blocks, theta, model)
+        for k, (anchor, _) in bodies.items():
             mass, com, moments, quat = (variants.of(f"body_{name}")[:, k] for name in ("mass", "ipos", "inertia", "iquat"))
-            apart = com - self._anchor(k)[0]
+            apart = com - anchor
             R = matrices(quat)
             I = (R * moments[:, None]) @ R.transpose(0, 2, 1)
             I += mass[:, None, None] * ((apart**2).sum(axis=1)[:, None, None] * np.eye(3) - apart[:, :, None] * apart[:, None])
@@ -188,91 +192,64 @@ class _Features:
             parts.append(np.stack([I[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1))
         return np.concatenate(parts, axis=1)
 
-    def candidates(self, flat: FlatSet) -> Iterator[_Candidate]:
-        """Sums and products whose derivatives along the null spaces are nearly zero, the shortest first."""
-        for size in range(1, LARGEST + 1):
-            if comb(len(self.labels), size) > MOST_CANDIDATES:
-                break
-            for product in (True, False) if size > 1 else (False,):
-                yield from self._of_size(flat, size, product=product)
-
-    def _of_size(self, flat: FlatSet, size: int, *, product: bool) -> Iterator[_Candidate]:
-        """Sums or products of `size` features."""
-        units = np.abs(self.values) if product else np.linalg.norm(self.slopes[:1], axis=2)
-        usable = (
-            (np.abs(self.values) > SMALL * np.linalg.norm(self.slopes, axis=2)).all(axis=0) if product else np.ones(len(self.labels), bool)
-        )
-        usable &= (np.sign(self.values) == np.sign(self.values[0])).all(axis=0)
-        along = np.concatenate(
-            [(slope / np.maximum(unit, 1e-300)[:, None]) @ point.null for slope, unit, point in zip(
-                self.slopes, np.broadcast_to(units, self.values.shape), flat.points, strict=True)], axis=1)  # fmt: skip
-        chosen = np.array(list(subsets(np.flatnonzero(usable), size)), int).reshape(-1, size)
-        if not len(chosen):
-            return
-        rows = along[chosen]
-        if size == 1:
-            order, parts = np.arange(len(chosen)), np.ones((len(chosen), 1))
-        else:
-            values, vectors = np.linalg.eigh(rows @ rows.transpose(0, 2, 1))
-            order = np.flatnonzero(values[:, 0] <= SMALL**2 * values[:, -1])
-            parts = vectors[:, :, 0]
-        for k in order:
-            part = parts[k]
-            if np.abs(part).min() < SMALL * np.abs(part).max():
-                continue
-            if product:
-                power = part / np.abs(part).min() * np.sign(part[np.abs(part).argmin()])
-                if np.abs(power - np.round(power)).max() < INTEGER * np.abs(power).max() and np.abs(power).max() < 2.5:
-                    power = np.round(power)
-                    power *= np.sign(power.sum() or power[0])
-                    yield _Candidate(chosen[k], power, product=True)
-                continue
-            factor = part / units[0, chosen[k]]
-            factor = factor / factor[0]
-            whole = np.round(factor)
-            if size > 1 and (whole != 0).all() and np.abs(factor - whole).max() < INTEGER:
-                yield _Candidate(chosen[k], whole, product=False)
-            yield _Candidate(chosen[k], factor, product=False)
+    slopes = np.stack([derivatives(values_of, theta, scale) * scale for theta in thetas])
+    # Features that do not change with the parameters are no part of a combination.
+    return _Features(labels, values_of(np.stack(thetas)), slopes).chosen(np.flatnonzero(np.linalg.norm(slopes[0], axis=1) > 0))
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """Sum or product of features.
+def _anchor(model: Model, k: int) -> tuple[Array, str]:
+    """Position of a body's first joint in the body's frame, (3,) m, and its description; the origin of a body without joints."""
+    for j in range(model.njnt):
+        joint = model.joint(j)
+        if joint.bodyid == k and joint.type != "free":
+            return np.asarray(joint.pos, float), f"about joint {joint.name or j}"
+    return np.zeros(3), "about its origin"
 
-    Attributes:
-        chosen: Indices of the features, (k,).
-        numbers: Coefficients of the sum or exponents of the product, (k,).
-        product: Whether it is a product.
-    """
 
-    chosen: Array
-    numbers: Array
-    product: bool
+def _terms(features: _Features, flat: FlatSet) -> Iterator[_Term]:
+    """Sums and products whose derivatives along the null spaces are nearly zero, the shortest first."""
+    for size in range(1, LARGEST + 1):
+        if comb(len(features.labels), size) > MOST_CANDIDATES:
+            break
+        for product in (True, False) if size > 1 else (False,):
+            yield from _terms_of_size(features, flat, size, product=product)
 
-    def values(self, features: _Features) -> Array:
-        """Values at the points, (points,)."""
-        own = features.values[:, self.chosen]
-        return np.asarray(np.prod(own**self.numbers, axis=1) if self.product else own @ self.numbers)
 
-    def slopes(self, features: _Features) -> Array:
-        """Derivatives with respect to x at the points, (points, n)."""
-        slopes = features.slopes[:, self.chosen]
-        if self.product:
-            slopes = slopes / features.values[:, self.chosen, None] * self.values(features)[:, None, None]
-        return np.asarray(np.einsum("k,pkn->pn", self.numbers, slopes))
+def _terms_of_size(features: _Features, flat: FlatSet, size: int, *, product: bool) -> Iterator[_Term]:
+    """Sums or products of `size` features."""
+    values, slopes = features.values, features.slopes
+    units = np.broadcast_to(np.abs(values) if product else np.linalg.norm(slopes[:1], axis=2), values.shape)
+    usable = (np.sign(values) == np.sign(values[0])).all(axis=0)
+    if product:
+        usable &= (np.abs(values) > SMALL * np.linalg.norm(slopes, axis=2)).all(axis=0)
+    parts = zip(slopes, units, flat.points, strict=True)
+    along = np.concatenate([(slope / np.maximum(unit, 1e-300)[:, None]) @ point.null for slope, unit, point in parts], axis=1)
+    chosen = np.array(list(subsets(np.flatnonzero(usable), size)), int).reshape(-1, size)
+    # The first eigenvector belongs to the sum that changes least along the null spaces.
+    squares, vectors = np.linalg.eigh(along[chosen] @ along[chosen].transpose(0, 2, 1))
+    for k in np.flatnonzero((size == 1) | (squares[:, 0] <= SMALL**2 * squares[:, -1])):
+        part = vectors[k, :, 0]
+        if np.abs(part).min() >= SMALL * np.abs(part).max():
+            for numbers in _powers(part) if product else _factors(part / units[0, chosen[k]]):
+                yield _Term(features.chosen(chosen[k]), numbers, product)
 
-    def combination(self, features: _Features, value: float, std: float, quantile: float) -> Combination:
-        """Combination with its text and interval."""
-        labels = [features.labels[k] for k in self.chosen]
-        if self.product:
-            above, below = (
-                " * ".join(_power(label, abs(e)) for label, e in zip(labels, self.numbers, strict=True) if sign * e > 0) for sign in (1, -1)
-            )
-            text = (above or "1") + (f" / ({below})" if " " in below else f" / {below}" if below else "")
-            spread = quantile * std / abs(value)
-            ends = sorted(value * np.exp(sign * spread) for sign in (-1, 1))
-            return Combination(text, value, std, (float(ends[0]), float(ends[1])))
-        return Combination(_sum(labels, self.numbers), value, std, (value - quantile * std, value + quantile * std))
+
+def _powers(part: Array) -> list[Array]:
+    """Exponents of a product, (k,), as whole numbers; none if they are not close to small whole numbers in the ratios of `part`, (k,)."""
+    least = np.abs(part).argmin()
+    power = part / part[least]
+    if np.abs(power - np.round(power)).max() >= INTEGER * np.abs(power).max() or np.abs(power).max() >= 2.5:
+        return []
+    power = np.round(power)
+    return [power * np.sign(power.sum() or power[0])]
+
+
+def _factors(factor: Array) -> list[Array]:
+    """Coefficients of a sum, (k,), of which the first is 1; before them whole numbers, if they are close to some."""
+    factor = factor / factor[0]
+    whole = np.round(factor)
+    is_whole = len(factor) > 1 and (whole != 0).all() and np.abs(factor - whole).max() < INTEGER
+    return [whole, factor] if is_whole else [factor]
 
 
 def _power(label: str, exponent: float) -> str:

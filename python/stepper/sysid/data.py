@@ -111,13 +111,7 @@ class Episode:
 
 
 def _rows(name: str, given: ArrayLike, count: int) -> Array:
-    """Readings of a channel as an array (count, dim) float64, after a check of shape and values.
-
-    Args:
-        name: Name of the channel, for the message.
-        given: Readings, (count,) or (count, dim).
-        count: Number of control periods.
-    """
+    """Readings of the channel `name`, (count,) or (count, dim), as an array (count, dim) float64, after a check."""
     array = array_of(f"channel {name!r}", given)
     array = array[:, None] if array.ndim == 1 else array
     if array.ndim != 2 or len(array) != count:
@@ -185,15 +179,7 @@ def episodes_of(
 
 
 def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dict[str, str], start: Any) -> list[Episode]:
-    """Episodes of one recording, CSV file or npz file.
-
-    Args:
-        path: Path of the file or recording.
-        model: Model with the sensors, joints and actuators of the measurements.
-        channels: Names of the channels to use; None selects all channels.
-        columns: New names of columns of a CSV file, or of arrays of an npz file.
-        start: Initial state of logs whose first row does not have it, as in `episodes_of`.
-    """
+    """Episodes of one recording, CSV file or npz file; arguments as in `episodes_of`."""
     if os.path.exists(path / HEADER):
         return _of_recording(path, model, channels)
     if os.path.isdir(path) or path.suffix not in (".csv", ".npz"):
@@ -248,18 +234,10 @@ def _gathered(table: dict[str, Array]) -> dict[str, Array]:
 
 
 def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequence[str] | None, start: Any) -> Episode:
-    """Episode of a log, a CSV or npz file with one row per sample.
+    """Episode of a log, a CSV or npz file with one row per sample; arguments as in `episodes_of`.
 
-    Args:
-        path: Path of the log, for messages.
-        table: Columns by name, (rows,) or (rows, dim) each. "time", "ctrl" and applied forces are removed from it.
-        model: Model of the measurements.
-        channels: Names of the channels to use; None selects all channels.
-        start: Initial state, if the first row does not have it: name of a keyframe, or (qpos, qvel). None uses the model's reference pose
-            at rest, with a note.
-
-    Returns:
-        Episode with rows - 1 periods: period k has the controls of row k and the readings of row k + 1.
+    `table` has the columns by name, (rows,) or (rows, dim) each. "time", "ctrl" and applied forces are removed from it. The episode has
+    rows - 1 periods: period k has the controls of row k and the readings of row k + 1.
     """
     if "time" not in table:
         raise ValueError("there is no column 'time'; add one in s, or rename one with columns={...: 'time'}")
@@ -302,13 +280,7 @@ def _start(model: Model, start: Any) -> dict[str, Array]:
 
 
 def _of_recording(path: Path, model: Model, channels: Sequence[str] | None) -> list[Episode]:
-    """Episodes of a recording: one for each environment and each stretch between resets.
-
-    Args:
-        path: Folder of the recording.
-        model: Model with the sensors of the recording.
-        channels: Names of the sensors whose readings are used; None selects all named sensors.
-    """
+    """Episodes of a recording: one for each environment and each stretch between resets; arguments as in `episodes_of`."""
     episodes = []
     for segment in segments(path):
         own = {name: (sensor["adr"], sensor["dim"]) for sensor in segment.model.sensors if (name := sensor["name"])}

@@ -23,16 +23,15 @@ from stepper.shared.machine import require
 from stepper.shared.progress import ProgressCallback, silent
 from stepper.sysid.combinations import combinations_of
 from stepper.sysid.data import Data, episodes_of
-from stepper.sysid.findings import undetermined, warnings_of
 from stepper.sysid.inertia import Array
-from stepper.sysid.minima import SPREAD, beyond, sobol
+from stepper.sysid.minima import starts_around
 from stepper.sysid.nullspace import EQUAL_FIT, FLAT_EXCESS, FLAT_STD, SIGNIFICANT, FlatSet, cost_ratio
 from stepper.sysid.parameters import Block, FitParameter, bind, natural, value_slopes, write
 from stepper.sysid.residuals import Linearized, Residuals, Together
 from stepper.sysid.result import Identification, Search, t_quantile
 from stepper.sysid.shift import EARLY, FREED_STD, LATE, RATIO, finding_of_fit, suspicious
 from stepper.sysid.simulate import Simulator, noise_of, solved
-from stepper.sysid.uncertainty import outside_null_space
+from stepper.sysid.uncertainty import outside_null_space, undetermined, warnings_of
 
 SAME_MINIMUM = 1e-2
 """Distance between the ends of two searches below which they count as the same minimum, in units of the parameters' scales."""
@@ -49,6 +48,8 @@ HOPELESS = 1e-3
 
 At 1e-2, the other order of two springs with a ratio of 12 was missed in 4 of 24 runs, at 1e-3 in 1.
 """
+OTHER_STARTS = 10
+"""Number of searches for other minima. Two masses of a pendulum with a ratio of 2: with 8, 2 of 48 runs missed the other one."""
 BETTER = 3
 """Largest number of times that other minima are searched. Noise and searches are repeated if one of these is better than the estimate."""
 COARSE, FINE = 1e-4, 1e-4
@@ -96,8 +97,7 @@ def identify(
         noise: Standard deviations of channels by name, each a number or (dim,), in the channel's unit. The noise of other channels is
             estimated from the residuals.
         starts: Number of first searches. One starts at the start values of the parameters (`FitParameter.start`, by default the model's
-            values). The others start at the best points of a Sobol sequence around these values. The sequence has at least eight points
-            for each of the other searches.
+            values). The others start at points of a Sobol sequence around these values that fit the first part of the data best.
         step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
             earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.
@@ -141,11 +141,13 @@ def identify(
     first = _first_noise(simulator)
     residuals.sigma = np.where(np.isnan(known), first, known)
     solver = _Solver(optimize, residuals, most=max_evaluations, progress=progress or silent)
-    searches = solver.search(_starts(qmc, residuals, starts, seed))
+    near = starts_around(qmc, residuals, residuals.start, starts - 1, seed, first=True)
+    searches = solver.search([residuals.start, *near])
     for attempt in range(BETTER):
         searches = _with_noise(solver, residuals, searches, known)
         best, likely = min(searches, key=lambda s: s.cost), cost_ratio(residuals, SIGNIFICANT)
-        searches += solver.search(beyond(qmc, residuals, best.x, best.at, seed + 1 + attempt), known=_distinct(searches, likely))
+        far = starts_around(qmc, residuals, best.x, OTHER_STARTS, seed + 1 + attempt)
+        searches += solver.search(far, known=_distinct(searches, likely))
         if min(s.cost for s in searches) * cost_ratio(residuals, EQUAL_FIT) >= best.cost:
             break
     lowest, *ends = _distinct(searches, likely)
@@ -282,14 +284,10 @@ class _Solver:
     def _search_from(
         self, together: Together, search: int, x0: Array, tolerance: float, at_each: Callable[[Array, Linearized], None]
     ) -> _Found | None:
-        """Runs a least-squares search from one start point, in a thread. The result is None if it is left out.
+        """Runs a least-squares search from one start point, (n + starts,), in a thread. The result is None if it is left out.
 
-        Args:
-            together: Batch in which concurrent searches evaluate their points.
-            search: Index of the search in `together`.
-            x0: Start point, (n + starts,).
-            tolerance: Relative change of x below which the search ends.
-            at_each: Function that is called after each evaluation. It raises `_LeftOutError` to end the search.
+        The search ends if the relative change of x is below `tolerance`. `at_each` is called after each evaluation, and may raise
+        `_LeftOutError` to end it.
         """
         held: dict[bytes, Linearized] = {}
 
@@ -319,11 +317,7 @@ class _Solver:
 def _with_noise(solver: _Solver, residuals: Residuals, searches: list[_Found], known: Array) -> list[_Found]:
     """Ends of searches with the noise that the residuals of the best search have. The noise is written to `residuals`.
 
-    Args:
-        solver: Solver.
-        residuals: Residuals of the fit.
-        searches: Ends of searches with another noise.
-        known: Standard deviation of the noise of each column of the readings, (width,); NaN where it is estimated.
+    `known` has the standard deviation of the noise of each column of the readings, (width,); NaN where it is estimated.
     """
     for _ in range(5):
         best = min(searches, key=lambda s: s.cost)
@@ -383,10 +377,6 @@ def _noise_left(residuals: Residuals, at: Linearized) -> Array:
     """Estimate of the noise of each column of the readings, (width,), from the residuals of a fit.
 
     It is the root mean square of the residuals, corrected for the number of parameters.
-
-    Args:
-        residuals: The residual function.
-        at: Residuals at the end of the fit.
     """
     simulator = residuals.simulator
     rows = np.concatenate(residuals.whitened(at)) * residuals.sigma
@@ -405,39 +395,12 @@ def _noise_left(residuals: Residuals, at: Linearized) -> Array:
     return sigma
 
 
-def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
-    """Start points x of `count` least-squares searches, (n + starts,) each: n parameters, then uncertain initial coordinates.
-
-    The first point has the start values of the parameters. The others are the points with the smallest residuals from a Sobol sequence
-    around the first. The sequence has at least eight points for each of the other searches.
-
-    Args:
-        qmc: Module `scipy.stats.qmc`.
-        residuals: Residuals of the fit, by which the points are ranked.
-        count: Number of searches.
-        seed: Seed of the Sobol sequence.
-    """
-    points = [residuals.start]
-    if count > 1:
-        drawn = 1 << int(np.ceil(np.log2(8 * (count - 1))))
-        around = sobol(qmc, residuals, residuals.start, np.full(residuals.n, SPREAD), count=drawn, seed=seed)
-        costs = (residuals.residuals(around) ** 2).sum(axis=1)
-        points += list(around[np.argsort(costs, kind="stable")[: count - 1]])
-    return points
-
-
 def _concluded(
     model: Model, residuals: Residuals, minima: list[_Found], others: list[_Found], solver: _Solver, *, seconds: float
 ) -> Identification:
     """Result of an identification: estimate, covariance, warnings and statistics.
 
-    Args:
-        model: Model that was given to `identify`.
-        residuals: Residuals of the fit.
-        minima: The estimate, then minima that are not significantly worse.
-        others: Ends of the other searches.
-        solver: Solver that ran the searches.
-        seconds: Elapsed time, s.
+    `minima` has the estimate, then minima that are not significantly worse; `others` has the ends of the other searches.
     """
     n, simulator = residuals.n, residuals.simulator
     best, *rivals = minima
@@ -480,17 +443,11 @@ def _concluded(
     )
     shifts = _shift_warnings(residuals, best, solver)
     findings = warnings_of(residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged)
-    return found.warned((*shifts, *findings))
+    return replace(found, warnings=(*shifts, *findings))
 
 
 def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tuple[str, ...]:
-    """Warnings about readings that fit better if they are shifted one sample earlier or later.
-
-    Args:
-        residuals: Residuals of the fit.
-        best: End of the best search.
-        solver: Solver, for fits of shifted readings.
-    """
+    """Warnings about readings that fit better if they are shifted one sample earlier or later."""
     if not suspicious(residuals.whitened(best.at)):
         return ()
     tried = []
@@ -507,11 +464,6 @@ def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float |
     """Mean square residual of a new fit that also estimates the initial states, divided by the mean square residual of the given fit.
 
     The result is None if the given fit already estimates the initial state of every episode, and NaN if there are too few readings.
-
-    Args:
-        residuals: Residuals of the given fit.
-        best: End of the best search of the given fit.
-        solver: Solver with the settings for the new fit.
     """
     other = residuals.freed(FREED_STD)
     if other is None:

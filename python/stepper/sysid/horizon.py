@@ -34,7 +34,7 @@ from stepper.sysid.rivals import (
     verdict_of,
     widened,
 )
-from stepper.sysid.roots import root_of
+from stepper.sysid.uncertainty import root_of
 
 STEP = 1e-5
 """Smallest half width of finite differences of parameters (in units of their scales) and velocities (m/s, rad/s)."""
@@ -197,18 +197,11 @@ class Horizon:
         return other
 
     def _best_start(self, j: int, friction: float) -> Array:
-        """Start point of a search in which one friction has another value.
+        """Start point x, (n + states,), of a search in which the friction with the index j in theta has another value, a logarithm.
 
         The method simulates points with this value, and returns the point that fits the readings best. In each point one other parameter,
         which is no friction, may be changed too. The reason is that an object that is too heavy stays on the ground, and the derivatives
         with respect to its mass are zero. Changed parameters lie within `SPREAD` standard deviations of their means before the window.
-
-        Args:
-            j: Index of the friction in the parameter vector theta.
-            friction: Logarithm of the other value of the friction.
-
-        Returns:
-            Point x, (n + states,).
         """
         problem = self._problem
         points = np.tile(self.x, (len(self.at.points), 1))
@@ -224,11 +217,9 @@ class Horizon:
         return np.asarray(points[int(((residual**2).sum(axis=(1, 2)) + (apart**2).sum(axis=0)).argmin())])
 
     def _smallest_possible(self, j: int, about: float) -> float:
-        """Smallest friction that the readings in the window allow, as a logarithm, if all other unknowns have their estimates.
+        """Smallest value of the friction j that the readings in the window allow, if all other unknowns have their estimates.
 
-        Args:
-            j: Index of the friction in the parameter vector theta.
-            about: Logarithm of the friction near which the search takes place.
+        The search takes place near the value `about`. Both values are logarithms.
         """
         points = np.tile(self.x, (len(self.at.points), 1))
         points[:, j] = np.linspace(about + HELD_RANGE, about - HELD_RANGE, len(points))
@@ -303,11 +294,7 @@ class Horizon:
         return points, directions, spans
 
     def _compare(self, at: Linear) -> Verdict:
-        """Compares the estimate with other values of friction, and raises lower bounds of frictions to values that the readings exclude.
-
-        Args:
-            at: Linearisation about the estimate, with the residuals at these other values.
-        """
+        """Compares the estimate with other values of friction, and raises lower bounds of frictions to values that the readings exclude."""
         problem = self._problem
         unknown = [bool(self._cov[j, j] > (WIDE * problem.scale[j]) ** 2) for j in problem.kinked]
         verdict = verdict_of(
@@ -377,15 +364,9 @@ class Horizon:
         self.at, self.settled = best, False
 
     def _hold(self, at: Linear) -> list[int]:
-        """Sets to zero the derivatives with respect to frictions at which objects stick, and stores the first rival of this sample.
+        """Sets to zero the derivatives with respect to frictions at which objects stick, in place, and returns these frictions' indices.
 
-        A rival is a point with another friction that explains the window equally well or better.
-
-        Args:
-            at: Linearisation about the estimate; its `J` is changed in place.
-
-        Returns:
-            Indices of the frictions at which objects stick.
+        It also stores the first rival of this sample: a point with another friction that explains the window equally well or better.
         """
         verdict = self._compare(at)
         if self.rival is None and verdict.rival is not None:
@@ -423,9 +404,6 @@ class Horizon:
 
         The arrival cost is the normal distribution of the unknowns before the window. The method also sets `evidence`, the logarithm of the
         probability density of all readings, up to a constant.
-
-        Args:
-            at: Linearisation about the estimate.
         """
         N = len(self.x)
         root = root_of(self._cov)

@@ -16,7 +16,7 @@ import numpy as np
 
 from stepper.sysid.inertia import Array
 from stepper.sysid.residuals import slopes
-from stepper.sysid.roots import RIDGE, root_of
+from stepper.sysid.uncertainty import RIDGE, root_of
 
 LENGTH = math.sqrt(3.0)
 """Half width of a finite difference, in standard deviations.

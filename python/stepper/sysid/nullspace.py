@@ -179,12 +179,8 @@ class FlatSet:
     def _end(self, first: Point, axis: Array, std: float) -> tuple[Array, Point | None]:
         """Parameters, (n,), where the cost along a weak direction has risen by `END` or a bound is reached.
 
-        If the cost does not rise by `SIGNIFICANT` and no bound is reached, the last point along the direction is returned too.
-
-        Args:
-            first: Point at which the direction begins.
-            axis: Direction, (n,).
-            std: Standard deviation along it.
+        The direction `axis`, (n,), begins at the point `first`, with the standard deviation `std` along it. If the cost does not rise by
+        `SIGNIFICANT` and no bound is reached, the last point along the direction is returned too.
         """
         low, high = self._residuals.low, self._residuals.high
         x, ahead, excess = first.x, np.concatenate([axis, np.zeros(len(first.x) - len(axis))]), 0.0

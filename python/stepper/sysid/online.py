@@ -1,4 +1,11 @@
-"""Online identification (`Tracker`): estimates and intervals of parameters after every sample."""
+"""Online identification (`Tracker`): estimates and intervals of parameters after every sample, from a mixture of hypotheses about friction.
+
+Near the onset of slip, readings often do not show whether an object has slipped, and the two cases give different masses. An immediate
+decision would make all later intervals too narrow. A rival (another friction that explains the readings, rivals.py) therefore
+starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972), weighted by Laplace's approximation of its evidence. If an object
+slips in all hypotheses, a hypothesis is added in which friction holds the object, and the object's mass is estimated again. Hypotheses
+with little weight are dropped.
+"""
 
 from __future__ import annotations
 
@@ -18,17 +25,196 @@ from stepper._stepper import Model, Stepper
 from stepper.shared.arguments import check_mapping, check_number
 from stepper.shared.fields import RANDOMIZED
 from stepper.sysid.data import vector
-from stepper.sysid.findings import undetermined
 from stepper.sysid.horizon import POSITION_STEP, Horizon
 from stepper.sysid.inertia import Array
-from stepper.sysid.mixture import Mixture, mixture_of, updated
 from stepper.sysid.parameters import READING, Block, FitParameter, bind, natural, write
-from stepper.sysid.problem import MAX_PREDICTIONS, Problem
+from stepper.sysid.problem import MAX_PREDICTIONS, Problem, Sample
 from stepper.sysid.rivals import KINKED, OTHERS_PER_FRICTION, TWO_SIDED
 from stepper.sysid.simulate import UNTRUSTED, find_channels, noise_of, solved
+from stepper.sysid.uncertainty import RIDGE, root_of, undetermined
+
+MAX_HYPOTHESES = 4
+"""Largest number of a tracker's hypotheses about friction."""
+UNLIKELY = 0.01
+"""Probability below which a hypothesis is dropped. It is less than the 2.5 % beyond each end of a 95 % interval."""
+CLOSE = 0.05
+"""Difference of log(friction) between a point and a hypothesis below which the point starts no new hypothesis."""
+CLOSE_STD = 3.0
+"""Difference of log(friction) between a point and a hypothesis below which the point starts no new hypothesis.
+
+It is in standard deviations of the hypothesis. The larger of this limit and `CLOSE` applies.
+"""
+MERGE_DISTANCE = 0.3
+"""Largest difference of the estimates of two hypotheses that are merged, in units of the smaller of their standard deviations."""
+MERGE_STD_RATIO = 1.5
+"""Largest ratio of the standard deviations of two hypotheses that are merged."""
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Weighted sum of normal distributions of the n parameters (the vector theta), one under each of k hypotheses.
+
+    Attributes:
+        weights: Probability of each hypothesis, (k,).
+        means: Mean of the parameters under each hypothesis, (k, n).
+        covariances: Covariance of the parameters under each hypothesis, (k, n, n).
+        lows: Lower bounds of the parameters under each hypothesis, (k, n).
+        high: Upper bounds of the parameters under all hypotheses, (n,).
+    """
+
+    weights: Array
+    means: Array
+    covariances: Array
+    lows: Array
+    high: Array
+
+    def mean(self) -> Array:
+        """Mean of the parameter vector theta, (n,)."""
+        return np.asarray(self.weights @ self.means)
+
+    def covariance(self) -> Array:
+        """Covariance of the parameter vector theta, (n, n)."""
+        apart = self.means - self.mean()
+        return np.asarray(np.einsum("k,kij->ij", self.weights, self.covariances + apart[:, :, None] * apart[:, None, :]))
+
+    def quantile(self, sigmas: float) -> Array:
+        """Quantiles of the parameter vector theta, clipped to the bounds, (n,).
+
+        Args:
+            sigmas: Probability of the quantile, as the number of standard deviations of a normal distribution: 1.96 is 97.5 %.
+        """
+        stds = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+        ends = np.clip(self.means + sigmas * stds, self.lows, self.high)
+        if len(ends) == 1:
+            return np.asarray(ends[0])
+        return np.array([self._quantile(j, sigmas, ends[:, j], stds[:, j]) for j in range(len(self.high))])
+
+    def _quantile(self, j: int, sigmas: float, ends: Array, std: Array) -> float:
+        """Quantile of one parameter of the mixture, by bisection between the quantiles of its normal distributions, `ends` (k,).
+
+        `sigmas` gives its probability, as the number of standard deviations of a normal distribution: 1.96 is 97.5 %.
+        """
+        low, high, share = float(ends.min()), float(ends.max()), _normal(sigmas)
+        for _ in range(50):
+            middle = (low + high) / 2
+            below = [
+                1.0 if middle >= self.high[j] else 0.0 if middle < bound else _normal((middle - mean) / s)
+                for mean, s, bound in zip(self.means[:, j], std, self.lows[:, j], strict=True)
+            ]
+            low, high = (low, middle) if float(self.weights @ below) >= share else (middle, high)
+        return (low + high) / 2
+
+    def draw(self, count: int, seed: int) -> Array:
+        """Random parameter vectors theta from the mixture, clipped to the bounds, (count, n)."""
+        rng = np.random.default_rng(seed)
+        normal = rng.standard_normal((count, len(self.high)))
+        chosen = rng.choice(len(self.weights), count, p=self.weights)
+        roots = root_of(self.covariances, RIDGE)
+        drawn = self.means[chosen] + np.einsum("cij,cj->ci", roots[chosen], normal)
+        return np.asarray(np.clip(drawn, self.lows[chosen], self.high))
+
+
+def mixture_of(hypotheses: Sequence[Horizon], problem: Problem) -> Mixture:
+    """Distribution of the parameters: the weighted sum of their normal distributions under some hypotheses."""
+    n = problem.n
+    return Mixture(
+        weights_of(hypotheses),
+        np.stack([h.x[:n] for h in hypotheses]),
+        np.stack([h.posterior[:n, :n] for h in hypotheses]),
+        np.stack([h.low() for h in hypotheses]),
+        problem.high,
+    )
+
+
+def weights_of(hypotheses: Sequence[Horizon]) -> Array:
+    """Probabilities of hypotheses, (k,), from the evidence of each; their sum is 1."""
+    evidence = np.array([h.evidence for h in hypotheses])
+    share = np.exp(evidence - evidence.max())
+    return np.asarray(share / share.sum())
+
+
+def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> list[Horizon]:
+    """Hypotheses after a new sample, the most probable first.
+
+    A point with another friction that explains the readings starts a new hypothesis, if predictions are left for it. Improbable hypotheses
+    are dropped.
+
+    Args:
+        hypotheses: Hypotheses before the sample.
+        sample: Controls and readings.
+        problem: Fixed data of the tracker.
+    """
+    for hypothesis in hypotheses:
+        hypothesis.take(sample)
+    out = list(hypotheses)
+    for hypothesis in hypotheses:
+        if problem.budget.left <= 0:
+            break
+        if hypothesis.rival is None or any(_near(other, hypothesis.rival, problem) for other in out if other is not hypothesis):
+            continue
+        try:
+            child = hypothesis.branch(hypothesis.rival)
+        except (FloatingPointError, np.linalg.LinAlgError):
+            # Parameters whose prediction is not finite have the probability 0.
+            continue
+        if not any(_alike(child, other, problem) for other in out):
+            out.append(child)
+    return _likely(out + _held(out, problem), problem)
+
+
+def _held(hypotheses: Sequence[Horizon], problem: Problem) -> list[Horizon]:
+    """New hypotheses in which an object sticks, for frictions at which the object slips in all given hypotheses."""
+    out: list[Horizon] = []
+    for hypothesis in hypotheses:
+        for j in hypothesis.worth_trying_held():
+            if problem.budget.left <= 0 or any(other.holds(j) for other in (*hypotheses, *out)):
+                continue
+            try:
+                held = hypothesis.held(j)
+            except (FloatingPointError, np.linalg.LinAlgError):
+                continue
+            if held is not None:
+                out.append(held)
+    return out
+
+
+def _likely(hypotheses: list[Horizon], problem: Problem) -> list[Horizon]:
+    """Most probable of some hypotheses, at most `MAX_HYPOTHESES`, in descending order; similar hypotheses are merged."""
+    kept: list[Horizon] = []
+    for hypothesis in sorted(hypotheses, key=lambda h: -h.evidence):
+        for other in kept:
+            if _alike(hypothesis, other, problem):
+                other.absorb(hypothesis.evidence)
+                break
+        else:
+            kept.append(hypothesis)
+    weights = weights_of(kept)
+    return [h for h, weight in zip(kept, weights, strict=True) if weight >= UNLIKELY][:MAX_HYPOTHESES]
+
+
+def _near(hypothesis: Horizon, x: Array, problem: Problem) -> bool:
+    """Whether the frictions of a point x, (n + states,), are so close to those of a hypothesis that x needs no new hypothesis."""
+    std = np.sqrt(np.diag(hypothesis.posterior))
+    return all(abs(hypothesis.x[j] - x[j]) <= max(CLOSE, CLOSE_STD * std[j]) for j in problem.kinked)
+
+
+def _alike(one: Horizon, other: Horizon, problem: Problem) -> bool:
+    """Whether two hypotheses have nearly the same distribution of the parameters, so that they can be merged."""
+    n = problem.n
+    stds = np.sqrt([np.diag(one.posterior)[:n], np.diag(other.posterior)[:n]])
+    least, most = stds.min(axis=0), stds.max(axis=0)
+    return bool((np.abs(one.x[:n] - other.x[:n]) <= MERGE_DISTANCE * least).all() and (most <= MERGE_STD_RATIO * least).all())
+
+
+def _normal(z: float) -> float:
+    """Cumulative distribution function of the standard normal distribution at z."""
+    return math.erfc(-z / math.sqrt(2)) / 2
+
 
 FRICTION_DRIFT = 0.02
 """Default drift of friction in a `Tracker`: standard deviation of the random change of its logarithm in one second."""
+STATE_NOISE = (1e-5, 1e-3)
+"""Standard deviations of the random change of positions, m or rad, and velocities, m/s or rad/s, in one second: errors of the model."""
 PRIOR = 1.0
 """Default prior standard deviation of the logarithm of a positive quantity."""
 LEAST_WEIGHT = 0.05
@@ -93,8 +279,6 @@ class Tracker:
             for friction and 0 for other parameters. (A window overestimates the information about friction when sliding begins.)
         moving: Names of the joints whose state is uncertain; None selects all joints. Each degree of freedom of these joints needs four
             environments.
-        state_noise: Standard deviations of the random change of positions (m or rad) and velocities (m/s or rad/s) in one second. It
-            accounts for errors of the model.
         options: Options of the step; the default tolerance is 1e-9 m/s.
         threads: Number of threads; 0 uses all cores.
         qpos, qvel: Initial state, (nq,) m and rad, (nv,) m/s and rad/s; None uses the model's reference pose, and zero velocity.
@@ -123,7 +307,6 @@ class Tracker:
         window: float = 0.12,
         drift: float | Sequence[float] | None = None,
         moving: Sequence[str] | None = None,
-        state_noise: tuple[float, float] = (1e-5, 1e-3),
         options: Options | None = None,
         threads: int = 1,
         qpos: ArrayLike | None = None,
@@ -164,8 +347,7 @@ class Tracker:
         if drift is None:
             drift = [FRICTION_DRIFT if kind in KINKED else 0.0 for kind in kinds]
         wander = _spread("drift", drift, n, f"one number, or one for each of {', '.join(self.labels)}", alone=True) * scale
-        pair = "two numbers, of displacement (m or rad) and of velocity (m/s or rad/s)"
-        gained, unknown = _spread("state_noise", state_noise, 2, pair), _spread("start_std", start_std, 2, pair)
+        unknown = _spread("start_std", start_std, 2, "two numbers, of displacement (m or rad) and of velocity (m/s or rad/s)")
         m = len(dofs)
         self._problem = Problem(
             model=self.model,
@@ -180,7 +362,7 @@ class Tracker:
             scale=scale,
             kinked=kinked,
             drift=wander,
-            gained=np.concatenate([wander, np.repeat(gained, m)]) * math.sqrt(period),
+            gained=np.concatenate([wander, np.repeat(STATE_NOISE, m)]) * math.sqrt(period),
             period=period,
             length=length,
         )
@@ -260,10 +442,7 @@ class Tracker:
     def _interval(self, mixture: Mixture, determined: np.ndarray[Any, np.dtype[np.bool_]], *, trusted: bool) -> Array:
         """95 % intervals of the values, (n, 2); infinite for values that are not determined.
 
-        Args:
-            mixture: Distribution of the parameters.
-            determined: Whether each value is determined, (n,).
-            trusted: Whether the estimate has converged and explains the readings, so that the bounds of frictions hold.
+        They have the bounds of frictions only if the estimate is `trusted`: it has converged and explains the readings.
         """
         low, high = (natural(self.blocks, mixture.quantile(z)) for z in (-TWO_SIDED, TWO_SIDED))
         least = np.concatenate([block.least for block in self.blocks])
@@ -293,12 +472,7 @@ class Tracker:
 def _spread(name: str, given: ArrayLike, size: int, remedy: str, *, alone: bool = False) -> Array:
     """Standard deviations, (size,), from the user's argument `name`, after a check of its shape and values.
 
-    Args:
-        name: Name of the argument, for error messages.
-        given: Value of the argument.
-        size: Required number of standard deviations.
-        remedy: Description of the required shape, for the error message.
-        alone: Whether a single number for all `size` standard deviations is accepted.
+    `remedy` describes the required shape in the error message. With `alone`, a single number for all is accepted.
     """
     value = array_of(name, given)
     if value.shape != (size,) and not (alone and value.ndim == 0):

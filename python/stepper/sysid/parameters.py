@@ -196,11 +196,9 @@ class Variants:
         """
         if not self.delays:
             return None
-        drives = {}
-        for name, delay in self.delays.items():
-            drive = (known.drive_of(name) if known is not None else None) or Drive()
-            drives[name] = replace(drive, delay=delay if index is None else delay[index])
-        return ActuatorModel(drives)
+        known = known or ActuatorModel()
+        delays = {name: delay if index is None else delay[index] for name, delay in self.delays.items()}
+        return ActuatorModel({name: replace(known.drive_of(name) or Drive(), delay=delay) for name, delay in delays.items()})
 
 
 class Block:
@@ -253,11 +251,7 @@ class Block:
         self._interval(own[0])
 
     def _interval(self, own: float) -> None:
-        """Sets start, bounds and prior of a parameter that is a single number.
-
-        Args:
-            own: Value of the parameter in the model, in the unit of the parameter, at which the search starts by default.
-        """
+        """Sets start, bounds and prior of a parameter that is a single number, whose value in the model is `own`."""
         parameter, kind = self.parameter, self.kind
         start = own if parameter.start is None else float(parameter.start)
         if kind.log and not start > 0:
@@ -538,11 +532,7 @@ def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:
 
 
 def _check_gain_types(parameter: FitParameter, model: Model, index: Sequence[int]) -> None:
-    """Checks that the gain of every actuator is proportional to its parameters `gainprm`, so that one factor can scale them.
-
-    Raises:
-        ValueError: The gaintype of an actuator is neither "fixed" nor "affine".
-    """
+    """Raises ValueError unless the gains of all actuators are proportional to `gainprm` (gaintype "fixed" or "affine")."""
     for actuator in map(model.actuator, index):
         if actuator.gaintype not in ("fixed", "affine"):
             raise ValueError(
@@ -552,11 +542,7 @@ def _check_gain_types(parameter: FitParameter, model: Model, index: Sequence[int
 
 
 def _check_servo(parameter: FitParameter, model: Model, index: Sequence[int]) -> None:
-    """Checks that every actuator is a position servo: biasprm[1] is -gainprm[0].
-
-    Raises:
-        ValueError: An actuator is not a position servo.
-    """
+    """Raises ValueError unless every actuator is a position servo: biasprm[1] is -gainprm[0]."""
     for actuator in map(model.actuator, index):
         if not np.isclose(actuator.biasprm[1], -actuator.gainprm[0]):
             raise ValueError(
@@ -573,11 +559,6 @@ def _unnamed(parameter: FitParameter, model: Model, index: int) -> list[int]:
     """Indices with which a selector selects an element that has no name.
 
     They are the index of the element, or for fields of degrees of freedom the indices of all degrees of freedom of a joint.
-
-    Args:
-        parameter: Parameter whose selector has the field.
-        model: The model.
-        index: Index of the element or joint.
     """
     if not parameter.parsed.field.startswith("dof_"):
         return [index]

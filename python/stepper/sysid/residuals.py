@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -79,6 +80,21 @@ class Residuals:
                 reading of period k - 1.
         """
         out = Residuals(self.simulator.with_episodes([shifted(episode, shift) for episode in self.simulator.episodes]), self.step)
+        out.sigma = self.sigma
+        return out
+
+    def first_part(self, share: float) -> Residuals:
+        """Residuals of the first periods of all episodes, at least one of each, with the same noise.
+
+        Args:
+            share: Number of these periods, divided by the number of periods of an episode.
+        """
+        parts = []
+        for e in self.simulator.episodes:
+            count = math.ceil(share * len(np.asarray(e.ctrl)))
+            readings, applied = ({name: np.asarray(rows)[:count] for name, rows in kind.items()} for kind in (e.readings, e.applied))
+            parts.append(replace(e, ctrl=np.asarray(e.ctrl)[:count], readings=readings, applied=applied))
+        out = Residuals(self.simulator.with_episodes(parts), self.step)
         out.sigma = self.sigma
         return out
 
@@ -178,12 +194,9 @@ class Residuals:
         return np.concatenate([rows, np.tile(x[self.n :], (len(rows), 1))], axis=1), spans
 
     def _predict(self, rows: Array, points: Array | None = None) -> list[Array]:
-        """Predicted readings by episode, (count, T, width) each, for `count` parameter vectors and initial states.
+        """Predicted readings by episode, (count, T, width) each, for `count` rows of `_around`.
 
-        Args:
-            rows: Simulated points as from `_around`, one per row: n parameters, displacements that the initial states of all episodes
-                share, and the initial states.
-            points: Vectors x, (count, n + starts), from which the initial states are taken. None takes them from `rows`.
+        The initial states are those of the vectors x in `points`, (count, n + starts), or of the rows themselves.
         """
         width = self._wide()
         own = rows[:, self.n + width :] if points is None else points[:, self.n :]
@@ -201,25 +214,13 @@ class Residuals:
         return self.simulator.predict(rows[:, : self.n] * self.scale, starts if any(s is not None for s in starts) else None)
 
     def _with_priors(self, x: Array, y: list[Array]) -> Array:
-        """Residual vector at a point x, (m,): of the readings, of the priors, and of the initial states.
-
-        Args:
-            x: The point, (n + starts,).
-            y: Predicted readings by episode, (T, width).
-        """
+        """Residual vector at a point x, (m,): of the predicted readings by episode, of the priors, and of the initial states."""
         parts = [((p - m) / self.sigma)[mask] for p, m, mask in zip(y, self.simulator.measured, self.masks, strict=True)]
         parts += [np.array([(x[j] - mean) / std]) for j, mean, std in self.priors]
         return np.concatenate([*parts, x[self.n :]])
 
     def _assemble(self, x: Array, made: list[Array], spans: Array, width: int) -> Linearized:
-        """Residuals and Jacobian at a point x from predictions at the points of central differences.
-
-        Args:
-            x: The point, (n + starts,).
-            made: Predicted readings by episode, (count, T, width).
-            spans: Widths of the differences above and below, (n + width, 2), or signed widths of one-sided differences, (n + width, 1).
-            width: Largest number of uncertain initial coordinates per episode.
-        """
+        """Residuals and Jacobian at a point x from predictions at the points of central differences, with spans as from `_around`."""
         residual = self._with_priors(x, [y[0] for y in made])
         jacobian = np.zeros((len(residual), len(x)))
         at = 0
@@ -258,14 +259,9 @@ def slopes(y: Array, spans: Array) -> Array:
 def _unknown_starts(episodes: Sequence[Episode], n: int) -> tuple[list[Array | None], list[slice]]:
     """Uncertain coordinates of the initial state of each episode, and their places in the vector x of unknowns (see `Residuals`).
 
-    Args:
-        episodes: The episodes.
-        n: Number of parameters, which precede these coordinates in x.
-
-    Returns:
-        Two lists with an entry for each episode. The first has an array (k, 2) with a row for each of its k uncertain coordinates, or None
-        if k is 0. A row is the index among the 2 nv displacements (m, rad) and velocities (m/s, rad/s), and the standard deviation. The
-        second has the slice of x with these k coordinates.
+    Returns two lists with an entry for each episode. The first has an array (k, 2) with a row for each of its k uncertain coordinates, or
+    None if k is 0. A row is the index among the 2 nv displacements (m, rad) and velocities (m/s, rad/s), and the standard deviation. The
+    second has the slice of x, after its n parameters, with these k coordinates.
     """
     starts: list[Array | None] = []
     places = []

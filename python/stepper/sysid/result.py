@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -20,7 +20,7 @@ from stepper.shared.machine import require
 from stepper.sysid.combinations import Combination
 from stepper.sysid.inertia import Array
 from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, value_slopes, write
-from stepper.sysid.roots import RIDGE, root_of
+from stepper.sysid.uncertainty import RIDGE, root_of
 
 Mask: TypeAlias = np.ndarray[Any, np.dtype[np.bool_]]
 FORMAT = 4
@@ -81,10 +81,6 @@ class Identification:
     steps: int
     seconds: float
     warnings: tuple[str, ...]
-
-    def warned(self, warnings: tuple[str, ...]) -> Identification:
-        """Returns a copy of this result in which the given warnings replace the previous ones."""
-        return replace(self, warnings=warnings)
 
     @cached_property
     def blocks(self) -> list[Block]:
@@ -221,11 +217,11 @@ class Identification:
             what = "combination is " + " ".join(f"{part:+.2f} {label}" for label, part in parts.items())
         return f"the least certain {what} (standard deviation {std:.2g} of its scale): {block.hint}"
 
-    def table(self, confidence: float = 0.95) -> str:
-        """Returns a Markdown table of values, confidence intervals, units and start values."""
-        lines = [f"| | value | {100 * confidence:g} % interval | unit | in the model |", "|---|---|---|---|---|"]
+    def table(self) -> str:
+        """Returns a Markdown table of values, 95 % intervals, units and start values."""
+        lines = ["| | value | 95 % interval | unit | in the model |", "|---|---|---|---|---|"]
         start = natural(self.blocks, np.concatenate([block.start for block in self.blocks]))
-        rows = zip(self.labels, self.values, self.interval(confidence), self.units, start, self.determined, strict=True)
+        rows = zip(self.labels, self.values, self.interval(), self.units, start, self.determined, strict=True)
         for label, value, (low, high), unit, before, known in rows:
             interval_text = f"{low:.5g} to {high:.5g}" if known else "not determined"
             lines.append(f"| {label} | {value:.5g} | {interval_text} | {unit} | {before:.5g} |")

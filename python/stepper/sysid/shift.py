@@ -44,10 +44,8 @@ _WORDS = {
 def _finding(shift: int, ratio: float, remark: str) -> str:
     """Warning that readings are one sample early or late relative to the controls, with the evidence and the remedy.
 
-    Args:
-        shift: `LATE` or `EARLY`.
-        ratio: Mean square residual of a fit with shifted readings, divided by the mean square residual without the shift.
-        remark: Last sentence of the warning, about wrong initial states, without its full stop.
+    `ratio` is the mean square residual of a fit with shifted readings, divided by that of the fit. `remark` is a sentence about wrong
+    initial states.
     """
     problem, remedy = _WORDS[shift]
     return (

@@ -76,13 +76,7 @@ def channels_of(model: Model, episodes: Sequence[Episode]) -> list[Channel]:
 
 
 def _channel(model: Model, name: str, width: int) -> Channel:
-    """Channel by name.
-
-    Args:
-        model: The model.
-        name: Name of a sensor, "qpos", "qvel", "act", "qpos:JOINT" or "qvel:JOINT".
-        width: Number of columns of all channels before this one, which is the index of its first column.
-    """
+    """Channel of a sensor, "qpos", "qvel", "act", "qpos:JOINT" or "qvel:JOINT"; its first column has the index `width`."""
     if name in model.sensor_names:
         sensor = model.sensor(name)
         quaternion = model.sensors[sensor.id]["datatype"] == "quaternion"
@@ -273,15 +267,10 @@ class Simulator:
         return list(groups.values())
 
     def _run(self, theta: Array, group: list[int], starts: list[tuple[Array, Array] | None]) -> tuple[list[Array], int, int]:
-        """Predictions of some episodes for all parameter vectors.
+        """Predictions of the episodes of a group for all parameter vectors, (count, n).
 
-        Args:
-            theta: Parameter vectors, (count, n).
-            group: Indices of the episodes, with equal steps per period and equal kinds of applied forces.
-            starts: Displacements of the initial positions and velocities of each episode; None means 0.
-
-        Returns:
-            Predictions by episode, (count, T, width); number of time steps with flags of `UNTRUSTED`; number of all time steps.
+        `starts` has displacements of the initial positions and velocities of each episode; None means 0. Returns predictions by episode,
+        (count, T, width); number of time steps with flags of `UNTRUSTED`; number of all time steps.
         """
         variants = write(self.blocks, theta, self.model)
         shared = {name: array for name, array in variants.fields.items() if name not in RANDOMIZED}
@@ -312,18 +301,9 @@ class Simulator:
         starts: list[tuple[Array, Array] | None],
         out: list[Array],
     ) -> tuple[int, int]:
-        """Simulates some model variants in all episodes of a group, and writes the predictions to `out`.
+        """Simulates the variants `part` of a model in all episodes of a group, and writes the predictions to `out`, (count, T, width) each.
 
-        Args:
-            model: Compiled model that the variants share.
-            variants: Parameter values of all variants.
-            part: Indices of the variants to simulate.
-            group: Indices of the episodes.
-            starts: Displacements of the initial positions and velocities of each episode; None means 0.
-            out: Predictions by episode, (count, T, width), which are changed in place.
-
-        Returns:
-            Number of time steps with flags of `UNTRUSTED`, and number of all time steps.
+        Returns the number of time steps with flags of `UNTRUSTED`, and the number of all time steps. Other arguments are those of `_run`.
         """
         E, episodes, nstep = len(group), [self.episodes[e] for e in group], self.nstep[group[0]]
         index = np.repeat(part, E)
@@ -380,13 +360,7 @@ class Simulator:
         return self._steppers[key]
 
     def _read(self, y: Array, theta: Array, nstep: int) -> Array:
-        """Applies bias, scale and delay of sensors to predicted readings, and returns one row per sample: (count, T, width).
-
-        Args:
-            y: Predicted readings of ideal sensors, (count, rows, width), which are changed in place.
-            theta: Parameter vectors, (count, n).
-            nstep: Number of time steps per sample.
-        """
+        """Applies bias, scale and delay of sensors to predicted readings, in place, and returns one row per sample: (count, T, width)."""
         for block, piece in zip(self.blocks, split(self.blocks, theta), strict=True):
             for channel in self.channels:
                 if block not in self._readers or channel.name not in block.names:
@@ -402,15 +376,9 @@ class Simulator:
 
 
 def _rollout(sim: Stepper, ctrl: Array, nstep: int, *, fields: list[str], applied: dict[str, Array], fine: bool) -> dict[str, Any]:
-    """Calls `Stepper.rollout` with applied forces and mocap poses that change in each control period.
+    """Calls `Stepper.rollout` with controls, applied forces and mocap poses that change in each control period, (T, num_envs, ...).
 
-    Args:
-        sim: The stepper.
-        ctrl: Controls, (T, num_envs, nu).
-        nstep: Number of time steps per period.
-        fields: Names of the arrays to return.
-        applied: Applied forces and mocap poses by name, (T, num_envs, ...).
-        fine: Whether the result has a row for every time step, not for every period.
+    The arrays `fields` of the result have a row for every period, or with `fine` for every time step.
     """
     held, each = (nstep, 1) if fine else (1, nstep)
     if not applied:
@@ -445,17 +413,10 @@ def _turn(a: Array, b: Array) -> Array:
 
 
 def _with_longest_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -> ActuatorModel | None:
-    """Actuator model whose delays are the upper bounds of the identified delays, so that the stepper allocates delay lines of that length.
-
-    Args:
-        known: Known attributes of the drives.
-        blocks: Unknown parameters.
-    """
+    """Actuator model with the upper bounds of identified delays, so that the stepper allocates delay lines of that length."""
     longest = {name: float(block.high[0]) for block in blocks if block.parameter.kind == "actuator.delay" for name in block.names}
     if not longest:
         return known
-    drives = dict(known.named) if known is not None else {}
-    for name, delay in longest.items():
-        drive = (known.drive_of(name) if known is not None else None) or Drive()
-        drives[name] = Drive(**{**{f: getattr(drive, f) for f in drive.__dataclass_fields__}, "delay": delay})
-    return ActuatorModel(drives, default=known.default if known is not None else None)
+    known = known or ActuatorModel()
+    delayed = {name: replace(known.drive_of(name) or Drive(), delay=delay) for name, delay in longest.items()}
+    return ActuatorModel({**known.named, **delayed}, default=known.default)

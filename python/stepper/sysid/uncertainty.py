@@ -1,4 +1,4 @@
-"""Uncertainty of an estimate: covariance of the parameters for noise that may be correlated in time.
+"""Uncertainty of an estimate: covariance of the parameters for noise that may be correlated in time, and warnings.
 
 At the estimate, the sum over time of the scores s_t = J_t^T r_t is zero. Here r_t are the residuals at time t in units of the noise, and
 J_t is their Jacobian. The covariance of the estimate is the sandwich H^-1 S H^-1. S is the covariance of the sum of scores, and H = J^T J.
@@ -15,6 +15,7 @@ is used:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,9 @@ import numpy as np
 
 from stepper.shared.machine import require
 from stepper.sysid.inertia import Array
+from stepper.sysid.nullspace import SIGNIFICANT, Point, cost_ratio
+from stepper.sysid.parameters import Block, natural
+from stepper.sysid.residuals import Residuals
 
 LARGEST_AUTOCORRELATION = 0.97
 """Upper bound of an estimated first-order autocorrelation of residuals, as Andrews and Monahan advise."""
@@ -104,12 +108,7 @@ def _at_least(covariance: Array, other: Array) -> Array:
 
 
 def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Array]:
-    """Sums of the rows of readings with the same episode and time: one array (times, n) per episode.
-
-    Args:
-        rows: Numbers of each reading, (k, n), such as its residual times its Jacobian.
-        times: Indices of the episode, row and column of each reading, (k, 3).
-    """
+    """Sums of the rows, (k, n), of readings with the same episode and time (see `_coloured`): one array (times, n) per episode."""
     places = _places(times)
     out = []
     for e in np.unique(times[:, 0]):
@@ -121,11 +120,7 @@ def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Ar
 
 
 def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Time of each reading since the first reading of its episode, (k,), as a whole number of sampling intervals.
-
-    Args:
-        times: Indices of the episode, control period and column of each reading, (k, 3).
-    """
+    """Time of each reading since the first of its episode, (k,), in sampling intervals; `times` as in `_coloured`."""
     _, episode = np.unique(times[:, 0], return_inverse=True)
     first = np.full(int(episode.max()) + 1, np.iinfo(np.int64).max)
     np.minimum.at(first, episode, times[:, 1])
@@ -161,11 +156,9 @@ def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) ->
 
 
 def _autocovariance(series: list[Array], count: int) -> Array:
-    """Autocovariance at all lags of the residuals of one column of the readings, from an autoregression.
+    """Autocovariance at all lags of the residuals of one column, from an autoregression.
 
-    Args:
-        series: Residuals by episode, 0 where not measured.
-        count: Number of measured residuals.
+    `series` has the residuals by episode, 0 where not measured, `count` is the number of those measured.
     """
     solve = require("scipy.linalg", "to identify parameters").solve_toeplitz
     longest = max(map(len, series))
@@ -191,12 +184,9 @@ def _autocovariance(series: list[Array], count: int) -> Array:
 
 
 def _long_run(scores: list[Array]) -> Array:
-    """Covariance of the sum of the scores of all episodes, (n, n), for scores that are correlated in time.
+    """Covariance of the sum of the scores of all episodes, (n, n), for scores (times, n) that are correlated in time.
 
     The score of a time is the sum of its readings' residuals times their Jacobian, a vector (n,) for n parameters.
-
-    Args:
-        scores: Scores by episode, (times, n).
     """
     n = scores[0].shape[1]
     before = sum((s[:-1] ** 2).sum(axis=0) for s in scores)
@@ -214,3 +204,124 @@ def _long_run(scores: list[Array]) -> Array:
             S += (1 - lag / (lags + 1)) * (C + C.T)
     colour = 1 / (1 - rho)
     return np.asarray(colour[:, None] * S * colour)
+
+
+RIDGE = 1e-12
+"""Relative increase of variances, so that a covariance that is singular to rounding has a root."""
+
+
+def root_of(covariance: Array, ridge: float = 0.0) -> Array:
+    """Lower-triangular (Cholesky) root of a covariance, or of several.
+
+    Args:
+        covariance: Covariance, (..., n, n), in squared units of its numbers, which may differ by many orders of magnitude.
+        ridge: Relative increase of the variances.
+
+    Returns:
+        Root L with L L^T = covariance, (..., n, n).
+    """
+    std = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    correlation = covariance / (std[..., :, None] * std[..., None, :])
+    return np.asarray(np.linalg.cholesky(correlation + ridge * np.eye(std.shape[-1])) * std[..., :, None])
+
+
+UNKNOWN = 0.5
+"""Standard deviation of a parameter, divided by half the width of its bounds, above which the data do not determine the parameter."""
+VAGUE = 0.7
+"""Standard deviation of the logarithm of a positive parameter above which the parameter is not determined.
+
+Its 95 % interval then spans a factor of four up and down.
+"""
+TWINS = 0.98
+"""Correlation of two parameters above which the data determine only a combination of them, such as their ratio. See also `LOOSE`."""
+LOOSE = 0.1
+"""Standard deviation, in units of a parameter's scale, above which a high correlation of two parameters is reported.
+
+One of the two parameters must have a larger standard deviation than this.
+"""
+ROUGH = 0.3
+"""Relative difference between derivatives with a finite-difference step and with twice that step, above which a warning is given."""
+
+
+def undetermined(blocks: Sequence[Block], std: Array, reach: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Mask (n,) of the parameters that the data do not determine.
+
+    Args:
+        blocks: Parameters, n numbers in total.
+        std: Standard deviations, in units of the parameters' scales, (n,).
+        reach: Half widths of the bounds, in units of the scales, (n,).
+    """
+    logarithmic = np.concatenate([np.full(block.size, block.kind.log) for block in blocks])
+    found: np.ndarray[Any, np.dtype[np.bool_]] = (std > UNKNOWN * reach) | (logarithmic & (std > VAGUE))
+    return found
+
+
+def warnings_of(residuals: Residuals, found: Any, sure: Uncertainty, *, slopes: Array, first: Point, converged: bool) -> tuple[str, ...]:
+    """Warnings about an estimate, the most serious first.
+
+    Args:
+        residuals: Residuals of the fit.
+        found: Identification without warnings.
+        sure: Uncertainty of the estimate.
+        slopes: Derivatives of the values with respect to the parameters in units of their scales, (n, n).
+        first: Estimate, with the effect of each parameter on the readings and the roughness of this effect.
+        converged: Whether the best search converged.
+    """
+    blocks, simulator = residuals.blocks, residuals.simulator
+    labels, known = found.labels, [int(j) for j in np.flatnonzero(found.determined)]
+    hints = [block.hint for block in blocks for _ in block.labels]
+    out = []
+    # Derivatives that change completely with the finite-difference step are rounding errors.
+    idle = np.abs(slopes) @ ((first.effect >= 1e-3) & (first.roughness <= 1)) == 0
+    covariance = slopes @ (found.covariance / np.outer(found.scale, found.scale)) @ slopes.T
+    std = np.sqrt(np.diag(covariance))
+    others = _other_values(residuals, found, std)
+    for j in map(int, np.flatnonzero(~found.determined)):
+        why = "no reading depends on it" if idle[j] else "the readings hardly depend on it, or depend on it as on other parameters"
+        if not idle[j] and not np.isnan(others[j]):
+            why = f"another estimate, with {others[j]:.4g}, fits equally well"
+        out.append(f"{labels[j]} is not determined by these data, {why}: {hints[j]}")
+    correlation = covariance / np.outer(std, std)
+    relative = std / np.linalg.norm(slopes, axis=1)
+    for a, i in enumerate(known):
+        for j in known[a + 1 :]:
+            if abs(correlation[i, j]) > TWINS and max(relative[i], relative[j]) > LOOSE:
+                how = "ratio" if correlation[i, j] > 0 else "product"
+                out.append(
+                    f"{labels[i]} and {labels[j]} are known only together (correlation {correlation[i, j]:.3f}, as for a {how}): {hints[j]}"
+                )
+    x = found.theta / found.scale
+    for j in known:
+        at = "lower" if x[j] - residuals.low[j] < residuals.step else "upper" if residuals.high[j] - x[j] < residuals.step else ""
+        if at:
+            out.append(
+                f"{labels[j]} is at its {at} bound: its interval ends there, and other estimates may be wrong; "
+                "widen the bound or check the data"
+            )
+        if first.roughness[j] > ROUGH:
+            out.append(
+                f"{labels[j]}: finite differences with the step and with twice the step differ by {100 * first.roughness[j]:.0f} %, "
+                f"because contacts open or close nearby. The interval is rough: compare with step={residuals.step / 10:g}, or give shorter "
+                "episodes"
+            )
+    if not converged:
+        out.append("the search ran out of evaluations; raise max_evaluations")
+    if found.determined.any() and (widest := float(sure.inflation.max())) > 1.5:
+        out.append(
+            f"residuals are correlated in time or larger than the noise that was given: intervals are up to {widest:.1f} times as wide as "
+            "those of white noise; the model may lack something"
+        )
+    if simulator.untrusted > 0.001:
+        out.append(f"{100 * simulator.untrusted:.2g} % of the steps were not solved, or left contacts out; see Stepper.status")
+    return (*out, *dict.fromkeys(note for episode in simulator.episodes for note in episode.notes))
+
+
+def _other_values(residuals: Residuals, found: Any, std: Array) -> Array:
+    """Values at another minimum that is not significantly worse, (n,); NaN where they are within 5 standard deviations."""
+    out = np.full(len(std), np.nan)
+    best = min(search.cost for search in found.searches)
+    for search in found.searches:
+        values = natural(residuals.blocks, search.theta)
+        if search.cost <= best * cost_ratio(residuals, SIGNIFICANT):
+            out = np.where(np.abs(values - found.values) > 5 * std, values, out)
+    return out

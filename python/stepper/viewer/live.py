@@ -6,6 +6,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -13,11 +14,100 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.shared.arguments import check_kind
-from stepper.viewer.dragging import Drag
-from stepper.viewer.frames import Envs, frame_of, shown_envs, sizes_of
+from stepper.shared.rotations import matrices
+from stepper.viewer.frames import Envs, frame_of, shown_envs, sizes_of, values_of
 from stepper.viewer.looks import Array, looks_of, row
 from stepper.viewer.shapes import Scene, scene_of
 from stepper.viewer.window import Served, Window
+
+FREQUENCY = 10.0
+"""Angular frequency of the spring that drags a body, rad/s.
+
+The stiffness is the frequency squared times the effective mass at the dragged point. The frequency is that of
+MuJoCo's viewer: the square root of the default of visual/map/stiffness, 100.
+"""
+
+
+@dataclass
+class Drag:
+    """Spring and damper that pull a point of a body, as in MuJoCo's viewer. The damping is critical for the effective mass at the point.
+
+    Attributes:
+        env: Index of the environment.
+        body: Index of the body.
+        point: Pulled point in the body's frame, (3,), m.
+        target: Position of the pointer in the world, (3,), m.
+        mass: Effective mass at the point, kg.
+    """
+
+    env: int
+    body: int
+    point: Array
+    target: Array
+    mass: float
+
+    @classmethod
+    def begin(cls, sim: Stepper, env: int, body: int, place: Array) -> Drag | None:
+        """Starts to drag a body.
+
+        Args:
+            sim: The stepper.
+            env: Index of the environment.
+            body: Index of the body.
+            place: Point of the body, in world coordinates, (3,), m.
+
+        Returns:
+            The spring and damper; None if the body cannot move.
+        """
+        mass = effective_mass(sim, env, body, place)
+        if mass is None:
+            return None
+        rotation, origin = matrices(_row(sim, "xquat", env)[body]), _row(sim, "xpos", env)[body]
+        return cls(env, body, rotation.T @ (place - origin), np.array(place), mass)
+
+    def at(self, sim: Stepper) -> Array:
+        """Position of the pulled point in the world, (3,), m."""
+        rotation = matrices(_row(sim, "xquat", self.env)[self.body])
+        place: Array = _row(sim, "xpos", self.env)[self.body] + rotation @ self.point
+        return place
+
+    def wrench(self, sim: Stepper, strength: float = 1.0) -> Array:
+        """Force and torque by which spring and damper pull the body, (6,) in world axes, N and N m, for `Stepper.xfrc_applied`.
+
+        The torque is about the body's centre of mass. `strength` is a factor of the stiffness.
+        """
+        origin, rotation = _row(sim, "xpos", self.env)[self.body], matrices(_row(sim, "xquat", self.env)[self.body])
+        place = self.at(sim)
+        spin = _row(sim, "body_angvel", self.env)[self.body]
+        velocity = _row(sim, "body_linvel", self.env)[self.body] + np.cross(spin, place - origin)
+        stiffness = strength * self.mass * FREQUENCY**2
+        force = stiffness * (self.target - place) - 2 * np.sqrt(stiffness * self.mass) * velocity
+        centre = origin + rotation @ sim.model.body_ipos[self.body]
+        return np.concatenate([force, np.cross(place - centre, force)])
+
+
+def effective_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
+    """Effective mass at a point of a body, kg: the harmonic mean of the masses for forces along x, y and z.
+
+    The result is None if the point cannot move. The point `place`, (3,), m, is in world coordinates.
+    """
+    matrices_of_mass = np.asarray(sim.mass_matrix(), np.float64)
+    mass = matrices_of_mass if sim.num_envs is None else matrices_of_mass[env]
+    if not len(mass):
+        return None
+    jacobian = sim.jacobian(body=body)
+    rows = np.asarray(jacobian if sim.num_envs is None else jacobian[env], np.float64)
+    arm = place - _row(sim, "xpos", env)[body]
+    moved = rows[:3] + np.cross(rows[3:].T, arm).T
+    mobility = float(np.trace(moved @ np.linalg.solve(mass, moved.T))) / 3.0
+    return 1.0 / mobility if mobility > 0 else None
+
+
+def _row(sim: Stepper, name: str, env: int) -> Array:
+    """Values of a quantity of a stepper in one environment, (...) float64, in its unit."""
+    values: Array = values_of(sim, name, np.array([env]))[0]
+    return values.astype(np.float64)
+
 
 SHOWN = 16
 """Largest number of environments that are shown by default."""
@@ -77,7 +167,6 @@ class View(Served):
             process loaded the model. If it is unknown, colours are plain, and meshes and height fields are not drawn.
         host: Address of the server; the default accepts connections from this machine only.
         port: Port of the server; if it is in use, the next free one.
-        spacing: Distance between neighbouring environments, m; None uses one and a half times the scene's extent.
         reset: Function that the button "reset" calls; None selects `sim.reset()`.
 
     Raises:
@@ -94,7 +183,6 @@ class View(Served):
         source: Any = None,
         host: str = "127.0.0.1",
         port: int = 8080,
-        spacing: float | None = None,
         reset: Callable[[], Any] | None = None,
     ):
         check_kind("sim", sim, Stepper, "stepper.viewer.view(stepper.Stepper(model))")
@@ -102,7 +190,7 @@ class View(Served):
         self._reset = sim.reset if reset is None else reset
         # Stored here, because callbacks from the browser may come during a step, when the stepper cannot be read.
         self._body_of = [sim.model.geom(g).bodyid for g in range(sim.model.ngeom)]
-        self.window = Window(scene_for(sim.model, source), sim.model, len(self.envs), host=host, port=port, spacing=spacing)
+        self.window = Window(scene_for(sim.model, source), sim.model, len(self.envs), host=host, port=port)
         self._lock = threading.Lock()
         self._requested_reset, self._steps, self._wake = False, 0, threading.Event()
         self._drag: Drag | None = None
@@ -240,14 +328,7 @@ class View(Served):
             time.sleep(self._clock - clock)
 
     def _dragged(self, phase: str, k: int, geom: int, place: Array) -> None:
-        """Stores an event of dragging from the browser for the next `update`.
-
-        Args:
-            phase: "start", "update" or "end".
-            k: Row of the environment among those shown.
-            geom: Index of the geom.
-            place: Position of the pointer in the environment's world coordinates, (3,), m.
-        """
+        """Stores an event of dragging from the browser for the next `update`; see `Window.on_pull` for the arguments."""
         with self._lock:
             if phase == "start":
                 self._grabbed = (int(self.envs[k]), self._body_of[geom], place)
@@ -274,8 +355,7 @@ class View(Served):
     def _apply(self, wrench: tuple[int, int, Array] | None) -> None:
         """Replaces the force and torque of dragging in `xfrc_applied`; other applied forces remain.
 
-        Args:
-            wrench: Index of the environment, index of the body, and force and torque (6,), N and N m. None only removes the previous ones.
+        The wrench has the index of the environment and of the body, and (6,), N and N m. None only removes the previous ones.
         """
         forces = self.sim.xfrc_applied if self.sim.num_envs is not None else self.sim.xfrc_applied[None]
         if self._applied is not None:
@@ -290,17 +370,8 @@ class View(Served):
             self._applied = _Applied(env, body, without, np.array(forces[env, body], subok=False))
 
 
-def view(
-    sim: Stepper,
-    *,
-    envs: Envs = None,
-    source: Any = None,
-    host: str = "127.0.0.1",
-    port: int = 8080,
-    spacing: float | None = None,
-    reset: Callable[[], Any] | None = None,
-) -> View:
+def view(sim: Stepper, **settings: Any) -> View:
     """Opens a view of a stepper in the browser and prints its address; the arguments are those of `View`."""
-    opened = View(sim, envs=envs, source=source, host=host, port=port, spacing=spacing, reset=reset)
+    opened = View(sim, **settings)
     print(f"{opened.url} shows {len(opened.envs)} of {sim.num_envs or 1} environments")
     return opened

@@ -64,7 +64,6 @@ class Window:
         count: Number of environments to show.
         host: Address of the server; "0.0.0.0" also accepts connections from other machines.
         port: Port of the server; if it is in use, the next free one.
-        spacing: Distance between neighbouring environments, m; None uses one and a half times the scene's extent.
         title: Title of the page.
     """
 
@@ -76,13 +75,12 @@ class Window:
         *,
         host: str = "127.0.0.1",
         port: int = 8080,
-        spacing: float | None = None,
         title: str = "",
     ):
         viser = require("viser", "for the view in the browser")
         self.scene, self._model, self.count = scene, model, count
         self.server = viser.ViserServer(host=host, port=port, label=title or model.name or "stepper", verbose=False)
-        self._spacing = spacing if spacing is not None else 1.5 * scene.extent
+        self._spacing = 1.5 * scene.extent
         self._sizes = np.tile(scene.sizes, (count, 1, 1))
         self._lock = threading.Lock()
         self._weight = max(float(np.sum(model.body_mass[1:]) * np.linalg.norm(model.gravity)), 1e-9)
@@ -161,14 +159,7 @@ class Window:
             self._listen(part, handle, respond)
 
     def _listen(self, part: Part, handle: Any, respond: Callable[[str, int, int, Array], None]) -> None:
-        """Registers a function that is called while the user drags a geom with Ctrl and the left mouse button.
-
-        Args:
-            part: Mesh that draws one or more geoms, with the index of the geom of each of its copies.
-            handle: Handle of viser for the copies of the mesh in all environments.
-            respond: Function `respond(phase, row, geom, place)`. The phase is "start", "update" or "end". The row is the index of the
-                environment among those shown. The place is the position of the pointer in this environment, (3,), m.
-        """
+        """Registers the function of `on_pull` for one mesh, which draws one or more geoms, and its viser handle for all copies."""
 
         # An asynchronous callback receives the phases in order.
         async def dragged(event: Any) -> None:
@@ -215,12 +206,7 @@ class Window:
     def _add(self, k: int, part: Part, place: Array, quat: Array, scale: Array) -> Any:
         """Adds all copies of one mesh, in all environments, to the scene in the browser, and returns viser's handle of these copies.
 
-        Args:
-            k: Index that makes the name in the scene unique.
-            part: The mesh, with the colour of each of its copies in one environment.
-            place: Positions of the n copies in all environments, (n, 3), m.
-            quat: Orientations of the copies, (n, 4), quaternions (w, x, y, z).
-            scale: Scale factors of the copies along the axes of the mesh, (n, 3).
+        The n copies have positions (n, 3), m, orientations (n, 4), quaternions (w, x, y, z), and scale factors of the axes, (n, 3).
         """
         colours = np.round(255 * np.tile(part.rgba, (self.count, 1))).astype(np.uint8)
         return self.server.scene.add_batched_meshes_simple(

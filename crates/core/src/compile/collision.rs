@@ -65,7 +65,7 @@ pub struct CompiledPair<S> {
     pub geoms: [usize; 2],
     /// Function of the narrow phase for this pair of shapes.
     pub kernel: Kernel,
-    /// Dimension of the pair's contacts, as in MuJoCo: 1, 3, 4 or 6. Hard contact makes three rows for 1 and 3, and six for 4 and 6.
+    /// Dimension of the pair's contacts, as in MuJoCo: 1, 3, 4 or 6. Hard contact makes three rows for 1.
     pub condim: u8,
     /// Margin of the pair: distance at which its contacts begin to push, m.
     pub margin: S,

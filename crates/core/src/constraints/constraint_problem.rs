@@ -23,12 +23,10 @@ pub struct ConstraintProblem<R: Real> {
     ///
     /// [`VelocitySolution::scalar_impulse`]: crate::constraints::velocity_solution::VelocitySolution::scalar_impulse
     pub impulse_indices: Vec<usize>,
-    /// Contacts with three rows (sliding friction, or none): index of the slot in the contact set, and lanes of the slot with such a
-    /// contact. An elastic contact that neither bounces nor rests in this step has no rows.
-    pub sliding_slots: Vec<(usize, R::Mask)>,
-    /// Contacts with six rows (torsional or rolling friction): index of the slot in the contact set, and lanes of the slot with such a
-    /// contact. The third element has the lengths, m, that scale the three rotation rows.
-    pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
+    /// Slot of each contact of the problem, ascending. An elastic contact that neither bounces nor rests in this step has no rows.
+    pub contact_slots: Vec<ContactSlot<R>>,
+    /// Lengths, m, that scale the rotation rows (spin, roll1, roll2) of each contact with torsional or rolling friction.
+    pub(crate) rotation_scales: Vec<V3<R>>,
     /// Lanes with at least one row. Rows of deferred contacts do not count, nor do those that a doubtful collision activated.
     pub constrained: R::Mask,
     /// Lanes that need the position solve of stage 8: because of position errors, or because a contact bounces in a flight without an end.
@@ -37,7 +35,7 @@ pub struct ConstraintProblem<R: Real> {
     pub biased: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,
-    /// Impact of every contact, contacts with three rows first. Empty if no contact is elastic.
+    /// Impact of every contact. Empty if no contact is elastic.
     pub(crate) impacts: Vec<Impact<R>>,
     /// Whether some contact is elastic (restitution above zero).
     pub(crate) elastic: bool,
@@ -51,6 +49,19 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) active_equalities: ActiveEqualities<R>,
     /// Problem of MuJoCo's contact law; `None` with hard contact. With that law `rows` is empty.
     pub(crate) soft: Option<Box<SoftSystem<R>>>,
+}
+
+/// Slot of a contact of the problem.
+#[derive(Clone, Copy, Debug)]
+pub struct ContactSlot<R: Real> {
+    /// Index of the slot in the contact set.
+    pub slot: usize,
+    /// Lanes of the slot with the contact.
+    pub lanes: R::Mask,
+    /// Whether the contact has torsional or rolling friction, and therefore more than three rows.
+    pub rolls: bool,
+    /// Index of the contact among those with the same value of `rolls`.
+    pub index: usize,
 }
 
 /// Impact of a contact that bounces.
@@ -69,7 +80,7 @@ pub(crate) struct Impact<R: Real> {
 /// Deferred contact: a contact whose rows the solver leaves out in some lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DeferredContact<R: Real> {
-    /// Index of the contact in the problem. Contacts with three rows come first, then those with six.
+    /// Index of the contact in the problem.
     pub(crate) contact: usize,
     /// Index of the contact's slot in the contact set.
     pub(crate) slot: usize,
@@ -90,7 +101,7 @@ pub(crate) struct DeferredContact<R: Real> {
 /// contact point until the end of the step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CurvatureTerms<R: Real> {
-    /// Index of the contact in the problem. Contacts with three rows come first, then those with six.
+    /// Index of the contact in the problem.
     pub(crate) contact: usize,
     /// Curvature term of each tangent, m/s. 0 where it was removed.
     pub(crate) terms: [R; 2],
@@ -110,14 +121,21 @@ impl<R: Real> ConstraintProblem<R> {
         }
     }
 
-    /// Index in the problem of the contact in slot `k` and lane `lane`: contacts with three rows first, then those with six. `None` if the
-    /// contact is immovable.
+    /// Index in the problem of the contact in slot `k` and lane `lane`. `None` if the problem does not have it.
     pub(crate) fn contact_in_slot(&self, k: usize, lane: usize) -> Option<usize> {
-        let has = |lanes: R::Mask| lanes.bits() >> lane & 1 == 1;
-        let Self { sliding_slots, rolling_slots, .. } = self;
-        let sliding = sliding_slots.binary_search_by_key(&k, |slot| slot.0).ok().filter(|&i| has(sliding_slots[i].1));
-        let rolling = || rolling_slots.binary_search_by_key(&k, |slot| slot.0).ok().filter(|&i| has(rolling_slots[i].1));
-        sliding.or_else(|| rolling().map(|i| sliding_slots.len() + i))
+        let first = self.contact_slots.partition_point(|contact| contact.slot < k);
+        let mut same = self.contact_slots[first..].iter().take_while(|contact| contact.slot == k);
+        same.position(|contact| contact.lanes.bits() >> lane & 1 == 1).map(|i| first + i)
+    }
+
+    /// Appends the slot of a contact: its index `slot` in the contact set, and the lanes with the contact. `rotation_scale` are the lengths
+    /// that scale the rotation rows, m; `None` if the contact has no such rows.
+    #[inline(always)]
+    pub(crate) fn push_contact_slot(&mut self, slot: usize, lanes: R::Mask, rotation_scale: Option<V3<R>>) {
+        let (rolls, with_rotation) = (rotation_scale.is_some(), self.rotation_scales.len());
+        let index = if rolls { with_rotation } else { self.contact_slots.len() - with_rotation };
+        self.contact_slots.push(ContactSlot { slot, lanes, rolls, index });
+        self.rotation_scales.extend(rotation_scale);
     }
 
     /// Workspace for a compiled model with at most `max_contacts` contacts per environment.
@@ -127,36 +145,25 @@ impl<R: Real> ConstraintProblem<R> {
         let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
         let (soft_contacts, soft_columns) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).columns_per_contact);
         let capacity = capacity_of(compiled, max_contacts, R::LANES);
-        let rolling_contacts = capacity.rolling_contacts;
+        let with_rotation = if compiled.has_rolling_friction { soft_contacts.max(2 * max_contacts) } else { 0 };
         let none = R::Mask::splat(false);
         Self {
             rows: Problem::new(&capacity),
             impulse_indices: Vec::with_capacity(capacity.scalars),
-            sliding_slots: Vec::with_capacity(soft_contacts),
-            rolling_slots: Vec::with_capacity(if compiled.has_rolling_friction { soft_contacts } else { 0 }),
+            contact_slots: Vec::with_capacity(soft_contacts + with_rotation),
+            rotation_scales: Vec::with_capacity(with_rotation),
             constrained: none,
             needs_position_solve: none,
             biased: none,
             may_have_immovable_rows: false,
-            impacts: Vec::with_capacity(max_contacts + rolling_contacts),
+            impacts: Vec::with_capacity(capacity.all_contacts()),
             elastic: false,
-            deferred: Vec::with_capacity(max_contacts + rolling_contacts),
-            curvature_terms: Vec::with_capacity(max_contacts + rolling_contacts),
+            deferred: Vec::with_capacity(capacity.all_contacts()),
+            curvature_terms: Vec::with_capacity(capacity.all_contacts()),
             turning: none,
             active_equalities: ActiveEqualities::new(compiled),
             soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_columns),
         }
-    }
-
-    /// Slots of all contacts, in their order in the problem: index in the contact set, and lanes of the slot with such a contact.
-    #[inline(always)]
-    pub(crate) fn slots(&self) -> impl Iterator<Item = (usize, R::Mask)> {
-        self.sliding_slots.iter().copied().chain(self.rolling_slots.iter().map(|&(k, lanes, _)| (k, lanes)))
-    }
-
-    /// Index of the slot of contact `i` of the problem. The contacts with three rows come first, then those with six.
-    pub(crate) fn slot_of(&self, i: usize) -> usize {
-        i.checked_sub(self.sliding_slots.len()).map_or_else(|| self.sliding_slots[i].0, |k| self.rolling_slots[k].0)
     }
 
     /// Lanes in which a contact bounces.
@@ -195,7 +202,9 @@ pub(crate) fn capacity_of<S: Scalar>(compiled: &ModelStructure<S>, contacts: usi
     capacity.scalars = compiled.scalar_impulses;
     capacity.scalar_entries = single + balls + equalities + tendons;
     capacity.contacts = contacts;
-    capacity.rolling_contacts = if compiled.has_rolling_friction { contacts } else { 0 };
+    // Lanes of a slot whose contacts have different numbers of rows are separate contacts.
+    let rotating = if compiled.has_rolling_friction { contacts } else { 0 };
+    (capacity.torsional_contacts, capacity.rolling_contacts) = (rotating, rotating);
     capacity.columns_per_contact = with_coupled(deepest * lanes);
     capacity
 }

@@ -18,6 +18,6 @@ pub mod target_velocities;
 pub mod velocity_solution;
 pub mod worst_row;
 
-pub use constraint_problem::ConstraintProblem;
+pub use constraint_problem::{ConstraintProblem, ContactSlot};
 pub use position_solution::PositionSolution;
 pub use velocity_solution::VelocitySolution;

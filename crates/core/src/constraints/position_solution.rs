@@ -46,7 +46,7 @@ impl<R: Real> PositionSolution<R> {
             q: q(),
             act: act(),
             rows: PositionRows::new(&capacity),
-            unconstrained_mobility: Vec::with_capacity(capacity.scalars + capacity.contacts + capacity.rolling_contacts),
+            unconstrained_mobility: Vec::with_capacity(capacity.scalars + capacity.all_contacts()),
             reference: Reference::new(&capacity),
             v_free: v(),
             correction: v(),

@@ -64,10 +64,8 @@ impl<R: Real> VelocitySolution<R> {
     /// Fills the impulses with NaN after stage 8 has overwritten them, for tests.
     pub(crate) fn poison_impulses(&mut self) {
         let nan = R::of(f64::NAN);
-        let Iterate { w, scalars, contacts, rolling_contacts, .. } = &mut self.impulses;
-        w.iter_mut().chain(scalars).for_each(|x| *x = nan);
-        contacts.fill([nan; 3]);
-        rolling_contacts.fill([nan; 6]);
+        let Iterate { w, scalars, contacts, .. } = &mut self.impulses;
+        w.iter_mut().chain(scalars).chain(contacts).for_each(|x| *x = nan);
     }
 
     /// Computes the velocity after the step with the present impulses into `out`, nv. `v_free` is the velocity without impulses.

@@ -173,6 +173,6 @@ impl<R: Real> WorstRows<R> {
 fn constraint_of<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lane: usize, i: usize) -> CodedConstraint {
     match i.checked_sub(problem.impulse_indices.len()) {
         None => CodedConstraint::Scalar(problem.impulse_indices[i]),
-        Some(i) => CodedConstraint::Contact(contacts.ids[problem.slot_of(i)][lane].pair()),
+        Some(i) => CodedConstraint::Contact(contacts.ids[problem.contact_slots[i].slot][lane].pair()),
     }
 }

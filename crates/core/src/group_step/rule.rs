@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use stepper_solve::{Iterate, System};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::ConstraintProblem;
+use crate::constraints::{ConstraintProblem, ContactSlot};
 use crate::integrators::evaluate::recomputed::Recomputed;
 use crate::math::lanes::MAX_LANES;
 
@@ -82,16 +82,12 @@ impl<R: Real> ConstraintNames<'_, R> {
     /// Name that stands for no constraint, in lanes that do not have constraint `i`.
     const NO_CONSTRAINT: u64 = u64::MAX;
 
-    /// Name of constraint `i` of a kind in one lane. The kinds are scalar rows (0), contacts with sliding friction (1), and contacts with
-    /// torsional or rolling friction (2).
-    pub fn of(&self, kind: usize, i: usize, lane: usize) -> u64 {
+    /// Name of constraint `i` in one lane. The index counts the scalar rows first, then the contacts.
+    pub fn of(&self, i: usize, lane: usize) -> u64 {
         let Self { problem, contacts } = self;
-        let (k, lanes) = match kind {
-            0 => return problem.impulse_indices[i] as u64,
-            1 => problem.sliding_slots[i],
-            _ => (problem.rolling_slots[i].0, problem.rolling_slots[i].1),
-        };
-        if lanes.bits() >> lane & 1 == 1 { contacts.ids[k][lane].0 } else { Self::NO_CONSTRAINT }
+        let Some(contact) = i.checked_sub(problem.impulse_indices.len()) else { return problem.impulse_indices[i] as u64 };
+        let ContactSlot { slot, lanes, .. } = problem.contact_slots[contact];
+        if lanes.bits() >> lane & 1 == 1 { contacts.ids[slot][lane].0 } else { Self::NO_CONSTRAINT }
     }
 }
 

@@ -27,7 +27,7 @@ use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::contact::approaching::turning_lanes;
 use crate::constraints::contact::least_mobility;
 use crate::constraints::contact::restitution::any_elastic;
-use crate::constraints::contact::torsional_rolling::rolling_lanes;
+use crate::constraints::contact::torsional_rolling::rotating_lanes;
 
 /// Assembles all rows of contacts, limits, dry friction, equalities and tendons, with their initial impulses.
 pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {
@@ -54,19 +54,16 @@ pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>,
         assembler.problem.elastic = any_elastic(contacts);
         for k in 0..contacts.slots() {
             let lanes = contacts.lanes_of(k);
-            let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
+            let [torsional, rolling] = rotating_lanes(compiled, contacts, k, lanes);
+            let sliding = lanes & !(torsional | rolling);
             if sliding != 0 {
-                assembler.builder.gather_dofs(assembler.problem, compiled, contacts, k, sliding);
                 assembler.add_contact(input, contacts, k, sliding);
             }
-        }
-        // Contacts with torsional or rolling friction have six rows instead of three, and a separate list.
-        if compiled.has_rolling_friction {
-            for k in 0..contacts.slots() {
-                let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));
-                if rolling != 0 {
-                    assembler.add_rolling_contact(input, contacts, k, rolling);
-                }
+            if torsional != 0 {
+                assembler.add_rotating_contact::<4>(input, contacts, k, torsional);
+            }
+            if rolling != 0 {
+                assembler.add_rotating_contact::<6>(input, contacts, k, rolling);
             }
         }
         assembler.finish(compiled, contacts);
@@ -83,8 +80,8 @@ impl<R: Real> Assembler<'_, R> {
         velocity.impulses.clear();
         problem.impulse_indices.clear();
         builder.velocity_scales.clear();
-        problem.sliding_slots.clear();
-        problem.rolling_slots.clear();
+        problem.contact_slots.clear();
+        problem.rotation_scales.clear();
         problem.curvature_terms.clear();
         problem.deferred.clear();
         problem.impacts.clear();

@@ -6,7 +6,7 @@ use stepper_solve::{Outcome, Settings, System, residual};
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::constraints::contact::redundant_supports::Clusters;
-use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::constraints::{ConstraintProblem, ContactSlot, VelocitySolution};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
 use crate::tuning::{
@@ -67,18 +67,22 @@ pub fn solve_to<R: Real>(
 /// to the velocity solution.
 #[inline(always)]
 pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>, contacts: &mut Contacts<R>) {
-    let ConstraintProblem { impulse_indices, sliding_slots, rolling_slots, .. } = problem;
+    let ConstraintProblem { impulse_indices, contact_slots, rotation_scales, rows, .. } = problem;
     let VelocitySolution { impulses, scalar_impulse, .. } = velocity;
     kernel!(R, || {
         for (&impulse_index, &lambda) in impulse_indices.iter().zip(&impulses.scalars) {
             scalar_impulse[impulse_index] = lambda;
         }
-        for (&(k, lanes), &lambda) in sliding_slots.iter().zip(&impulses.contacts) {
-            contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
-        }
-        for (&(k, lanes, scale), &[n, a, b, spin, roll_a, roll_b]) in rolling_slots.iter().zip(&impulses.rolling_contacts) {
-            contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
-            contacts.torque[k] = select(lanes, [spin * scale[0], roll_a * scale[1], roll_b * scale[2]], contacts.torque[k]);
+        for (i, &ContactSlot { slot: k, lanes, rolls, index }) in contact_slots.iter().enumerate() {
+            let lambda = impulses.contact_impulse(rows, i);
+            contacts.data[k].impulse = select(lanes, [lambda[0], lambda[1], lambda[2]], contacts.data[k].impulse);
+            if rolls {
+                let mut torque = zero();
+                for (j, &x) in lambda[3..].iter().enumerate() {
+                    torque[j] = x * rotation_scales[index][j];
+                }
+                contacts.torque[k] = select(lanes, torque, contacts.torque[k]);
+            }
         }
     });
 }

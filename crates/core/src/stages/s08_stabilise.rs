@@ -15,7 +15,7 @@ use stepper_solve::{Damping, Iterate, Reference, Settings, System};
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
-use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
+use crate::constraints::{ConstraintProblem, ContactSlot, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::displace;
 use crate::math::lanes::each_of;
@@ -317,7 +317,7 @@ fn find_unconstrained_mobility<R: Real>(input: &PositionInput<'_, R>, unconstrai
     let compiled = input.compiled;
     unconstrained_mobility.clear();
     unconstrained_mobility.resize(input.problem.rows.scalars.len(), R::zero());
-    for (k, lanes) in input.problem.slots() {
+    for &ContactSlot { slot: k, lanes, .. } in &input.problem.contact_slots {
         let mut mobility = R::zero();
         for (pair, lanes) in input.contacts.pairs(k, lanes.bits()) {
             let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");

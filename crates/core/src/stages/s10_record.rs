@@ -7,7 +7,7 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, PathLengths};
-use crate::constraints::ConstraintProblem;
+use crate::constraints::{ConstraintProblem, ContactSlot};
 use crate::dynamics::kinematics::quat_at;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -194,9 +194,9 @@ impl<R: Real> Record<R> {
 pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lanes: R::Mask) -> R {
     kernel!(R, || {
         let mut deepest = R::zero();
-        for (k, here) in problem.slots() {
+        for &ContactSlot { slot, lanes: here, .. } in &problem.contact_slots {
             // A difference has no negative zero, whose sign would depend on the order of maxima.
-            deepest = R::select(here, deepest.max(R::zero() - contacts.data[k].point.distance), deepest);
+            deepest = R::select(here, deepest.max(R::zero() - contacts.data[slot].point.distance), deepest);
         }
         R::select(lanes, deepest, R::zero())
     })

@@ -1,9 +1,9 @@
-//! Set of the constraints of one kind, and the operations that each kind implements for one constraint.
+//! Set of the constraints of one kind (scalar rows or contacts), and the operations that each kind implements.
 //!
 //! The operations are for the residual, Newton's method and the position solve.
 
 use std::fmt::Debug;
-use std::ops::{Index, IndexMut};
+use std::ops::{Index, Range};
 use std::slice::SliceIndex;
 
 use crate::admissible_set::AdmissibleSet;
@@ -13,190 +13,24 @@ use crate::entries::Entries;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Rows of all constraints of one kind in one solve, with their offsets g and compliances.
-#[derive(Clone, Debug)]
-pub struct Rows<T> {
-    /// Rows of each constraint of one kind.
-    pub(crate) items: Vec<T>,
-    /// Whether any constraint of the list may have a compliance, so that the solver must read it.
-    pub(crate) compliant: bool,
-}
-
-impl<T> Default for Rows<T> {
-    fn default() -> Self {
-        Self { items: Vec::new(), compliant: false }
-    }
-}
-
-impl<T: Copy> Rows<T> {
-    /// Empty list with capacity for `constraints` constraints.
-    pub(crate) fn with_capacity(constraints: usize) -> Self {
-        Self { items: Vec::with_capacity(constraints), compliant: false }
-    }
-
-    /// Removes all rows.
-    #[inline(always)]
-    pub(crate) fn clear(&mut self) {
-        self.items.clear();
-        self.compliant = false;
-    }
-
-    /// Exchanges the two offsets of every row in the lanes `lanes`: that of the velocity solve and that of the position solve.
-    #[inline(always)]
-    pub(crate) fn exchange_offsets<R: Real>(&mut self, lanes: R::Mask)
-    where
-        T: Row<R>,
-    {
-        for row in &mut self.items {
-            row.exchange_offsets(lanes);
-        }
-    }
-
-    /// Replaces the rows by copies of others, without allocation if the capacity suffices.
-    #[inline(always)]
-    pub(crate) fn copy(&mut self, from: &Self) {
-        self.items.clear();
-        self.items.extend_from_slice(&from.items);
-        self.compliant = from.compliant;
-    }
-}
-
-/// Reference to the rows of all constraints of one kind.
-pub(crate) type RowsRef<'a, T> = &'a Rows<T>;
-
-/// Impulses of all constraints of one kind.
-pub(crate) type Impulses<R, T> = Vec<<T as Row<R>>::Impulse>;
-
-/// Impulse of one constraint: a number for each of its rows, N s or N m s. The Jacobian entries of the rows at one coordinate have the same
-/// type.
-pub trait Impulse<R: Real>: Copy + Debug {
-    /// Number of rows of the constraint.
-    const ROWS: usize;
-    /// Numbers of all rows in one lane.
-    type Numbers: AsRef<[f64]>;
-
-    /// Impulse `normal` in the normal row, and zero in every other row.
-    fn of_normal(normal: R) -> Self;
-
-    /// Impulse of the normal row, or of the only row.
-    fn normal(self) -> R;
-
-    /// Scalar product of two impulses: the sum of the products over the rows.
-    fn dot(self, other: Self) -> R;
-
-    /// Numbers of the rows in the lane `lane`.
-    fn numbers(self, lane: usize) -> Self::Numbers;
-
-    /// Numbers of all impulses as a flat list, constraint by constraint.
-    fn flatten(impulses: &[Self]) -> &[R];
-
-    /// Numbers of all impulses as a flat, mutable list, constraint by constraint.
-    fn flatten_mut(impulses: &mut [Self]) -> &mut [R];
-
-    /// Impulse of zero in every row.
-    #[inline(always)]
-    fn zero() -> Self {
-        Self::of_normal(R::zero())
-    }
-}
-
-impl<R: Real> Impulse<R> for R {
-    const ROWS: usize = 1;
-    type Numbers = [f64; 1];
-
-    #[inline(always)]
-    fn of_normal(normal: R) -> Self {
-        normal
-    }
-
-    #[inline(always)]
-    fn normal(self) -> R {
-        self
-    }
-
-    #[inline(always)]
-    fn dot(self, other: Self) -> R {
-        self * other
-    }
-
-    fn numbers(self, lane: usize) -> [f64; 1] {
-        [number_of(self, lane)]
-    }
-
-    #[inline(always)]
-    fn flatten(impulses: &[Self]) -> &[R] {
-        impulses
-    }
-
-    #[inline(always)]
-    fn flatten_mut(impulses: &mut [Self]) -> &mut [R] {
-        impulses
-    }
-}
-
-impl<R: Real, const N: usize> Impulse<R> for [R; N] {
-    const ROWS: usize = N;
-    type Numbers = [f64; N];
-
-    #[inline(always)]
-    fn of_normal(normal: R) -> Self {
-        let mut impulse = [R::zero(); N];
-        impulse[0] = normal;
-        impulse
-    }
-
-    #[inline(always)]
-    fn normal(self) -> R {
-        self[0]
-    }
-
-    #[inline(always)]
-    fn dot(self, other: Self) -> R {
-        let mut sum = self[0] * other[0];
-        for k in 1..N {
-            sum += self[k] * other[k];
-        }
-        sum
-    }
-
-    fn numbers(self, lane: usize) -> [f64; N] {
-        self.map(|x| number_of(x, lane))
-    }
-
-    #[inline(always)]
-    fn flatten(impulses: &[Self]) -> &[R] {
-        impulses.as_flattened()
-    }
-
-    #[inline(always)]
-    fn flatten_mut(impulses: &mut [Self]) -> &mut [R] {
-        impulses.as_flattened_mut()
-    }
-}
-
-/// Place of a constraint's coordinates and Jacobian entries in the lists of its set.
+/// Place of a constraint in the lists of its kind.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Span {
     /// Index of the first coordinate in the list of coordinates.
     pub(super) first_column: usize,
-    /// Index of the first Jacobian entry in the list of entries.
-    pub(super) y: usize,
     /// Number of coordinates at which the constraint has Jacobian entries.
     pub(super) num_columns: usize,
+    /// Index of the first Jacobian entry in the list of entries.
+    pub(super) y: usize,
+    /// Index of the first row among the rows of all constraints of the kind.
+    pub(super) first_row: usize,
+    /// Number of rows.
+    pub(super) num_rows: usize,
 }
 
-/// Rows of one constraint, with an offset for the velocity solve and one for the position solve.
-pub trait Row<R: Real>: Copy + Debug {
-    /// Impulse of the constraint: a number, or an array with one for each row of a contact.
-    type Impulse: Impulse<R>;
-
-    /// Largest number of Jacobian entries of `constraints` constraints of this kind, from the numbers in `capacity`.
-    fn num_entries(constraints: usize, capacity: &Capacity) -> usize;
-
-    /// Placeholder for a constraint that exists in no lane. All fields are overwritten before use.
-    fn blank() -> Self;
-
-    /// Place of the coordinates and Jacobian entries.
+/// Constraint of any kind: one scalar row, or the rows of one contact.
+pub trait Constraint<R: Real>: Copy + Debug {
+    /// Place in the lists of the kind.
     fn span(&self) -> Span;
 
     /// Lanes in which the solver reads the constraint: it exists there, an impulse can move it, and it is not deferred.
@@ -205,72 +39,101 @@ pub trait Row<R: Real>: Copy + Debug {
     /// Lanes in which no impulse can move the constraint, along its normal if it is a contact.
     fn immovable(&self) -> R::Mask;
 
+    /// Range of the constraint's rows among the rows of all constraints of the kind.
+    #[inline(always)]
+    fn rows(&self) -> Range<usize> {
+        let Span { first_row, num_rows, .. } = self.span();
+        first_row..first_row + num_rows
+    }
+}
+
+/// Coordinates of a constraint, and the Jacobian entries of its rows: all rows at the first coordinate, then all rows at the second.
+pub(crate) type RowEntries<'a, R> = (&'a [u32], &'a [R]);
+
+/// Rows of all constraints of one kind in one solve, with an offset for the velocity solve and one for the position solve.
+///
+/// The argument `i` of a method is the index of a constraint. `entries` are its coordinates and Jacobian entries, and `lambda` is its
+/// impulse, with a number for each row.
+pub trait ConstraintList<R: Real>: Clone + Debug {
+    /// One constraint.
+    type Item: Constraint<R>;
+
+    /// Empty list with memory for a problem of this capacity.
+    fn with_capacity(capacity: &Capacity) -> Self;
+
+    /// Constraints of the list.
+    fn items(&self) -> &[Self::Item];
+
+    /// Removes all constraints.
+    fn clear(&mut self);
+
+    /// Replaces the list by a copy of another, without allocation if the capacity suffices.
+    fn copy(&mut self, from: &Self);
+
     /// Offset g of each row in the velocity solve, and stored offset for the position solve, m/s or rad/s. The stored offset of a contact's
     /// tangential row is the difference between the offsets of both solves.
-    fn offsets(&self) -> [Self::Impulse; 2];
+    fn offsets(&self, i: usize) -> [&[R]; 2];
 
-    /// Exchanges the two offsets of each row in the lanes `lanes`: the offset g of the present solve, and the stored one of the other.
+    /// Exchanges the two offsets of every row in the lanes `lanes`: the offset g of the present solve, and the stored one of the other.
     fn exchange_offsets(&mut self, lanes: R::Mask);
 
     /// Admissible impulses and compliances of the constraint in the lane `lane`, for Newton's method.
-    fn lane_constraint(&self, lane: usize) -> LaneConstraint;
+    fn lane_constraint(&self, i: usize, lane: usize) -> LaneConstraint;
 
     /// Constraint of the lane `lane` as a file stores it. The caller adds the fields that are the same for all kinds, such as the entries
     /// and offsets.
-    fn save(&self, lane: usize) -> SavedConstraint;
+    fn save(&self, i: usize, lane: usize) -> SavedConstraint;
 
-    /// Velocity y . w + g of each row at the scaled velocity change `w`, m/s or rad/s. The rows have the entries `y` at the coordinates
-    /// `columns`. The velocity due to the compliance is not included.
-    fn velocity(&self, columns: &[u32], y: &[Self::Impulse], w: &[R]) -> Self::Impulse;
+    /// Appends the velocity y . w + g + R lambda of each row at the scaled velocity change `w`, m/s or rad/s. R is the compliance.
+    fn push_velocity(&self, i: usize, entries: RowEntries<'_, R>, w: &[R], lambda: &[R], out: &mut Vec<R>);
 
-    /// Sum of the velocity `v` of each row and the velocity R lambda due to its compliance R, m/s or rad/s. `compliant` is whether any
-    /// constraint of the list may have a compliance. If it is false, contacts return `v`.
-    fn add_compliance(&self, v: Self::Impulse, compliant: bool, lambda: Self::Impulse) -> Self::Impulse;
+    /// Velocity y . w + g of the normal row at the scaled velocity change `w`, m/s or rad/s, without the velocity due to the compliance.
+    fn normal_velocity(&self, i: usize, entries: RowEntries<'_, R>, w: &[R]) -> R;
+
+    /// Adds the scaled velocity change by the impulse `lambda` to `w`.
+    fn add(&self, i: usize, entries: RowEntries<'_, R>, lambda: &[R], w: &mut [R]);
 
     /// Compliance that all rows of the constraint have, 1/kg, without the additional compliance of a contact's normal.
-    fn uniform_compliance(&self) -> R;
+    fn uniform_compliance(&self, i: usize) -> R;
 
-    /// Residual |lambda - P_K(lambda - rho u)| / rho of the natural map, m/s. The velocity u is `v`, for a contact with De Saxce's term mu
-    /// |v_t| in the normal row. `has_eliminated` is whether the set has eliminated rows.
-    fn residual(&self, v: Self::Impulse, lambda: Self::Impulse, has_eliminated: bool) -> R;
-
-    /// Magnitude of the normal impulse, N s.
-    fn normal_impulse(lambda: Self::Impulse) -> R;
+    /// Residual |lambda - P_K(lambda - rho u)| / rho of the natural map at the scaled velocity change `w`, m/s. The velocity u of a contact
+    /// has De Saxce's term mu |v_t| in the normal row. `has_eliminated` is whether the set has eliminated rows.
+    fn residual(&self, i: usize, entries: RowEntries<'_, R>, w: &[R], lambda: &[R], has_eliminated: bool) -> R;
 
     /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of the impulse lambda, J. R is the compliance.
-    fn add_potential(&self, lambda: Self::Impulse, sum: R) -> R;
+    fn add_potential(&self, i: usize, lambda: &[R], sum: R) -> R;
 
-    /// Replaces the offset of each row in the velocity solve by `moved`. The row's offset in the position solve
-    /// changes by the same amount. (A contact's tangential offsets of the position solve are relative to those of the velocity solve, and
-    /// remain.)
-    fn shift(&mut self, moved: Self::Impulse);
+    /// Increases the offset of each row by its velocity due to the change `change` of the free velocity, which has the scaled coordinates
+    /// of w. The row's offset in the position solve changes by the same amount. (A contact's tangential offsets of the position solve are
+    /// relative to those of the velocity solve, and remain.)
+    fn shift(&mut self, i: usize, entries: RowEntries<'_, R>, change: &[R]);
 
     /// Offset of the normal row without damping, m/s or rad/s.
-    fn undamped_offset(&self) -> R;
+    fn undamped_offset(&self, i: usize) -> R;
 
     /// Adds a compliance that damps the position targets of the rows. It acts on the difference from the impulse `lambda`: this impulse
     /// itself causes no additional velocity. For a contact, `added_mobility`, 1/kg, is added to the mobility that scales the compliance.
     /// Scalar rows ignore it.
-    fn damp(&mut self, lambda: Self::Impulse, damping: Damping<R>, added_mobility: R);
+    fn damp(&mut self, i: usize, lambda: &[R], damping: Damping<R>, added_mobility: R);
 
     /// Velocity by which damping prevents the normal row from meeting its target, m/s or rad/s. `change` is the change of the row's
     /// impulse since the reference solution, and zero for an eliminated row.
-    fn shortfall(&self, change: R) -> R;
+    fn shortfall(&self, i: usize, change: R) -> R;
 
     /// Target velocity that the normal row misses in lanes in which no impulse can move it, m/s or rad/s. The caller ignores the other
     /// lanes.
-    fn immovable_target(&self) -> R;
+    fn immovable_target(&self, i: usize) -> R;
 
     /// Target velocity that the normal row misses in lanes in which no impulse can move it, without the part that corrects a position
     /// error, m/s or rad/s. The caller ignores the other lanes.
-    fn unmet_velocity(&self) -> R;
+    fn unmet_velocity(&self, i: usize) -> R;
 
     /// Impulse of the normal row in a proof of infeasibility, N s or N m s: the change from `before`, the impulse of the reference
     /// solution, to `now`.
     ///
     /// The impulse is 0 for rows that cannot be in a proof (dry friction, and rows with the compliance of a spring). A decrease counts for
     /// equalities only.
-    fn witness(&self, now: R, before: R) -> R;
+    fn witness(&self, i: usize, now: R, before: R) -> R;
 }
 
 /// Lanes that take part in a sweep (one Gauss-Seidel iteration).
@@ -281,17 +144,6 @@ pub(crate) struct SweepLanes<R: Real> {
     /// Lanes in which a contact's local problem is solved exactly. The other lanes use the weaker update of
     /// [`LocalSolver::relax`](crate::LocalSolver::relax).
     pub(crate) exact: R::Mask,
-}
-
-/// Unknowns that a sweep over one kind of constraint changes.
-pub(crate) struct Unknowns<'a, R, I> {
-    /// Impulse of each constraint of one kind.
-    pub(crate) impulses: &'a mut [I],
-    /// Multiplier of the friction disc of each contact (slip velocity divided by friction impulse, 1/kg), from which its next local
-    /// solution starts. Empty for kinds without contacts.
-    pub(crate) multipliers: &'a mut [R],
-    /// Scaled velocity change w by all impulses, in coordinates in which its kinetic energy is |w|^2 / 2.
-    pub(crate) w: &'a mut [R],
 }
 
 /// Parameters of the compliance that damps position targets.
@@ -362,11 +214,13 @@ pub struct SavedConstraint {
 }
 
 impl SavedConstraint {
-    /// Whether a problem with `dimension` coordinates can have this constraint, with `rows` rows.
-    pub(crate) fn is_sound(&self, dimension: usize, rows: usize) -> bool {
+    /// Whether a problem with `dimension` coordinates can have this constraint, with one of the numbers `counts` of rows.
+    pub(crate) fn is_sound(&self, dimension: usize, counts: &[usize]) -> bool {
+        let rows = self.g.len();
         let lists = [&self.g, &self.position_g, &self.impulse];
         let numbers = lists.into_iter().flatten().chain(&self.y).chain([&self.mobility, &self.damping_deficit]);
-        lists.iter().all(|list| list.len() == rows)
+        counts.contains(&rows)
+            && lists.iter().all(|list| list.len() == rows)
             && self.y.len() == rows * self.columns.len()
             && self.columns.is_sorted_by(|a, b| a < b)
             && self.columns.last().is_none_or(|&last| (last as usize) < dimension)
@@ -389,28 +243,28 @@ impl SavedConstraint {
 /// without an entry at a listed coordinate has zeros there.
 ///
 /// The set has the parts that the velocity solve and the position solve share. The rows of one of these solves are the argument `rows` of
-/// its methods. Methods that compute a sum or a maximum over all kinds get the result of the previous kinds as an argument. Every sum
-/// therefore has the order of the rows.
+/// its methods, and `impulses` are the impulses of all rows. Methods that compute a sum or a maximum over all kinds get the result of the
+/// previous kinds as an argument. Every sum therefore has the order of the rows.
 #[derive(Clone, Debug)]
-pub struct ConstraintSet<R: Real, T: Row<R>> {
+pub struct ConstraintSet<R: Real, T: ConstraintList<R>> {
     /// Rows of each constraint, with the offsets g of the velocity solve.
-    pub(crate) rows: Rows<T>,
+    pub(crate) rows: T,
     /// Coordinates at which the constraints have Jacobian entries, one constraint after the other.
-    columns: Vec<u32>,
-    /// Entries of the scaled Jacobian, for all rows of a constraint, at the coordinates in `columns`.
-    pub(super) y: Entries<T::Impulse>,
+    pub(super) columns: Vec<u32>,
+    /// Entries of the scaled Jacobian at the coordinates in `columns`: at each coordinate, those of all rows of the constraint.
+    pub(super) y: Entries<R>,
     /// Number of eliminated rows, which come first in the list, see [`ScalarRows::mark_eliminated`](crate::ScalarRows::mark_eliminated).
     pub(crate) eliminated: usize,
 }
 
-impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
-    /// Empty set with capacity for `constraints` constraints.
-    pub(crate) fn new(constraints: usize, capacity: &Capacity) -> Self {
-        let entries = T::num_entries(constraints, capacity);
+impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
+    /// Empty set with memory for a problem of this capacity, in which the constraints of this kind have `columns` coordinates and `entries`
+    /// Jacobian entries together.
+    pub(crate) fn new(capacity: &Capacity, columns: usize, entries: usize) -> Self {
         Self {
-            rows: Rows::with_capacity(constraints),
-            columns: Vec::with_capacity(entries),
-            y: Entries::with_capacity(entries, Impulse::zero()),
+            rows: T::with_capacity(capacity),
+            columns: Vec::with_capacity(columns),
+            y: Entries::with_capacity(entries, R::zero()),
             eliminated: 0,
         }
     }
@@ -418,70 +272,51 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     /// Number of constraints.
     #[inline(always)]
     pub fn len(&self) -> usize {
-        self.rows.items.len()
+        self.rows.items().len()
     }
 
     /// Whether there is no constraint.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.rows.items.is_empty()
+        self.rows.items().is_empty()
     }
 
     /// Iterator over the constraints.
     #[inline(always)]
-    pub fn iter(&self) -> std::slice::Iter<'_, T> {
-        self.rows.items.iter()
+    pub fn iter(&self) -> std::slice::Iter<'_, T::Item> {
+        self.rows.items().iter()
     }
 
-    /// Coordinates of a constraint, and the entries of its rows at each.
+    /// Coordinates of a constraint, and the entries of its rows: all rows at the first coordinate, then all rows at the second.
     #[inline(always)]
-    pub fn entries(&self, row: &T) -> (&[u32], &[T::Impulse]) {
-        let Span { first_column, y, num_columns } = row.span();
-        (&self.columns[first_column..first_column + num_columns], self.y.row(y, num_columns))
+    pub fn entries(&self, row: &T::Item) -> (&[u32], &[R]) {
+        let Span { first_column, num_columns, y, num_rows, .. } = row.span();
+        (&self.columns[first_column..first_column + num_columns], self.y.row(y, num_columns * num_rows))
     }
 
-    /// Velocity y . w + g of each row of a constraint at the scaled velocity change `w`, m/s or rad/s: y is the scaled Jacobian, and g
-    /// the offset of the row (velocity before any impulse, plus bias). The velocity due to the compliance is not included.
+    /// Adds the scaled velocity change by the impulse `lambda` of constraint `i` to `w`.
     #[inline(always)]
-    pub fn velocity(&self, row: &T, w: &[R]) -> T::Impulse {
-        let (columns, y) = self.entries(row);
-        row.velocity(columns, y, w)
+    pub(crate) fn add(&self, i: usize, lambda: &[R], w: &mut [R]) {
+        self.rows.add(i, self.entries(&self[i]), lambda, w);
     }
 
-    /// Velocity of each row of a constraint under the impulse `lambda`, including the velocity due to the compliance, m/s or rad/s.
-    /// `compliant` is whether any constraint of the list may have a compliance.
+    /// Place of a new constraint after the last one: appends the coordinates `columns` and the entries `y` of its rows there. `visit` is
+    /// called with the entries at each coordinate.
     #[inline(always)]
-    pub(super) fn velocity_under(&self, row: &T, compliant: bool, w: &[R], lambda: T::Impulse) -> T::Impulse {
-        row.add_compliance(self.velocity(row, w), compliant, lambda)
-    }
-
-    /// Adds the scaled velocity change by the impulse `d` of a constraint to `w`.
-    #[inline(always)]
-    pub fn add(&self, row: &T, d: T::Impulse, w: &mut [R]) {
-        let (columns, y) = self.entries(row);
-        add_transposed(columns, y, d, w);
-    }
-
-    /// Appends the coordinates `columns` and their entries `y`. Returns their place. `visit` is called with each entry.
-    #[inline(always)]
-    pub(super) fn push_entries(&mut self, columns: &[u32], y: impl Fn(usize) -> T::Impulse, mut visit: impl FnMut(T::Impulse)) -> Span {
-        let span = Span { first_column: self.columns.len(), y: self.y.len(), num_columns: columns.len() };
+    pub(super) fn push_entries<const N: usize>(
+        &mut self,
+        columns: &[u32],
+        y: impl Fn(usize) -> [R; N],
+        mut visit: impl FnMut(&[R; N]),
+    ) -> Span {
+        let first_row = self.rows.items().last().map_or(0, |last| last.span().first_row + last.span().num_rows);
+        let span = Span { first_column: self.columns.len(), num_columns: columns.len(), y: self.y.len(), first_row, num_rows: N };
         self.columns.extend_from_slice(columns);
-        for (entry, &c) in self.y.extend_by(columns.len()).iter_mut().zip(columns) {
-            *entry = y(c as usize);
-            visit(*entry);
+        for (entries, &c) in self.y.extend_by(columns.len() * N).as_chunks_mut::<N>().0.iter_mut().zip(columns) {
+            *entries = y(c as usize);
+            visit(entries);
         }
         span
-    }
-
-    /// Removes the constraint with the index `first` and all constraints after it.
-    pub fn truncate(&mut self, first: usize) {
-        if let Some(row) = self.rows.items.get(first) {
-            let Span { first_column, y, .. } = row.span();
-            self.columns.truncate(first_column);
-            self.y.truncate(y);
-            self.rows.items.truncate(first);
-        }
     }
 
     /// Removes all constraints.
@@ -493,96 +328,96 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         self.eliminated = 0;
     }
 
-    /// Calls `f` for each constraint that is active in a lane ([`Row::active`]). `f` gets an iterator over the coordinates at which this
-    /// constraint has entries in the lane, ascending.
-    pub(crate) fn for_each_column_set(&self, rows: &Rows<T>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
-        for row in rows.items.iter().filter(|row| has_lane::<R>(row.active(), lane)) {
+    /// Calls `f` for each constraint that is active in a lane ([`Constraint::active`]). `f` gets an iterator over the coordinates at which
+    /// this constraint has entries in the lane, ascending.
+    pub(crate) fn for_each_column_set(&self, rows: &T, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
+        for row in rows.items().iter().filter(|row| has_lane::<R>(row.active(), lane)) {
             f(&mut self.columns_in(row, lane));
         }
     }
 
     /// Iterator over the coordinates at which a constraint has entries in a lane, ascending.
-    fn columns_in(&self, row: &T, lane: usize) -> impl Iterator<Item = u32> {
+    fn columns_in(&self, row: &T::Item, lane: usize) -> impl Iterator<Item = u32> {
         let (columns, y) = self.entries(row);
-        let touches = move |y: &T::Impulse| y.numbers(lane).as_ref().iter().any(|&y| y != 0.0);
-        columns.iter().zip(y).filter(move |(_, y)| touches(y)).map(|(c, _)| *c)
+        let touches = move |y: &[R]| y.iter().any(|&y| number_of(y, lane) != 0.0);
+        columns.iter().zip(y.chunks_exact(row.span().num_rows)).filter(move |(_, y)| touches(y)).map(|(c, _)| *c)
     }
 
     /// Constraints of a lane, with their impulses, as a file stores them. Deferred contacts are left out.
-    pub(crate) fn save(&self, rows: &Rows<T>, impulses: &[T::Impulse], lane: usize) -> Vec<SavedConstraint> {
-        let exists = |row: &T| has_lane::<R>(row.active(), lane) || has_lane::<R>(row.immovable(), lane);
-        let there = rows.items.iter().zip(impulses).enumerate().filter(|(_, (row, _))| exists(row));
-        let save = |(i, (row, &impulse)): (usize, (&T, &T::Impulse))| {
-            let (columns, y) = self.entries(row);
-            let [g, position_g, impulse] = [row.offsets()[0], row.offsets()[1], impulse].map(|x| x.numbers(lane).as_ref().to_vec());
+    pub(crate) fn save(&self, rows: &T, impulses: &[R], lane: usize) -> Vec<SavedConstraint> {
+        let exists = |row: &T::Item| has_lane::<R>(row.active(), lane) || has_lane::<R>(row.immovable(), lane);
+        let numbers = |list: &[R]| list.iter().map(|&x| number_of(x, lane)).collect::<Vec<f64>>();
+        let save = |(i, row): (usize, &T::Item)| {
+            let ((columns, y), [g, position_g]) = (self.entries(row), rows.offsets(i));
             SavedConstraint {
                 columns: columns.to_vec(),
-                y: Impulse::<R>::flatten(y).iter().map(|&y| number_of(y, lane)).collect(),
-                g,
-                position_g,
-                impulse,
+                y: numbers(y),
+                g: numbers(g),
+                position_g: numbers(position_g),
+                impulse: numbers(&impulses[row.rows()]),
                 eliminated: i < self.eliminated,
                 immovable: has_lane::<R>(row.immovable(), lane),
-                ..row.save(lane)
+                ..rows.save(i, lane)
             }
         };
-        there.map(save).collect()
+        rows.items().iter().enumerate().filter(|(_, row)| exists(row)).map(save).collect()
     }
 
     /// Adds the scaled velocity change by all impulses to `w`.
     #[inline(always)]
-    pub(crate) fn add_impulses(&self, impulses: &[T::Impulse], w: &mut [R]) {
-        for (row, &lambda) in self.rows.items.iter().zip(impulses) {
-            self.add(row, lambda, w);
+    pub(crate) fn add_impulses(&self, impulses: &[R], w: &mut [R]) {
+        for (i, row) in self.iter().enumerate() {
+            self.add(i, &impulses[row.rows()], w);
         }
     }
 
     /// Appends the velocities of all rows at the scaled velocity change `w`, m/s or rad/s. They include the velocity due to each row's
     /// compliance.
     #[inline(always)]
-    pub(crate) fn velocities(&self, rows: &Rows<T>, impulses: &[T::Impulse], w: &[R], out: &mut Vec<R>) {
-        for (row, &lambda) in rows.items.iter().zip(impulses) {
-            let v = self.velocity_under(row, rows.compliant, w, lambda);
-            out.extend_from_slice(Impulse::<R>::flatten(&[v]));
+    pub(crate) fn velocities(&self, rows: &T, impulses: &[R], w: &[R], out: &mut Vec<R>) {
+        for (i, row) in rows.items().iter().enumerate() {
+            rows.push_velocity(i, self.entries(row), w, &impulses[row.rows()], out);
         }
     }
 
     /// Appends the compliance of each row, without the additional compliance of contact normals.
-    pub(crate) fn compliances(&self, rows: &Rows<T>, out: &mut Vec<R>) {
-        out.extend(rows.items.iter().flat_map(|row| std::iter::repeat_n(row.uniform_compliance(), T::Impulse::ROWS)));
+    pub(crate) fn compliances(&self, rows: &T, out: &mut Vec<R>) {
+        for (i, row) in rows.items().iter().enumerate() {
+            out.extend(std::iter::repeat_n(rows.uniform_compliance(i), row.span().num_rows));
+        }
     }
 
     /// Calls `f` with the natural-map residual |lambda - P_K(lambda - rho u)| / rho of each constraint in turn, m/s; 0 for constraints that
     /// are not active. See [`residual`](crate::residual()).
     #[inline(always)]
-    pub(crate) fn for_each_residual(&self, rows: &Rows<T>, impulses: &[T::Impulse], w: &[R], mut f: impl FnMut(R)) {
-        for (row, &lambda) in rows.items.iter().zip(impulses) {
-            let v = self.velocity_under(row, rows.compliant, w, lambda);
-            f(masked(row.active(), row.residual(v, lambda, self.eliminated > 0)));
+    pub(crate) fn for_each_residual(&self, rows: &T, impulses: &[R], w: &[R], mut f: impl FnMut(R)) {
+        for (i, row) in rows.items().iter().enumerate() {
+            let residual = rows.residual(i, self.entries(row), w, &impulses[row.rows()], self.eliminated > 0);
+            f(masked(row.active(), residual));
         }
     }
 
     /// Calls `f` for each active constraint of a lane, with its coordinates, its residual, m/s, and its normal impulse, N s.
     pub(crate) fn for_each_load(
         &self,
-        rows: &Rows<T>,
-        impulses: &[T::Impulse],
+        rows: &T,
+        impulses: &[R],
         w: &[R],
         lane: usize,
         f: &mut impl FnMut(&mut dyn Iterator<Item = u32>, f64, f64),
     ) {
-        for (row, &lambda) in rows.items.iter().zip(impulses).filter(|(row, _)| has_lane::<R>(row.active(), lane)) {
-            let v = self.velocity_under(row, rows.compliant, w, lambda);
-            let (residual, impulse) = (row.residual(v, lambda, self.eliminated > 0), T::normal_impulse(lambda));
-            f(&mut self.columns_in(row, lane), number_of(residual, lane), number_of(impulse, lane));
+        for (i, row) in rows.items().iter().enumerate().filter(|(_, row)| has_lane::<R>(row.active(), lane)) {
+            let lambda = &impulses[row.rows()];
+            let residual = rows.residual(i, self.entries(row), w, lambda, self.eliminated > 0);
+            f(&mut self.columns_in(row, lane), number_of(residual, lane), number_of(lambda[0].abs(), lane));
         }
     }
 
     /// Sum of `sum` and the magnitudes of all normal impulses, N s.
     #[inline(always)]
-    pub(crate) fn sum_normal_impulses(&self, rows: &Rows<T>, impulses: &[T::Impulse], mut sum: R) -> R {
-        for (row, &lambda) in rows.items.iter().zip(impulses) {
-            sum += masked(row.active(), T::normal_impulse(lambda));
+    pub(crate) fn sum_normal_impulses(&self, rows: &T, impulses: &[R], mut sum: R) -> R {
+        for row in rows.items() {
+            sum += masked(row.active(), impulses[row.rows().start].abs());
         }
         sum
     }
@@ -590,9 +425,9 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of all impulses lambda, J. Here g are the offsets of the velocity solve
     /// and R the compliances.
     #[inline(always)]
-    pub(crate) fn add_potential(&self, impulses: &[T::Impulse], mut sum: R) -> R {
-        for (row, &lambda) in self.rows.items.iter().zip(impulses) {
-            sum = row.add_potential(lambda, sum);
+    pub(crate) fn add_potential(&self, impulses: &[R], mut sum: R) -> R {
+        for (i, row) in self.iter().enumerate() {
+            sum = self.rows.add_potential(i, &impulses[row.rows()], sum);
         }
         sum
     }
@@ -601,9 +436,11 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     /// the position solve change. `change` is the change of the free velocity, in the scaled coordinates of w (scaled velocity change).
     /// Each offset increases by the row's velocity due to this change.
     #[inline(always)]
-    pub(crate) fn shift(&self, rows: &mut Rows<T>, change: &[R]) {
-        for row in &mut rows.items {
-            row.shift(self.velocity(row, change));
+    pub(crate) fn shift(&mut self, change: &[R]) {
+        for i in 0..self.len() {
+            let Span { first_column, num_columns, y, num_rows, .. } = self[i].span();
+            let columns = &self.columns[first_column..first_column + num_columns];
+            self.rows.shift(i, (columns, self.y.row(y, num_columns * num_rows)), change);
         }
     }
 
@@ -616,47 +453,47 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     #[inline(always)]
     pub(crate) fn damp(
         &self,
-        rows: &mut Rows<T>,
-        impulses: &[T::Impulse],
+        rows: &mut T,
+        impulses: &[R],
         damping: Damping<R>,
         added_mobilities: &[R],
         [reference_lambda, reference_g]: [&mut Vec<R>; 2],
     ) {
-        for (k, ((row, &lambda), &added)) in rows.items.iter_mut().zip(impulses).zip(added_mobilities).enumerate() {
-            reference_lambda.push(lambda.normal());
-            reference_g.push(row.undamped_offset());
+        for (i, &added) in added_mobilities.iter().enumerate() {
+            let lambda = &impulses[rows.items()[i].rows()];
+            reference_lambda.push(lambda[0]);
+            reference_g.push(rows.undamped_offset(i));
             // Eliminated rows are damped at assembly, because other rows are combined with them.
-            if k >= self.eliminated {
-                row.damp(lambda, damping, added);
+            if i >= self.eliminated {
+                rows.damp(i, lambda, damping, added);
             }
         }
-        rows.compliant = true;
     }
 
     /// Calls `f` with the velocity by which damping prevents the normal row of each constraint from meeting its target, m/s or rad/s.
     /// `before` has the normal impulses of the reference solution, at which damping causes no velocity.
     #[inline(always)]
-    pub(crate) fn for_each_shortfall(&self, rows: &Rows<T>, impulses: &[T::Impulse], before: &[R], mut f: impl FnMut(R)) {
-        for (k, ((row, now), &before)) in rows.items.iter().zip(impulses).zip(before).enumerate() {
-            let change = if k < self.eliminated { R::zero() } else { now.normal() - before };
-            f(masked(row.active(), row.shortfall(change)));
+    pub(crate) fn for_each_shortfall(&self, rows: &T, impulses: &[R], before: &[R], mut f: impl FnMut(R)) {
+        for (i, (row, &before)) in rows.items().iter().zip(before).enumerate() {
+            let change = if i < self.eliminated { R::zero() } else { impulses[row.rows().start] - before };
+            f(masked(row.active(), rows.shortfall(i, change)));
         }
     }
 
     /// Calls `f` with the target of each constraint that no impulse can move, m/s or rad/s; 0 for the others.
     #[inline(always)]
-    pub(crate) fn for_each_immovable_target(&self, rows: &Rows<T>, mut f: impl FnMut(R)) {
-        for row in &rows.items {
-            f(masked(row.immovable(), row.immovable_target()));
+    pub(crate) fn for_each_immovable_target(&self, rows: &T, mut f: impl FnMut(R)) {
+        for (i, row) in rows.items().iter().enumerate() {
+            f(masked(row.immovable(), rows.immovable_target(i)));
         }
     }
 
     /// Calls `f` with the target velocity of each constraint that no impulse can move, without position corrections, m/s or rad/s; 0 for
     /// the others.
     #[inline(always)]
-    pub(crate) fn for_each_unmet_velocity(&self, rows: &Rows<T>, mut f: impl FnMut(R)) {
-        for row in &rows.items {
-            f(masked(row.immovable(), row.unmet_velocity()));
+    pub(crate) fn for_each_unmet_velocity(&self, rows: &T, mut f: impl FnMut(R)) {
+        for (i, row) in rows.items().iter().enumerate() {
+            f(masked(row.immovable(), rows.unmet_velocity(i)));
         }
     }
 
@@ -667,44 +504,44 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     #[inline(always)]
     pub(crate) fn witness(
         &self,
-        rows: &Rows<T>,
-        impulses: &[T::Impulse],
+        rows: &T,
+        impulses: &[R],
         reference: ReferenceRows<'_, R>,
         w: &[R],
         momentum: &mut [R],
         mut missing_work: R,
     ) -> R {
-        for ((row, now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
-            let z = row.witness(now.normal(), before);
-            let u = self.velocity(row, w).normal() - row.offsets()[0].normal() + g;
+        for (i, (row, (&before, &g))) in rows.items().iter().zip(reference.lambda.iter().zip(reference.g)).enumerate() {
+            let z = rows.witness(i, impulses[row.rows().start], before);
+            let (columns, y) = self.entries(row);
+            let u = rows.normal_velocity(i, (columns, y), w) - rows.offsets(i)[0][0] + g;
             missing_work -= z * u;
-            self.add(row, Impulse::of_normal(z), momentum);
+            for (&c, y) in columns.iter().zip(y.chunks_exact(row.span().num_rows)) {
+                momentum[c as usize] += y[0] * z;
+            }
         }
         missing_work
     }
 }
 
-impl<R: Real, T: Row<R>, I: SliceIndex<[T]>> Index<I> for ConstraintSet<R, T> {
+impl<R: Real, T: ConstraintList<R>, I: SliceIndex<[T::Item]>> Index<I> for ConstraintSet<R, T> {
     type Output = I::Output;
 
     #[inline(always)]
     fn index(&self, i: I) -> &I::Output {
-        &self.rows.items[i]
-    }
-}
-
-impl<R: Real, T: Row<R>, I: SliceIndex<[T]>> IndexMut<I> for ConstraintSet<R, T> {
-    #[inline(always)]
-    fn index_mut(&mut self, i: I) -> &mut I::Output {
-        &mut self.rows.items[i]
+        &self.rows.items()[i]
     }
 }
 
 /// Adds the product J^T x to `out`, for the rows J of one constraint, which have the entries `y` at the coordinates `columns`.
 #[inline(always)]
-pub(crate) fn add_transposed<R: Real, I: Impulse<R>>(columns: &[u32], y: &[I], x: I, out: &mut [R]) {
-    for (&c, &y) in columns.iter().zip(y) {
-        out[c as usize] += y.dot(x);
+pub(crate) fn add_transposed<R: Real, const N: usize>(columns: &[u32], y: &[[R; N]], x: [R; N], out: &mut [R]) {
+    for (&c, y) in columns.iter().zip(y) {
+        let mut sum = y[0] * x[0];
+        for k in 1..N {
+            sum += y[k] * x[k];
+        }
+        out[c as usize] += sum;
     }
 }
 

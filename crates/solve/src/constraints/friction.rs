@@ -1,113 +1,45 @@
 //! Contacts with Coulomb friction, of any number of rows: the normal row first, then the tangential ones.
 //!
-//! This file has the parts that do not depend on the number of rows. A [`LocalSolver`] solves one contact, with the contact's block of
+//! All contacts are in one list. A [`FrictionContact`] has the numbers that do not depend on the number of rows. The others are in
+//! [`FrictionRows`], of which there is one list for each number of rows. A [`LocalSolver`] solves one contact, with the contact's block of
 //! the Delassus matrix G.
 //!
 //! w is the scaled velocity change: the change of velocity by the impulses, in coordinates in which the mass matrix is the identity.
-
-use std::fmt::Debug;
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{masked, movable, project};
 use crate::constraints::constraint_set::{
-    ConstraintSet, Damping, LaneConstraint, Row, Rows, SavedConstraint, Span, SweepLanes, Unknowns, is_nonzero, multiply, number_of,
+    Constraint, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, Span, SweepLanes, add_transposed,
+    is_nonzero, multiply, number_of,
 };
+use crate::constraints::local_solver::{LocalSolver, NaturalStep};
 use crate::constraints::orthogonalisation::velocity_rounding;
+use crate::constraints::rolling::RollingSolver;
+use crate::constraints::sliding::SlidingSolver;
 use stepper_real::{Mask, Real, Scalar, kernel};
 
-/// Solver of one contact with friction, while the impulses of all other constraints stay constant. The admissible impulses are the circular
-/// cone of Coulomb's law.
-pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
-    /// Solver of a contact whose block of the Delassus matrix is `gram`, in the lanes `active`. The solver of other lanes is a placeholder.
-    /// Only the upper triangle is read.
-    ///
-    /// Also returns the trace of the block, 1/kg.
-    fn new(gram: &[[R; N]; N], active: R::Mask) -> (Self, R);
+/// Largest number of rows of a contact.
+pub const MAX_CONTACT_ROWS: usize = 6;
 
-    /// Impulse that solves this contact, and the multiplier s of its friction disc (slip velocity divided by friction impulse, 1/kg), which
-    /// is 0 for a contact that sticks or opens.
-    ///
-    /// `v` is the contact's velocity under the impulse `lambda`, including the velocity due to its compliance. `mu` is the friction
-    /// coefficient. The search for s starts at `guess`. Outside the lanes `lanes`, the impulse and s are 0.
-    fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
-
-    /// Impulse by the weaker update, in the lanes `active`. The result has no meaning in other lanes. The weaker update changes the impulse
-    /// less than [`LocalSolver::solve`], so that sweeps (Gauss-Seidel iterations) cycle less.
-    ///
-    /// It updates the normal impulse at constant tangential impulse. Then it projects the tangential impulse on the disc of the new normal
-    /// impulse.
-    fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N];
-
-    /// Directions of the tangential impulse, among the principal axes of the tangential problem, in which no impulse moves the contact.
-    /// `None` if there are none in any lane.
-    ///
-    /// Each direction has an entry in the two results, from index 1 on. The first result has its velocity offset, m/s, with the normal
-    /// impulse that stops the normal row. The second has its coupling G_tn / G_nn to the normal row. The entries of other directions are 0.
-    /// `g` has the offsets of the rows, m/s, and `trace` is the trace of the contact's block of the Delassus matrix, 1/kg.
-    fn fixed_directions(&self, g: [R; N], trace: R) -> Option<[[R; N]; 2]>;
-
-    /// Mean diagonal entry of the contact's block of the Delassus matrix before elimination of equality rows, 1/kg. `step` is the step of
-    /// the contact's natural map.
-    fn mobility(&self, step: &NaturalStep<R>) -> R;
-
-    /// Adds a compliance, 1/kg, to all rows of the contact, and updates the step of its natural map (`NaturalStep`).
-    fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
-
-    /// Adds a compliance, 1/kg, to the normal row alone; the natural map does not change. Returns the ratio of the normal row's previous
-    /// diagonal entry to the new one.
-    fn add_normal_compliance(&mut self, compliance: R) -> R;
-}
-
-/// Step length rho of a contact's natural map, lambda - P_K(lambda - rho u) for the impulse lambda and the velocity u. P_K is the
-/// projection on the admissible impulses. The map is zero at the solution.
+/// Contact with friction, without the numbers that depend on its number of rows.
 #[derive(Clone, Copy, Debug)]
-pub struct NaturalStep<R> {
-    /// Step length rho = N / trace(G_ii), kg. N is the contact's number of rows, and G_ii its block of the Delassus matrix before
-    /// elimination of equality rows.
-    pub(super) rho: R,
-    /// Inverse 1 / rho of the step length, 1/kg.
-    pub(super) inv_rho: R,
-    /// Mobility of the contact before the elimination of equality rows, divided by that after it, at least 1. The mobility is trace(G_ii).
-    pub(super) mobility_ratio: R,
-}
-
-impl<R: Real> NaturalStep<R> {
-    /// Step of a contact with `N` rows, whose block of the Delassus matrix has the trace `trace`, 1/kg.
-    #[inline(always)]
-    pub(super) fn of_trace<const N: usize>(trace: R) -> Self {
-        Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), mobility_ratio: R::one() }
-    }
-
-    /// Step before elimination of equality rows, from `self`, which is the step after it. Before elimination, the trace of the contact's
-    /// block of the Delassus matrix was larger by the factor `ratio`.
-    #[inline(always)]
-    pub(super) fn with_mobility_ratio(self, ratio: R) -> Self {
-        Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, mobility_ratio: ratio }
-    }
-}
-
-/// Contact with friction in `N` rows: the normal row and the tangential rows. `L` solves the friction problem of the contact alone.
-#[derive(Clone, Copy, Debug)]
-pub struct FrictionContact<R: Real, const N: usize, L> {
-    /// Place of the contact's coordinates and Jacobian entries in the lists of its set.
+pub struct FrictionContact<R: Real> {
+    /// Place of the contact's coordinates, Jacobian entries and rows in the lists of its set.
     span: Span,
+    /// Number of rows, and index of the contact among the contacts with this number.
+    index: RowsIndex,
     /// Lanes in which the solver reads the contact: it exists there, is movable along its normal, and is not deferred.
     pub active: R::Mask,
     /// Lanes in which no impulse can move the contact along its normal. The contact has no rows in these lanes, and its impulse does not
     /// change.
-    pub(super) immovable: R::Mask,
+    immovable: R::Mask,
     /// Lanes in which the contact is deferred: the solver ignores its rows until they are activated.
     deferred: R::Mask,
     /// Friction coefficient of the scaled rows; 0 for a frictionless contact.
     pub mu: R,
-    /// Velocity g of each row of the contact before any impulse, plus its bias (the negated velocity target), m/s. This value is for the
-    /// velocity solve; `position_g` is for the position solve.
-    pub g: [R; N],
-    /// Offset of each row in the position solve, m/s. For the normal row it replaces g. For the tangential rows it is added to g.
-    pub position_g: [R; N],
     /// Compliance R >= 0 of the normal row: velocity per unit of impulse, 1/kg. It is 0 for a hard contact.
-    pub(crate) compliance: R,
+    compliance: R,
     /// Factor G_nn / (G_nn + R) that multiplies the normal row's residual. It removes the part due to the contact's spring, so that an
     /// error of the velocity remains. G_nn is the row's diagonal entry of the Delassus matrix and R its compliance. The factor is 1 for a
     /// hard contact.
@@ -116,55 +48,287 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     damping: R,
     /// Step of the contact's natural map, which scales its residual.
     step: NaturalStep<R>,
-    /// Solver of this contact at constant other impulses.
-    pub(super) local: L,
 }
 
-impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
-    /// Hard contact with the friction coefficient `mu`, the offsets `g`, and the block `gram` of the Delassus matrix. Of the lanes in
-    /// which the contact exists, `active` are those in which an impulse can move it along its normal, and `immovable` the others.
-    #[inline(always)]
-    fn new(span: Span, [active, immovable]: [R::Mask; 2], mu: R, g: [R; N], gram: &[[R; N]; N]) -> Self {
-        let (local, trace) = L::new(gram, active);
-        let mut position_g = [R::zero(); N];
-        position_g[0] = g[0];
-        Self {
-            span,
-            active,
-            immovable,
-            deferred: R::Mask::splat(false),
-            mu,
-            g,
-            position_g,
-            compliance: R::zero(),
-            rigid_fraction: R::one(),
-            damping: R::zero(),
-            step: NaturalStep::of_trace::<N>(trace),
-            local,
+/// Number of rows of a contact, and index among the contacts with this number.
+#[derive(Clone, Copy, Debug)]
+pub enum RowsIndex {
+    /// Contact with sliding friction: rows (n, t1, t2).
+    Three(usize),
+    /// Contact with torsional friction: rows (n, t1, t2, spin).
+    Four(usize),
+    /// Contact with rolling friction: rows (n, t1, t2, spin, roll1, roll2).
+    Six(usize),
+}
+
+/// Evaluates an expression for the rows of one contact of a list. `with_rows!([rows: &list] of contact => rows.velocity(..))` binds `rows`
+/// to a reference to the contact's [`FrictionRows`].
+macro_rules! with_rows {
+    ([$rows:ident: $($list:tt)+] of $contact:expr => $value:expr) => {
+        match $contact.index {
+            RowsIndex::Three(i) => {
+                let $rows = $($list)+.three[i];
+                $value
+            }
+            RowsIndex::Four(i) => {
+                let $rows = $($list)+.four[i];
+                $value
+            }
+            RowsIndex::Six(i) => {
+                let $rows = $($list)+.six[i];
+                $value
+            }
         }
+    };
+}
+
+/// Rows of one contact: `N` offsets, and the solver `L` of the contact at constant other impulses.
+#[derive(Clone, Copy, Debug)]
+pub struct FrictionRows<R: Real, const N: usize, L> {
+    /// Velocity g of each row of the contact before any impulse, plus its bias (the negated velocity target), m/s. This value is for the
+    /// velocity solve; `position_g` is for the position solve.
+    g: [R; N],
+    /// Offset of each row in the position solve, m/s. For the normal row it replaces g. For the tangential rows it is added to g.
+    position_g: [R; N],
+    /// Solver of this contact at constant other impulses.
+    local: L,
+}
+
+/// Possible number `N` of rows of a contact, as the type `[R; N]`.
+pub trait RowCount<R: Real, const N: usize> {
+    /// Solver of a contact with `N` rows.
+    type Solver: LocalSolver<R, N>;
+
+    /// Appends the rows of a contact to a list. Returns their index.
+    fn push(list: &mut ContactList<R>, rows: FrictionRows<R, N, Self::Solver>) -> RowsIndex;
+}
+
+impl<R: Real> RowCount<R, 3> for [R; 3] {
+    type Solver = SlidingSolver<R>;
+
+    #[inline(always)]
+    fn push(list: &mut ContactList<R>, rows: FrictionRows<R, 3, Self::Solver>) -> RowsIndex {
+        list.three.push(rows);
+        RowsIndex::Three(list.three.len() - 1)
     }
 }
 
-/// Contacts with `N` rows each.
-pub type FrictionContacts<R, const N: usize, L> = ConstraintSet<R, FrictionContact<R, N, L>>;
+impl<R: Real> RowCount<R, 4> for [R; 4] {
+    type Solver = RollingSolver<R, 4, 3>;
 
-impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
-    /// Appends a contact whose rows have the entries `y` at the coordinates `columns`, ascending.
+    #[inline(always)]
+    fn push(list: &mut ContactList<R>, rows: FrictionRows<R, 4, Self::Solver>) -> RowsIndex {
+        list.four.push(rows);
+        RowsIndex::Four(list.four.len() - 1)
+    }
+}
+
+impl<R: Real> RowCount<R, 6> for [R; 6] {
+    type Solver = RollingSolver<R, 6, 5>;
+
+    #[inline(always)]
+    fn push(list: &mut ContactList<R>, rows: FrictionRows<R, 6, Self::Solver>) -> RowsIndex {
+        list.six.push(rows);
+        RowsIndex::Six(list.six.len() - 1)
+    }
+}
+
+impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionRows<R, N, L> {
+    /// Velocity y . w + g of each row at the scaled velocity change `w`, m/s. The velocity due to the compliance is not included.
+    #[inline(always)]
+    fn velocity(&self, (columns, y): RowEntries<'_, R>, w: &[R]) -> [R; N] {
+        let mut v = multiply(columns, y.as_chunks().0, w);
+        for k in 0..N {
+            v[k] += self.g[k];
+        }
+        v
+    }
+
+    /// Velocity of each row under the impulse `lambda`, including the velocity due to the compliance, m/s. `compliant` is whether any
+    /// contact of the list may have a compliance.
+    #[inline(always)]
+    fn velocity_under(
+        &self,
+        contact: &FrictionContact<R>,
+        entries: RowEntries<'_, R>,
+        w: &[R],
+        compliant: bool,
+        lambda: &[R; N],
+    ) -> [R; N] {
+        let mut v = self.velocity(entries, w);
+        if compliant {
+            v[0] += (contact.damping + contact.compliance) * lambda[0];
+            for k in 1..N {
+                v[k] += contact.damping * lambda[k];
+            }
+        }
+        v
+    }
+
+    /// Updates the impulse `lambda` and the multiplier of one contact in a Gauss-Seidel iteration, see [`FrictionContacts::sweep`], in
+    /// those `lanes` that run. Returns the largest change of an impulse.
+    #[inline(always)]
+    fn update(
+        &self,
+        contact: &FrictionContact<R>,
+        (columns, y): RowEntries<'_, R>,
+        compliant: bool,
+        (impulse, multiplier, w): (&mut [R], &mut R, &mut [R]),
+        lanes: SweepLanes<R>,
+    ) -> R {
+        let SweepLanes { running: lanes, exact } = lanes;
+        let lambda = *rows_of(impulse);
+        let v = self.velocity_under(contact, (columns, y), w, compliant, &lambda);
+        let (mut next, s) = self.local.solve(contact.mu, v, lambda, *multiplier, lanes);
+        if lanes.and_not(exact).any() {
+            let weak = self.local.relax(contact.mu, v, lambda, contact.active);
+            for k in 0..N {
+                next[k] = R::select(exact, next[k], weak[k]);
+            }
+        }
+        let mut d = lambda;
+        for k in 0..N {
+            d[k] = masked(lanes, next[k] - lambda[k]);
+            impulse[k] = R::select(lanes, next[k], lambda[k]);
+        }
+        *multiplier = R::select(lanes, s, *multiplier);
+        let mut most = d[0].abs();
+        for k in 1..N {
+            most = most.max(d[k].abs());
+        }
+        if is_nonzero(most) {
+            add_transposed(columns, y.as_chunks().0, d, w);
+        }
+        most
+    }
+
+    /// Residual of one contact, see [`ConstraintList::residual`].
+    #[inline(always)]
+    fn residual(&self, contact: &FrictionContact<R>, entries: RowEntries<'_, R>, w: &[R], compliant: bool, lambda: &[R]) -> R {
+        let lambda = rows_of(lambda);
+        let v = self.velocity_under(contact, entries, w, compliant, lambda);
+        let (mu, rho) = (contact.mu, contact.step.rho);
+        let mut moved = *lambda;
+        for k in 1..N {
+            moved[k] -= rho * v[k];
+        }
+        moved[0] -= rho * (v[0] + mu * tangential_speed(&v));
+        let image = project(moved, mu);
+        let mut apart = ((lambda[0] - image[0]) * contact.rigid_fraction).square();
+        for k in 1..N {
+            apart += (lambda[k] - image[k]).square();
+        }
+        apart.sqrt() * contact.step.inv_rho
+    }
+
+    /// Adds a compliance that damps the position target of one contact, see [`ConstraintList::damp`].
+    #[inline(always)]
+    fn damp(&mut self, contact: &mut FrictionContact<R>, lambda: &[R], damping: Damping<R>, added_mobility: R) {
+        let mobility = self.local.mobility(&contact.step) + added_mobility;
+        let correction = self.position_g[0] - self.g[0];
+        let compliance = masked(correction.gt(damping.negligible), (damping.ratio + damping.bending * correction) * mobility);
+        contact.damping += compliance;
+        for k in 0..N {
+            self.g[k] -= compliance * lambda[k];
+        }
+        self.local.damp(compliance, &mut contact.step);
+    }
+
+    /// Prepares the solver of a contact again, which moves in more lanes than before. The rows have the entries `y`.
+    #[inline(always)]
+    fn prepare(&mut self, contact: &mut FrictionContact<R>, y: &[R]) {
+        let mut gram = [[R::zero(); N]; N];
+        for y in y.as_chunks().0 {
+            add_products(&mut gram, y);
+        }
+        let (local, trace) = L::new(&gram, contact.active);
+        self.local = local;
+        contact.step = NaturalStep::of_trace::<N>(trace);
+    }
+
+    /// Lanes in which a contact is self-locking, see [`FrictionContacts::is_self_locking`].
+    #[inline(always)]
+    fn is_self_locking(&self, contact: &FrictionContact<R>) -> R::Mask {
+        let (FrictionContact { active, mu, step, .. }, g) = (contact, &self.g);
+        let trace = step.inv_rho * R::of(N as f64);
+        let Some([p, c]) = self.local.fixed_directions(*g, trace) else { return R::Mask::splat(false) };
+        let (mut along, mut square, mut across, mut sizes) = (R::zero(), R::zero(), R::zero(), R::zero());
+        for i in 0..N {
+            along += c[i] * p[i];
+            square += c[i] * c[i];
+            sizes += g[i].abs();
+            for j in 0..i {
+                across += (c[j] * p[i] - c[i] * p[j]).square();
+            }
+        }
+        let length = square.sqrt();
+        // Largest power against the offsets g, times |c|, of the impulses (n, x) with |x| = 1 on the edge of the friction cone.
+        let turned = ((*mu * length).square() - R::one()).max(R::zero()).sqrt();
+        let power = along + across.sqrt() * turned;
+        active.and((*mu * length).gt(R::one())).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
+    }
+}
+
+/// Contacts of one solve, in the order in which they were appended.
+#[derive(Clone, Debug)]
+pub struct ContactList<R: Real> {
+    items: Vec<FrictionContact<R>>,
+    /// Rows of the contacts with three rows.
+    three: Vec<FrictionRows<R, 3, SlidingSolver<R>>>,
+    /// Rows of the contacts with four rows. These rows are scaled so that all have the same friction coefficient.
+    four: Vec<FrictionRows<R, 4, RollingSolver<R, 4, 3>>>,
+    /// Rows of the contacts with six rows, scaled in the same way.
+    six: Vec<FrictionRows<R, 6, RollingSolver<R, 6, 5>>>,
+    /// Whether any contact of the list may have a compliance, so that the solver must read it.
+    compliant: bool,
+}
+
+impl<R: Real> ContactList<R> {
+    /// Offset g of each row of contact `i` in the velocity solve, and its stored offset for the position solve, mutable.
+    #[inline(always)]
+    fn offsets_mut(&mut self, i: usize) -> [&mut [R]; 2] {
+        with_rows!([rows: &mut self] of self.items[i] => [&mut rows.g, &mut rows.position_g])
+    }
+}
+
+/// Contacts of a problem, in the order in which they were appended.
+pub type FrictionContacts<R> = ConstraintSet<R, ContactList<R>>;
+
+impl<R: Real> FrictionContacts<R> {
+    /// Appends a contact whose `N` rows have the entries `y` at the coordinates `columns`, ascending.
     ///
     /// The contact exists in the lanes `exists`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
     /// velocity before any impulse, plus its bias (minus the target velocity). A contact is immovable if its normal mobility is below
     /// `least`, 1/kg, or a tiny fraction of its mobility in all directions.
     #[inline(always)]
-    pub fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], exists: R::Mask, mu: R, g: [R; N], least: R) {
+    pub fn push<const N: usize>(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], exists: R::Mask, mu: R, g: [R; N], least: R)
+    where
+        [R; N]: RowCount<R, N>,
+    {
         let mut gram = [[R::zero(); N]; N];
         let span = self.push_entries(
             columns,
             y,
             #[inline(always)]
-            |y| add_products(&mut gram, &y),
+            |y| add_products(&mut gram, y),
         );
-        let movable = movable(exists, gram[0][0], gram[0][0] + gram[1][1] + gram[2][2], least);
-        self.rows.items.push(FrictionContact::new(span, [movable, exists.and_not(movable)], mu, g, &gram));
+        let active = movable(exists, gram[0][0], gram[0][0] + gram[1][1] + gram[2][2], least);
+        let (local, trace) = <[R; N] as RowCount<R, N>>::Solver::new(&gram, active);
+        let mut position_g = [R::zero(); N];
+        position_g[0] = g[0];
+        let index = <[R; N] as RowCount<R, N>>::push(&mut self.rows, FrictionRows { g, position_g, local });
+        self.rows.items.push(FrictionContact {
+            span,
+            index,
+            active,
+            immovable: exists.and_not(active),
+            deferred: R::Mask::splat(false),
+            mu,
+            compliance: R::zero(),
+            rigid_fraction: R::one(),
+            damping: R::zero(),
+            step: NaturalStep::of_trace::<N>(trace),
+        });
     }
 
     /// Lanes in which the last contact of the list is self-locking: no impulse of the friction cone makes it stick with its velocity
@@ -179,24 +343,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// the friction cone if the angle between `x` and `-c` is at most `acos(1 / (mu |c|))`.
     pub fn is_self_locking(&self) -> R::Mask {
         kernel!(R, || {
-            let never = R::Mask::splat(false);
-            let Some(FrictionContact { active, mu, g, step, local, .. }) = self.rows.items.last() else { return never };
-            let trace = step.inv_rho * R::of(N as f64);
-            let Some([p, c]) = local.fixed_directions(*g, trace) else { return never };
-            let (mut along, mut square, mut across, mut sizes) = (R::zero(), R::zero(), R::zero(), R::zero());
-            for i in 0..N {
-                along += c[i] * p[i];
-                square += c[i] * c[i];
-                sizes += g[i].abs();
-                for j in 0..i {
-                    across += (c[j] * p[i] - c[i] * p[j]).square();
-                }
-            }
-            let length = square.sqrt();
-            // Largest power against the offsets g, times |c|, of the impulses (n, x) with |x| = 1 on the edge of the friction cone.
-            let turned = ((*mu * length).square() - R::one()).max(R::zero()).sqrt();
-            let power = along + across.sqrt() * turned;
-            active.and((*mu * length).gt(R::one())).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
+            let Some(contact) = self.rows.items.last() else { return R::Mask::splat(false) };
+            with_rows!([rows: &self.rows] of contact => rows.is_self_locking(contact))
         })
     }
 
@@ -214,13 +362,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
             let released = lanes.and(contact.immovable);
             contact.active = contact.active.or(released);
             contact.immovable = contact.immovable.and_not(released);
-            let mut gram = [[R::zero(); N]; N];
-            for y in self.y.row(contact.span.y, contact.span.num_columns) {
-                add_products(&mut gram, y);
-            }
-            let (local, trace) = L::new(&gram, contact.active);
-            contact.local = local;
-            contact.step = NaturalStep::of_trace::<N>(trace);
+            let y = self.y.row(contact.span.y, contact.span.num_columns * contact.span.num_rows);
+            with_rows!([rows: &mut self.rows] of contact => rows.prepare(contact, y));
         })
     }
 
@@ -230,9 +373,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// `negligible`, m/s.
     pub fn clear_negligible_approach(&mut self, negligible: R) {
         kernel!(R, || {
-            let Some(contact) = self.rows.items.last_mut() else { return };
-            let none = contact.immovable.and((-contact.g[0]).le(negligible));
-            contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
+            let immovable = self.last_is_immovable();
+            let g = self.normal_offset_mut(self.len() - 1);
+            *g = R::select(immovable.and((-*g).le(negligible)), g.max(R::zero()), *g);
         })
     }
 
@@ -249,74 +392,49 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     ///
     /// The first number is the offset of the normal row. The others are added to the offsets `g` of the tangential rows.
     #[inline(always)]
-    pub fn set_position_offset(&mut self, position_g: [R; N]) {
-        if let Some(contact) = self.rows.items.last_mut() {
-            contact.position_g = position_g;
+    pub fn set_position_offset(&mut self, position_g: &[R]) {
+        if let Some(last) = self.len().checked_sub(1) {
+            self.rows.offsets_mut(last)[1].copy_from_slice(position_g);
         }
     }
 
     /// Defers the rows of the last contact of the list in the lanes `lanes`: the solver ignores them until they are activated.
     #[inline(always)]
-    pub fn defer(&mut self, lanes: R::Mask) {
+    pub fn defer_last(&mut self, lanes: R::Mask) {
         if let Some(contact) = self.rows.items.last_mut() {
             contact.deferred = lanes.and(contact.active);
             contact.active = contact.active.and_not(lanes);
         }
     }
 
-    /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
-    /// at the contact's target velocity.
+    /// Sets the compliance R >= 0 of the normal row of the last contact of the list, 1/kg: that of a spring and a damper between the
+    /// surfaces.
     #[inline(always)]
-    pub(crate) fn normal_velocity_above_target(&self, i: usize, w: &[R]) -> R {
-        let contact = &self.rows.items[i];
-        let (columns, y) = self.entries(contact);
-        let mut v = R::zero();
-        for (&c, y) in columns.iter().zip(y) {
-            v += y[0] * w[c as usize];
+    pub fn set_compliance(&mut self, compliance: R) {
+        if let Some(contact) = self.rows.items.last_mut() {
+            contact.compliance = compliance;
+            // A lane without a spring must not depend on the other lanes: the ratio is 1 except for rounding.
+            let ratio = with_rows!([rows: &mut self.rows] of contact => rows.local.add_normal_compliance(compliance));
+            contact.rigid_fraction = R::select(compliance.gt(R::zero()), ratio, R::one());
+            self.rows.compliant = true;
         }
-        v + contact.g[0]
     }
 
-    /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.
+    /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
     #[inline(always)]
-    pub(crate) fn friction_work(&self, i: usize, impulses: &[[R; N]], w: &[R]) -> R {
-        let contact = &self.rows.items[i];
-        let velocity = self.velocity(contact, w);
-        let mut work = R::zero();
-        for k in 1..N {
-            work += impulses[i][k] * (velocity[k] + contact.g[k]);
-        }
-        work * R::of(0.5)
+    pub fn normal_offset_mut(&mut self, i: usize) -> &mut R {
+        &mut self.rows.offsets_mut(i)[0][0]
     }
 
-    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s. The residual of the contact cannot be smaller.
+    /// Offsets g of the two sliding rows of contact `i` in the velocity solve, m/s.
     #[inline(always)]
-    pub(crate) fn impulse_rounding(&self, i: usize, impulses: &[[R; N]]) -> R {
-        impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
-    }
-
-    /// Velocity of contact `i` under impulses that cause the scaled velocity change `w`, m/s, as six numbers. The last three are zeros for
-    /// a contact with three rows.
-    #[inline(always)]
-    pub(crate) fn padded_velocity(&self, i: usize, w: &[R]) -> [R; 6] {
-        padded(&self.velocity(&self.rows.items[i], w))
-    }
-
-    /// Calls `f` with each coordinate at which contact `i` has entries in the lane `lane`, and with the entries of its rows there, as six
-    /// numbers.
-    #[inline(always)]
-    pub(crate) fn for_each_entry(&self, i: usize, lane: usize, mut f: impl FnMut(u32, [f64; 6])) {
-        let (columns, y) = self.entries(&self.rows.items[i]);
-        for (&c, y) in columns.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
-            let mut entries = [0.0; 6];
-            entries.iter_mut().zip(y).for_each(|(to, &y)| *to = number_of(y, lane));
-            f(c, entries);
-        }
+    pub fn sliding_offsets_mut(&mut self, i: usize) -> &mut [R] {
+        &mut self.rows.offsets_mut(i)[0][1..3]
     }
 
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     #[inline(always)]
-    pub(crate) fn activate(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
+    pub fn activate(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         let contact = &mut self.rows.items[i];
         let lanes = lanes.and(contact.deferred);
         contact.deferred = contact.deferred.and_not(lanes);
@@ -327,105 +445,136 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Defers the rows of contact `i` in the lanes `lanes`: the solver ignores them until they are activated. In these lanes they must be
     /// active and have no impulse.
     #[inline(always)]
-    pub(crate) fn defer_contact(&mut self, i: usize, lanes: R::Mask) {
+    pub fn defer(&mut self, i: usize, lanes: R::Mask) {
         let contact = &mut self.rows.items[i];
         contact.active = contact.active.and_not(lanes);
         contact.deferred = contact.deferred.or(lanes);
     }
 
-    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the previous
-    /// impulse in all lanes as six numbers, N s or N m s; the last three are zeros for a contact with three rows.
+    /// Velocity of each row of contact `i` under impulses that cause the scaled velocity change `w`, m/s, followed by zeros. It includes
+    /// the bias, so that the normal velocity is 0 at the contact's target velocity.
     #[inline(always)]
-    pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; 6] {
-        let (mut before, mut change) = ([R::zero(); 6], [R::zero(); N]);
-        for k in 0..N {
-            before[k] = impulses[i][k];
-            change[k] = -masked(lanes, before[k]);
-            impulses[i][k] = R::select(lanes, R::zero(), before[k]);
+    pub fn velocity(&self, i: usize, w: &[R]) -> [R; MAX_CONTACT_ROWS] {
+        let (contact, mut out) = (&self[i], [R::zero(); MAX_CONTACT_ROWS]);
+        with_rows!([rows: &self.rows] of contact => {
+            let v = rows.velocity(self.entries(contact), w);
+            out[..v.len()].copy_from_slice(&v);
+        });
+        out
+    }
+
+    /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
+    /// at the contact's target velocity.
+    #[inline(always)]
+    pub fn normal_velocity_above_target(&self, i: usize, w: &[R]) -> R {
+        self.rows.normal_velocity(i, self.entries(&self[i]), w)
+    }
+
+    /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.
+    /// `impulses` are the impulses of all contacts, and `w` is the scaled velocity change by all impulses.
+    #[inline(always)]
+    pub(crate) fn friction_work(&self, i: usize, impulses: &[R], w: &[R]) -> R {
+        let (velocity, [g, _]) = (self.velocity(i, w), self.rows.offsets(i));
+        let (lambda, mut work) = (&impulses[self[i].rows()], R::zero());
+        for k in 1..lambda.len() {
+            work += lambda[k] * (velocity[k] + g[k]);
         }
-        self.add(&self.rows.items[i], change, w);
+        work * R::of(0.5)
+    }
+
+    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s. The residual of the contact cannot be smaller.
+    #[inline(always)]
+    pub(crate) fn impulse_rounding(&self, i: usize, impulses: &[R]) -> R {
+        impulses[self[i].span.first_row] * self[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
+    }
+
+    /// Calls `f` with each coordinate at which contact `i` has entries in the lane `lane`, and with the entries of its rows there, followed
+    /// by zeros.
+    pub fn for_each_entry(&self, i: usize, lane: usize, mut f: impl FnMut(u32, [f64; MAX_CONTACT_ROWS])) {
+        let (columns, y) = self.entries(&self[i]);
+        for (&c, y) in columns.iter().zip(y.chunks_exact(self[i].span.num_rows)) {
+            if y.iter().any(|y| y.lane(lane) != R::Scalar::default()) {
+                let mut entries = [0.0; MAX_CONTACT_ROWS];
+                entries.iter_mut().zip(y).for_each(|(to, &y)| *to = number_of(y, lane));
+                f(c, entries);
+            }
+        }
+    }
+
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the previous
+    /// impulse in all lanes, N s or N m s, followed by zeros.
+    #[inline(always)]
+    pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [R], w: &mut [R]) -> [R; MAX_CONTACT_ROWS] {
+        let lambda = &mut impulses[self[i].rows()];
+        let [mut before, mut change] = [[R::zero(); MAX_CONTACT_ROWS]; 2];
+        for (k, lambda) in lambda.iter_mut().enumerate() {
+            before[k] = *lambda;
+            change[k] = -masked(lanes, *lambda);
+            *lambda = R::select(lanes, R::zero(), *lambda);
+        }
+        self.add(i, &change[..lambda.len()], w);
         before
     }
 
     /// Sets the impulse of contact `i` to the first numbers of `lambda` in the lanes `lanes`, where it must be zero before, and updates the
     /// scaled velocity change `w`.
     #[inline(always)]
-    pub(crate) fn set_first_impulse(&self, i: usize, lanes: R::Mask, lambda: [R; 6], impulses: &mut [[R; N]], w: &mut [R]) {
-        let mut d = [R::zero(); N];
-        for k in 0..N {
+    pub(crate) fn set_first_impulse(&self, i: usize, lanes: R::Mask, lambda: [R; MAX_CONTACT_ROWS], impulses: &mut [R], w: &mut [R]) {
+        let (impulse, mut d) = (&mut impulses[self[i].rows()], lambda);
+        for (k, x) in impulse.iter_mut().enumerate() {
             d[k] = masked(lanes, lambda[k]);
-            impulses[i][k] = R::select(lanes, lambda[k], impulses[i][k]);
+            *x = R::select(lanes, lambda[k], *x);
         }
-        self.add(&self.rows.items[i], d, w);
-    }
-
-    /// Sets the compliance R >= 0 of the normal row of the last contact of the list, 1/kg: that of a spring and a damper between the
-    /// surfaces.
-    #[inline(always)]
-    pub fn set_compliance(&mut self, compliance: R) {
-        if let Some(contact) = self.rows.items.last_mut() {
-            contact.compliance = compliance;
-            // A lane without a spring must not depend on the other lanes: the ratio is 1 except for rounding.
-            let ratio = contact.local.add_normal_compliance(compliance);
-            contact.rigid_fraction = R::select(compliance.gt(R::zero()), ratio, R::one());
-            self.rows.compliant = true;
-        }
+        self.add(i, &d[..impulse.len()], w);
     }
 
     /// Appends a constraint that was read from a file, with the same numbers in every lane.
     pub(crate) fn load(&mut self, saved: &SavedConstraint) {
-        let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
-        let (y, g) = (|c| saved.entries(c), std::array::from_fn(|k| R::of(saved.g[k])));
-        self.push(&saved.columns, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
-        self.set_position_offset(std::array::from_fn(|k| R::of(saved.position_g[k])));
+        match saved.g.len() {
+            3 => self.push_saved::<3>(saved),
+            4 => self.push_saved::<4>(saved),
+            _ => self.push_saved::<6>(saved),
+        }
+        self.set_position_offset(&saved.position_g.iter().map(|&g| R::of(g)).collect::<Vec<R>>());
         self.set_mobility_ratio(R::of(saved.mobility_ratio));
         if saved.compliance > 0.0 {
             self.set_compliance(R::of(saved.compliance));
         }
     }
 
+    /// Appends the `N` rows of a contact that was read from a file.
+    fn push_saved<const N: usize>(&mut self, saved: &SavedConstraint)
+    where
+        [R; N]: RowCount<R, N>,
+    {
+        let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
+        let (y, g) = (|c| saved.entries::<R, N>(c), std::array::from_fn(|k| R::of(saved.g[k])));
+        self.push(&saved.columns, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
+    }
+
     /// Makes one Gauss-Seidel iteration over the contacts: each in turn gets the impulse that solves this contact at constant other
-    /// impulses. Lanes outside `lanes.exact` get the weaker update of [`LocalSolver::relax`].
+    /// impulses. Lanes outside `lanes.exact` get the weaker update of [`LocalSolver::relax`]. `multipliers` has the multiplier of the
+    /// friction disc of each contact, from which its local solution starts.
     ///
     /// Returns the larger of `change` and the largest change of a velocity, m/s.
     #[inline(always)]
     pub(crate) fn sweep(
         &self,
-        rows: &Rows<FrictionContact<R, N, L>>,
-        unknowns: Unknowns<'_, R, [R; N]>,
+        rows: &ContactList<R>,
+        impulses: &mut [R],
+        multipliers: &mut [R],
+        w: &mut [R],
         lanes: SweepLanes<R>,
         mut change: R,
     ) -> R {
-        let Unknowns { impulses, multipliers, w } = unknowns;
-        let SweepLanes { running, exact } = lanes;
-        for (i, contact) in rows.items.iter().enumerate() {
-            let lanes = running.and(contact.active);
+        for (contact, multiplier) in rows.items.iter().zip(multipliers) {
+            let lanes = SweepLanes { running: lanes.running.and(contact.active), ..lanes };
             // In late sweeps few lanes still run, and many contacts exist in none of them.
-            if lanes.none() {
+            if lanes.running.none() {
                 continue;
             }
-            let lambda = impulses[i];
-            let v = self.velocity_under(contact, rows.compliant, w, lambda);
-            let (mut next, multiplier) = contact.local.solve(contact.mu, v, lambda, multipliers[i], lanes);
-            if lanes.and_not(exact).any() {
-                let weak = contact.local.relax(contact.mu, v, lambda, contact.active);
-                for k in 0..N {
-                    next[k] = R::select(exact, next[k], weak[k]);
-                }
-            }
-            let mut d = lambda;
-            for k in 0..N {
-                d[k] = masked(lanes, next[k] - lambda[k]);
-                impulses[i][k] = R::select(lanes, next[k], lambda[k]);
-            }
-            multipliers[i] = R::select(lanes, multiplier, multipliers[i]);
-            let mut most = d[0].abs();
-            for k in 1..N {
-                most = most.max(d[k].abs());
-            }
-            if is_nonzero(most) {
-                self.add(contact, d, w);
-            }
+            let (entries, unknowns) = (self.entries(contact), (&mut impulses[contact.rows()], multiplier, &mut *w));
+            let most = with_rows!([own: &rows] of contact => own.update(contact, entries, rows.compliant, unknowns, lanes));
             change = change.max(most * contact.step.inv_rho);
         }
         change
@@ -433,22 +582,20 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
 
     /// Largest tangential speed of all contacts with a positive normal impulse, m/s.
     #[inline(always)]
-    pub(crate) fn fastest_slip(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R]) -> R {
+    pub(crate) fn fastest_slip(&self, rows: &ContactList<R>, impulses: &[R], w: &[R]) -> R {
         let mut most = R::zero();
-        for (contact, lambda) in rows.items.iter().zip(impulses) {
-            let v = self.velocity(contact, w);
-            most = most.max(masked(contact.active.and(lambda[0].gt(R::zero())), tangential_speed(&v)));
+        for contact in &rows.items {
+            let speed = with_rows!([own: &rows] of contact => tangential_speed(&own.velocity(self.entries(contact), w)));
+            most = most.max(masked(contact.active.and(impulses[contact.span.first_row].gt(R::zero())), speed));
         }
         most
     }
 }
 
-/// Numbers of the rows of a contact, followed by zeros.
+/// Numbers of the `N` rows of one contact, from a list with a number for each row.
 #[inline(always)]
-pub(crate) fn padded<R: Real, const N: usize>(numbers: &[R; N]) -> [R; 6] {
-    let mut out = [R::zero(); 6];
-    out[..N].copy_from_slice(numbers);
-    out
+fn rows_of<R, const N: usize>(numbers: &[R]) -> &[R; N] {
+    numbers.first_chunk().expect("a number for each row")
 }
 
 /// Adds the products of the entries of a contact's rows at one coordinate to the upper triangle of its block of the Delassus matrix.
@@ -471,17 +618,7 @@ fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
     square.sqrt()
 }
 
-impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R, N, L> {
-    type Impulse = [R; N];
-
-    fn num_entries(contacts: usize, capacity: &Capacity) -> usize {
-        contacts * capacity.columns_per_contact
-    }
-
-    fn blank() -> Self {
-        Self::new(Span::default(), [R::Mask::splat(false); 2], R::zero(), [R::zero(); N], &[[R::zero(); N]; N])
-    }
-
+impl<R: Real> Constraint<R> for FrictionContact<R> {
     #[inline(always)]
     fn span(&self) -> Span {
         self.span
@@ -496,200 +633,164 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
     fn immovable(&self) -> R::Mask {
         self.immovable
     }
+}
+
+impl<R: Real> ConstraintList<R> for ContactList<R> {
+    type Item = FrictionContact<R>;
+
+    fn with_capacity(capacity: &Capacity) -> Self {
+        Self {
+            items: Vec::with_capacity(capacity.all_contacts()),
+            three: Vec::with_capacity(capacity.contacts),
+            four: Vec::with_capacity(capacity.torsional_contacts),
+            six: Vec::with_capacity(capacity.rolling_contacts),
+            compliant: false,
+        }
+    }
 
     #[inline(always)]
-    fn offsets(&self) -> [[R; N]; 2] {
-        [self.g, self.position_g]
+    fn items(&self) -> &[FrictionContact<R>] {
+        &self.items
+    }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.items.clear();
+        self.three.clear();
+        self.four.clear();
+        self.six.clear();
+        self.compliant = false;
+    }
+
+    #[inline(always)]
+    fn copy(&mut self, from: &Self) {
+        self.items.clone_from(&from.items);
+        self.three.clone_from(&from.three);
+        self.four.clone_from(&from.four);
+        self.six.clone_from(&from.six);
+        self.compliant = from.compliant;
+    }
+
+    #[inline(always)]
+    fn offsets(&self, i: usize) -> [&[R]; 2] {
+        with_rows!([rows: &self] of self.items[i] => [&rows.g, &rows.position_g])
     }
 
     #[inline(always)]
     fn exchange_offsets(&mut self, lanes: R::Mask) {
-        let Self { g, position_g, .. } = self;
-        (g[0], position_g[0]) = (R::select(lanes, position_g[0], g[0]), R::select(lanes, g[0], position_g[0]));
-        for k in 1..N {
-            g[k] = R::select(lanes, g[k] + position_g[k], g[k]);
-            position_g[k] = R::select(lanes, -position_g[k], position_g[k]);
+        for i in 0..self.items.len() {
+            let [g, position_g] = self.offsets_mut(i);
+            (g[0], position_g[0]) = (R::select(lanes, position_g[0], g[0]), R::select(lanes, g[0], position_g[0]));
+            for (g, position_g) in g[1..].iter_mut().zip(&mut position_g[1..]) {
+                *g = R::select(lanes, *g + *position_g, *g);
+                *position_g = R::select(lanes, -*position_g, *position_g);
+            }
         }
     }
 
-    fn lane_constraint(&self, lane: usize) -> LaneConstraint {
-        let number = |x: R| number_of(x, lane);
+    fn lane_constraint(&self, i: usize, lane: usize) -> LaneConstraint {
+        let (contact, number) = (&self.items[i], |x: R| number_of(x, lane));
         LaneConstraint {
-            set: AdmissibleSet::Cone { mu: number(self.mu) },
-            compliance: number(self.damping),
-            normal_compliance: number(self.compliance),
-            mobility_ratio: number(self.step.mobility_ratio),
+            set: AdmissibleSet::Cone { mu: number(contact.mu) },
+            compliance: number(contact.damping),
+            normal_compliance: number(contact.compliance),
+            mobility_ratio: number(contact.step.mobility_ratio),
         }
     }
 
-    fn save(&self, lane: usize) -> SavedConstraint {
-        let [mu, compliance, mobility_ratio] = [self.mu, self.compliance, self.step.mobility_ratio].map(|x| number_of(x, lane));
+    fn save(&self, i: usize, lane: usize) -> SavedConstraint {
+        let FrictionContact { mu, compliance, step, .. } = self.items[i];
+        let [mu, compliance, mobility_ratio] = [mu, compliance, step.mobility_ratio].map(|x| number_of(x, lane));
         SavedConstraint { set: [mu; 2], compliance, mobility_ratio, ..SavedConstraint::default() }
     }
 
     #[inline(always)]
-    fn velocity(&self, columns: &[u32], y: &[[R; N]], w: &[R]) -> [R; N] {
-        let mut v = multiply(columns, y, w);
-        for k in 0..N {
-            v[k] += self.g[k];
-        }
-        v
+    fn push_velocity(&self, i: usize, entries: RowEntries<'_, R>, w: &[R], lambda: &[R], out: &mut Vec<R>) {
+        let contact = &self.items[i];
+        with_rows!([rows: &self] of contact => {
+            out.extend_from_slice(&rows.velocity_under(contact, entries, w, self.compliant, rows_of(lambda)));
+        });
     }
 
     #[inline(always)]
-    fn add_compliance(&self, mut v: [R; N], compliant: bool, lambda: [R; N]) -> [R; N] {
-        if compliant {
-            v[0] += (self.damping + self.compliance) * lambda[0];
-            for k in 1..N {
-                v[k] += self.damping * lambda[k];
-            }
+    fn normal_velocity(&self, i: usize, (columns, y): RowEntries<'_, R>, w: &[R]) -> R {
+        let mut v = R::zero();
+        for (&c, y) in columns.iter().zip(y.chunks_exact(self.items[i].span.num_rows)) {
+            v += y[0] * w[c as usize];
         }
-        v
-    }
-
-    fn uniform_compliance(&self) -> R {
-        self.damping
+        v + self.offsets(i)[0][0]
     }
 
     #[inline(always)]
-    fn residual(&self, v: [R; N], lambda: [R; N], _has_eliminated: bool) -> R {
-        let (mu, rho) = (self.mu, self.step.rho);
-        let slip = mu * tangential_speed(&v);
-        let mut moved = lambda;
-        for k in 1..N {
-            moved[k] -= rho * v[k];
+    fn add(&self, i: usize, (columns, y): RowEntries<'_, R>, lambda: &[R], w: &mut [R]) {
+        match self.items[i].index {
+            RowsIndex::Three(_) => add_transposed::<R, 3>(columns, y.as_chunks().0, *rows_of(lambda), w),
+            RowsIndex::Four(_) => add_transposed::<R, 4>(columns, y.as_chunks().0, *rows_of(lambda), w),
+            RowsIndex::Six(_) => add_transposed::<R, 6>(columns, y.as_chunks().0, *rows_of(lambda), w),
         }
-        // The two forms are the same sum in different orders, with different rounding.
-        if N == 3 {
-            moved[0] -= rho * (v[0] + slip);
-        } else {
-            moved[0] -= rho * v[0];
-            moved[0] -= rho * slip;
-        }
-        let image = project(moved, mu);
-        let mut apart = ((lambda[0] - image[0]) * self.rigid_fraction).square();
-        for k in 1..N {
-            apart += (lambda[k] - image[k]).square();
-        }
-        apart.sqrt() * self.step.inv_rho
+    }
+
+    fn uniform_compliance(&self, i: usize) -> R {
+        self.items[i].damping
     }
 
     #[inline(always)]
-    fn normal_impulse(lambda: [R; N]) -> R {
-        lambda[0]
+    fn residual(&self, i: usize, entries: RowEntries<'_, R>, w: &[R], lambda: &[R], _has_eliminated: bool) -> R {
+        let contact = &self.items[i];
+        with_rows!([rows: &self] of contact => rows.residual(contact, entries, w, self.compliant, lambda))
     }
 
     #[inline(always)]
-    fn add_potential(&self, lambda: [R; N], mut sum: R) -> R {
-        sum += self.compliance * R::of(0.5) * lambda[0].square();
-        for k in 0..N {
-            sum += self.g[k] * lambda[k];
+    fn add_potential(&self, i: usize, lambda: &[R], mut sum: R) -> R {
+        sum += self.items[i].compliance * R::of(0.5) * lambda[0].square();
+        for (&g, &lambda) in self.offsets(i)[0].iter().zip(lambda) {
+            sum += g * lambda;
         }
         sum
     }
 
     #[inline(always)]
-    fn shift(&mut self, moved: [R; N]) {
-        self.position_g[0] += moved[0] - self.g[0];
-        self.g = moved;
+    fn shift(&mut self, i: usize, entries: RowEntries<'_, R>, change: &[R]) {
+        with_rows!([rows: &mut self] of self.items[i] => {
+            let moved = rows.velocity(entries, change);
+            rows.position_g[0] += moved[0] - rows.g[0];
+            rows.g = moved;
+        });
     }
 
     #[inline(always)]
-    fn undamped_offset(&self) -> R {
-        self.g[0]
+    fn undamped_offset(&self, i: usize) -> R {
+        self.offsets(i)[0][0]
     }
 
     #[inline(always)]
-    fn damp(&mut self, lambda: [R; N], damping: Damping<R>, added_mobility: R) {
-        let mobility = self.local.mobility(&self.step) + added_mobility;
-        let correction = self.position_g[0] - self.g[0];
-        let compliance = masked(correction.gt(damping.negligible), (damping.ratio + damping.bending * correction) * mobility);
-        self.damping += compliance;
-        for k in 0..N {
-            self.g[k] -= compliance * lambda[k];
-        }
-        self.local.damp(compliance, &mut self.step);
+    fn damp(&mut self, i: usize, lambda: &[R], damping: Damping<R>, added_mobility: R) {
+        self.compliant = true;
+        let contact = &mut self.items[i];
+        with_rows!([rows: &mut self] of contact => rows.damp(contact, lambda, damping, added_mobility));
     }
 
     #[inline(always)]
-    fn shortfall(&self, change: R) -> R {
-        (self.damping * change).abs()
+    fn shortfall(&self, i: usize, change: R) -> R {
+        (self.items[i].damping * change).abs()
     }
 
     #[inline(always)]
-    fn immovable_target(&self) -> R {
-        -self.g[0]
+    fn immovable_target(&self, i: usize) -> R {
+        -self.offsets(i)[0][0]
     }
 
     #[inline(always)]
-    fn unmet_velocity(&self) -> R {
-        -(self.g[0].max(self.position_g[0]))
+    fn unmet_velocity(&self, i: usize) -> R {
+        let [g, position_g] = self.offsets(i);
+        -(g[0].max(position_g[0]))
     }
 
     #[inline(always)]
-    fn witness(&self, now: R, before: R) -> R {
+    fn witness(&self, i: usize, now: R, before: R) -> R {
+        let contact = &self.items[i];
         // A compliant row can always meet its target.
-        let hard = self.active.and_not(self.compliance.gt(R::zero()));
+        let hard = contact.active.and_not(contact.compliance.gt(R::zero()));
         masked(hard, (now - before).max(R::zero()))
     }
-}
-
-/// Least tangential mobility of a contact whose block of the Delassus matrix has the trace `trace`, 1/kg.
-///
-/// A direction in which the contact cannot move (in a planar mechanism) has zero mobility. The floor, a fraction of the trace, gives it
-/// zero impulse instead of 0/0. The floor is far below most physical mobilities, and far above the rounding of the entries. The floor
-/// bounds the change of the impulse in a sweep, and does not change the solution. Directions with less mobility than the floor take more
-/// sweeps. For a cylinder that brakes in line with both of its axes, a floor of 2e-11 of the trace gave impulses of 1e8 N s, which were
-/// rounding error.
-///
-/// Measured in 32 bits on 64 quadrupeds that step on flat ground: a floor of 1.2e-2 of the trace takes 8.7 sweeps per step. A foot moves a
-/// hundred times more easily across its leg than along it. A floor of 1.2e-4 takes 2.6 sweeps, and 64 bits with 1e-8 take 3.1.
-#[inline(always)]
-pub(super) fn least_tangent<R: Real>(trace: R) -> R {
-    trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e3))
-}
-
-/// Largest number of iterations for the friction multiplier of a slipping contact. Each is a Newton step, or a bisection where a Newton
-/// step would leave the interval that contains the solution. One to three iterations are usual; bisections from a poor start take more.
-const MAX_NEWTON: usize = 24;
-
-/// Relative error below which the Newton search for the impulse of a slipping contact makes its last step. The error is the distance of the
-/// tangential impulse from the edge of the friction disc, divided by the tangential impulse.
-///
-/// A Newton step squares this distance. An accuracy of about the square root of the rounding error is therefore enough before the last
-/// step.
-#[inline(always)]
-fn near<R: Real>() -> R {
-    R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())
-}
-
-/// Multiplier s > 0 of the friction disc of a slipping contact, for which |x(s)| = mu n(s). Here x is the tangential and n the normal
-/// impulse.
-///
-/// Newton's method solves mu n / |x| = 1 in the lanes `todo`, inside a bracket and from `guess`. A bisection replaces a Newton step that
-/// leaves the bracket; while the bracket has no upper end, 2 s + `widening` replaces it. Once the relative error is below [`near`], the
-/// method makes one more step and does not test the error again. The function `sliding` of s returns |x|^2, n, and `|x|^3 / mu` times the
-/// derivative of `mu n / |x|` with respect to s.
-#[inline(always)]
-pub(super) fn slip_multiplier<R: Real>(mu: R, guess: R, widening: R, mut todo: R::Mask, sliding: impl Fn(R) -> [R; 3]) -> R {
-    let near = near::<R>();
-    let unbounded = R::of(f64::INFINITY);
-    let (mut lo, mut hi, mut s) = (R::zero(), unbounded, guess);
-    for _ in 0..MAX_NEWTON {
-        let [square, n, slope] = sliding(s);
-        let length = square.sqrt();
-        let excess = mu * n - length;
-        let low = excess.lt(R::zero());
-        lo = R::select(low, s, lo);
-        hi = R::select(low, hi, s);
-        let newton = s - excess * square / (mu * slope);
-        let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + widening);
-        let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
-        s = R::select(todo, R::select(inside, newton, bisect), s);
-        todo = todo.and_not(excess.abs().le(near * length));
-        if todo.none() {
-            break;
-        }
-    }
-    s
 }

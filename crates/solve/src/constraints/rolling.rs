@@ -1,24 +1,15 @@
-//! Contacts with torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
+//! Contacts with torsional friction: rows (n, t1, t2, spin), and with rolling friction too: rows (n, t1, t2, spin, roll1, roll2).
 //!
 //! MuJoCo's elliptic cone is sqrt(sum (f_i / mu_i)^2) <= f_n. If row i is multiplied by mu_i / mu, the cone becomes the circular cone |x_t|
-//! <= mu x_n in five dimensions. Then f_i = (mu_i / mu) x_i, and all velocities v' of the scaled rows are in m/s. Coulomb's law (maximal
-//! dissipation) is the same for the original and the scaled rows, because f . v = x . v'. A type of friction that the contact lacks is a
-//! row of zeros.
+//! <= mu x_n in three or five tangential dimensions. Then f_i = (mu_i / mu) x_i, and all velocities v' of the scaled rows are in m/s.
+//! Coulomb's law (maximal dissipation) is the same for the original and the scaled rows, because f . v = x . v'. A type of friction that
+//! the contact lacks is a row of zeros.
 
 use crate::cone::{masked, positive};
-use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, NaturalStep, least_tangent, slip_multiplier};
+use crate::constraints::local_solver::{LocalSolver, NaturalStep, least_tangent, slip_multiplier};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Number of tangential rows of a contact with rolling friction.
-const T: usize = 5;
-
-/// Contact with sliding, torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
-pub type RollingContact<R> = FrictionContact<R, 6, RollingSolver<R>>;
-
-/// Contacts with torsional or rolling friction.
-pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
-
-/// Solver of a single contact with torsional and rolling friction.
+/// Solver of a single contact with torsional or rolling friction. It has `N` rows, of which `T` are tangential.
 ///
 /// With the normal impulse eliminated, the tangential problem is `A x_t + c = -s x_t`, as for
 /// [`SlidingSolver`](crate::constraints::sliding::SlidingSolver): c is the tangential velocity without the impulse x_t, and s the friction
@@ -28,7 +19,7 @@ pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 /// divided by G_nn. Only changes of the impulse are computed with this replacement. Errors of the axes therefore do not change the solution
 /// to which the iterations converge.
 #[derive(Clone, Copy, Debug)]
-pub struct RollingSolver<R: Real> {
+pub struct RollingSolver<R: Real, const N: usize, const T: usize> {
     /// Inverse 1 / G_nn of the normal row's diagonal entry of the Delassus matrix, kg.
     inv_gnn: R,
     /// Diagonal entry G_nn of the Delassus matrix for the normal row, compliance included, 1/kg.
@@ -46,14 +37,15 @@ pub struct RollingSolver<R: Real> {
     step: R,
 }
 
-impl<R: Real> RollingSolver<R> {
-    /// Impulse of the six rows of a contact: normal, two sliding, torsional and two rolling rows.
+impl<R: Real, const N: usize, const T: usize> RollingSolver<R, N, T> {
+    /// Impulse of all rows of a contact.
     ///
-    /// `n` is the normal impulse. `x` has the other five impulses in the principal axes of the matrix A. Outside `lanes`, the function
-    /// replaces these five by zero.
+    /// `n` is the normal impulse. `x` has the tangential impulses in the principal axes of the matrix A. Outside `lanes`, the function
+    /// replaces them by zero.
     #[inline(always)]
-    fn impulse(&self, n: R, x: [R; T], lanes: R::Mask) -> [R; 6] {
-        let mut out = [n, R::zero(), R::zero(), R::zero(), R::zero(), R::zero()];
+    fn impulse(&self, n: R, x: [R; T], lanes: R::Mask) -> [R; N] {
+        let mut out = [R::zero(); N];
+        out[0] = n;
         for (axis, &x) in self.axes.iter().zip(&x) {
             for i in 0..T {
                 out[i + 1] += axis[i] * masked(lanes, x);
@@ -132,9 +124,9 @@ impl<R: Real> RollingSolver<R> {
     }
 }
 
-impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
+impl<R: Real, const N: usize, const T: usize> LocalSolver<R, N> for RollingSolver<R, N, T> {
     #[inline(always)]
-    fn new(gram: &[[R; 6]; 6], active: R::Mask) -> (Self, R) {
+    fn new(gram: &[[R; N]; N], active: R::Mask) -> (Self, R) {
         let nn = R::select(active, gram[0][0], R::one());
         let inv_gnn = R::one() / nn;
         let (mut trace, mut k, mut matrix) = (nn, [R::zero(); T], [[R::zero(); T]; T]);
@@ -162,7 +154,7 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     }
 
     #[inline(always)]
-    fn solve(&self, mu: R, v: [R; 6], lambda: [R; 6], guess: R, lanes: R::Mask) -> ([R; 6], R) {
+    fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R) {
         let (vt, xt) = (in_axes(&self.axes, tangential(v)), in_axes(&self.axes, tangential(lambda)));
         let push = lambda[0] + dot(self.coupling, xt) - v[0] * self.inv_gnn;
         let closing = positive(lanes, push);
@@ -187,7 +179,7 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     }
 
     #[inline(always)]
-    fn relax(&self, mu: R, v: [R; 6], lambda: [R; 6], active: R::Mask) -> [R; 6] {
+    fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N] {
         let (vt, xt) = (in_axes(&self.axes, tangential(v)), in_axes(&self.axes, tangential(lambda)));
         let n = (lambda[0] - v[0] * self.inv_gnn).max(R::zero());
         let d = (n - lambda[0]) * self.nn;
@@ -204,11 +196,11 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     }
 
     #[inline(always)]
-    fn fixed_directions(&self, g: [R; 6], trace: R) -> Option<[[R; 6]; 2]> {
+    fn fixed_directions(&self, g: [R; N], trace: R) -> Option<[[R; N]; 2]> {
         // The principal values are bounded by this floor. The trace of the caller has another rounding error.
         let floor = least_tangent(trace) * R::of(1.0 + 8.0 * <R::Scalar as Scalar>::EPSILON.to_f64());
         let (offsets, mut any) = (in_axes(&self.axes, tangential(g)), R::Mask::splat(false));
-        let mut out = [[R::zero(); 6]; 2];
+        let mut out = [[R::zero(); N]; 2];
         for i in 0..T {
             let fixed = self.a[i].le(floor);
             any = any.or(fixed);
@@ -242,7 +234,7 @@ const JACOBI: usize = 5;
 
 /// Dot product of two vectors with an entry for each tangential row.
 #[inline(always)]
-fn dot<R: Real>(a: [R; T], b: [R; T]) -> R {
+fn dot<R: Real, const T: usize>(a: [R; T], b: [R; T]) -> R {
     let mut sum = a[0] * b[0];
     for i in 1..T {
         sum += a[i] * b[i];
@@ -252,13 +244,15 @@ fn dot<R: Real>(a: [R; T], b: [R; T]) -> R {
 
 /// Tangential part, without the normal row, of a vector with an entry for each row of a contact.
 #[inline(always)]
-fn tangential<R: Real>(x: [R; 6]) -> [R; T] {
-    [x[1], x[2], x[3], x[4], x[5]]
+fn tangential<R: Real, const N: usize, const T: usize>(x: [R; N]) -> [R; T] {
+    let mut out = [R::zero(); T];
+    out.copy_from_slice(&x[1..]);
+    out
 }
 
 /// Components of the tangential vector `x` along the principal axes `axes`.
 #[inline(always)]
-fn in_axes<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
+fn in_axes<R: Real, const T: usize>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
     let mut out = [R::zero(); T];
     for i in 0..T {
         out[i] = dot(axes[i], x);
@@ -271,7 +265,7 @@ fn in_axes<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
 /// A pair of axes is not rotated if the square of the cosine between them, in the metric of the matrix, is below epsilon^(3/2). Such a
 /// rotation would be rounding error. `m` becomes diagonal.
 #[inline(always)]
-fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
+fn principal_axes<R: Real, const T: usize>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     let mut axes = [[R::zero(); T]; T];
     for i in 0..T {
         axes[i][i] = R::one();
@@ -291,7 +285,7 @@ fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
 /// Rotates the axes p and q so that `m[p][q]` becomes zero. Lanes in which the square of the cosine between the axes, in the metric `m`, is
 /// at most `aligned` do not rotate.
 #[inline(always)]
-fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usize, aligned: R) {
+fn rotate<R: Real, const T: usize>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usize, aligned: R) {
     let off = m[p][q];
     let apart = (off * off).gt(m[p][p] * m[q][q] * aligned);
     if apart.none() {

@@ -1,12 +1,13 @@
 //! Scalar rows: equalities, limits and dry friction, each with one impulse in an interval.
 
-use std::ops::Range;
+use std::ops::{IndexMut, Range};
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{clamp, masked};
 use crate::constraints::constraint_set::{
-    ConstraintSet, Damping, LaneConstraint, Row, Rows, SavedConstraint, Span, SweepLanes, Unknowns, is_nonzero, number_of,
+    Constraint, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, Span, SweepLanes, add_transposed,
+    is_nonzero, number_of,
 };
 use stepper_real::{Mask, Real};
 
@@ -64,6 +65,26 @@ impl<R: Real> ScalarRow<R> {
         along * self.inv_diagonal
     }
 
+    /// Velocity y . w + g of the row at the scaled velocity change `w`, m/s or rad/s. The row has the entries `y` at the coordinates
+    /// `columns`. The velocity due to the compliance is not included.
+    #[inline(always)]
+    fn velocity(&self, (columns, y): RowEntries<'_, R>, w: &[R]) -> R {
+        // Two partial sums, so that additions do not wait for each other. The columns of a row are the same in all lanes, and so is the
+        // order.
+        let mut v = [R::zero(); 2];
+        let (pairs, last) = columns.as_chunks::<2>();
+        let (y, y_last) = y.as_chunks::<2>();
+        for (c, y) in pairs.iter().zip(y) {
+            for k in 0..2 {
+                v[k] += y[k] * w[c[k] as usize];
+            }
+        }
+        for (&c, &y) in last.iter().zip(y_last) {
+            v[0] += y * w[c as usize];
+        }
+        (v[0] + v[1]) + self.g
+    }
+
     /// Velocity correction after damping, m/s or rad/s, from the undamped `correction`. `ratio` is the ratio of the damping compliance to
     /// the row's mobility. The row stores the velocity by which damping reduces the correction (`damping_deficit`).
     ///
@@ -90,8 +111,15 @@ impl<R: Real> ScalarRow<R> {
     }
 }
 
+/// Scalar rows of one solve.
+#[derive(Clone, Debug)]
+pub struct ScalarList<R: Real> {
+    /// Rows of the list.
+    pub(super) items: Vec<ScalarRow<R>>,
+}
+
 /// Scalar rows of a problem.
-pub type ScalarRows<R> = ConstraintSet<R, ScalarRow<R>>;
+pub type ScalarRows<R> = ConstraintSet<R, ScalarList<R>>;
 
 impl<R: Real> ScalarRows<R> {
     /// Appends a row with the entries `y` at the coordinates `columns`, ascending.
@@ -104,9 +132,9 @@ impl<R: Real> ScalarRows<R> {
         let span = self.push_entries(
             columns,
             #[inline(always)]
-            |c| R::select(exists, y(c) * sign, R::zero()),
+            |c| [R::select(exists, y(c) * sign, R::zero())],
             #[inline(always)]
-            |value| diagonal += value * value,
+            |&[value]| diagonal += value * value,
         );
         let movable = diagonal.gt(R::zero());
         self.rows.items.push(ScalarRow {
@@ -183,14 +211,23 @@ impl<R: Real> ScalarRows<R> {
         self.eliminated
     }
 
+    /// Removes the row with the index `first` and all rows after it.
+    pub fn truncate(&mut self, first: usize) {
+        if let Some(row) = self.rows.items.get(first) {
+            self.columns.truncate(row.span.first_column);
+            self.y.truncate(row.span.y);
+            self.rows.items.truncate(first);
+        }
+    }
+
     /// Solves the eliminated rows (equalities that no other row influences) exactly, in the lanes `lanes`.
     #[inline(always)]
-    pub(crate) fn solve_eliminated(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], w: &mut [R], lanes: R::Mask) {
+    pub(crate) fn solve_eliminated(&self, rows: &ScalarList<R>, impulses: &mut [R], w: &mut [R], lanes: R::Mask) {
         for (row, lambda) in rows.items.iter().zip(impulses).take(self.eliminated) {
-            let v = self.velocity(row, w);
-            let d = masked(lanes.and(row.active), -(v * row.inv_diagonal));
+            let (columns, y) = self.entries(row);
+            let d = masked(lanes.and(row.active), -(row.velocity((columns, y), w) * row.inv_diagonal));
             *lambda += d;
-            self.add(row, d, w);
+            add_transposed(columns, y.as_chunks().0, [d], w);
         }
     }
 
@@ -215,20 +252,20 @@ impl<R: Real> ScalarRows<R> {
     ///
     /// Returns the larger of `change` and the largest change of a velocity, m/s.
     #[inline(always)]
-    pub(crate) fn sweep(&self, rows: &Rows<ScalarRow<R>>, unknowns: Unknowns<'_, R, R>, lanes: SweepLanes<R>, mut change: R) -> R {
-        let Unknowns { impulses, w, .. } = unknowns;
+    pub(crate) fn sweep(&self, rows: &ScalarList<R>, impulses: &mut [R], w: &mut [R], lanes: SweepLanes<R>, mut change: R) -> R {
         for (i, row) in rows.items.iter().enumerate().skip(self.eliminated) {
             let lanes = lanes.running.and(row.active);
             if lanes.none() {
                 continue;
             }
             let lambda = impulses[i];
-            let v = self.velocity_under(row, true, w, lambda);
+            let (columns, y) = self.entries(row);
+            let v = row.velocity((columns, y), w) + row.compliance * lambda;
             let next = clamp(lambda - v * row.inv_diagonal, row.lo, row.hi);
             let d = masked(lanes, next - lambda);
             impulses[i] = R::select(lanes, next, lambda);
             if is_nonzero(d) {
-                self.add(row, d, w);
+                add_transposed(columns, y.as_chunks().0, [d], w);
             }
             change = change.max(d.abs() * row.diagonal);
         }
@@ -236,32 +273,14 @@ impl<R: Real> ScalarRows<R> {
     }
 }
 
-impl<R: Real> Row<R> for ScalarRow<R> {
-    type Impulse = R;
-
-    fn num_entries(_constraints: usize, capacity: &Capacity) -> usize {
-        capacity.scalar_entries
+impl<R: Real> IndexMut<usize> for ScalarRows<R> {
+    #[inline(always)]
+    fn index_mut(&mut self, i: usize) -> &mut ScalarRow<R> {
+        &mut self.rows.items[i]
     }
+}
 
-    fn blank() -> Self {
-        let (none, zero) = (R::Mask::splat(false), R::zero());
-        Self {
-            span: Span::default(),
-            active: none,
-            g: zero,
-            position_g: zero,
-            lo: zero,
-            hi: zero,
-            compliance: zero,
-            diagonal: zero,
-            inv_diagonal: R::one(),
-            mobility_ratio: R::one(),
-            mobility: zero,
-            damping_deficit: zero,
-            immovable: none,
-        }
-    }
-
+impl<R: Real> Constraint<R> for ScalarRow<R> {
     #[inline(always)]
     fn span(&self) -> Span {
         self.span
@@ -276,130 +295,152 @@ impl<R: Real> Row<R> for ScalarRow<R> {
     fn immovable(&self) -> R::Mask {
         self.immovable
     }
+}
+
+impl<R: Real> ConstraintList<R> for ScalarList<R> {
+    type Item = ScalarRow<R>;
+
+    fn with_capacity(capacity: &Capacity) -> Self {
+        Self { items: Vec::with_capacity(capacity.scalars) }
+    }
 
     #[inline(always)]
-    fn offsets(&self) -> [R; 2] {
-        [self.g, self.position_g]
+    fn items(&self) -> &[ScalarRow<R>] {
+        &self.items
+    }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.items.clear();
+    }
+
+    #[inline(always)]
+    fn copy(&mut self, from: &Self) {
+        self.items.clone_from(&from.items);
+    }
+
+    #[inline(always)]
+    fn offsets(&self, i: usize) -> [&[R]; 2] {
+        let ScalarRow { g, position_g, .. } = &self.items[i];
+        [std::slice::from_ref(g), std::slice::from_ref(position_g)]
     }
 
     #[inline(always)]
     fn exchange_offsets(&mut self, lanes: R::Mask) {
-        let [g, position_g] = [self.g, self.position_g];
-        (self.g, self.position_g) = (R::select(lanes, position_g, g), R::select(lanes, g, position_g));
-    }
-
-    fn lane_constraint(&self, lane: usize) -> LaneConstraint {
-        let number = |x: R| number_of(x, lane);
-        LaneConstraint {
-            set: AdmissibleSet::Interval { lo: number(self.lo), hi: number(self.hi) },
-            compliance: number(self.compliance),
-            normal_compliance: 0.0,
-            mobility_ratio: number(self.mobility_ratio),
+        for ScalarRow { g, position_g, .. } in &mut self.items {
+            (*g, *position_g) = (R::select(lanes, *position_g, *g), R::select(lanes, *g, *position_g));
         }
     }
 
-    fn save(&self, lane: usize) -> SavedConstraint {
-        let number = |x: R| number_of(x, lane);
+    fn lane_constraint(&self, i: usize, lane: usize) -> LaneConstraint {
+        let (row, number) = (&self.items[i], |x: R| number_of(x, lane));
+        LaneConstraint {
+            set: AdmissibleSet::Interval { lo: number(row.lo), hi: number(row.hi) },
+            compliance: number(row.compliance),
+            normal_compliance: 0.0,
+            mobility_ratio: number(row.mobility_ratio),
+        }
+    }
+
+    fn save(&self, i: usize, lane: usize) -> SavedConstraint {
+        let (row, number) = (&self.items[i], |x: R| number_of(x, lane));
         SavedConstraint {
-            set: [number(self.lo), number(self.hi)],
-            compliance: number(self.compliance),
-            mobility_ratio: number(self.mobility_ratio),
-            mobility: number(self.mobility),
-            damping_deficit: number(self.damping_deficit),
+            set: [number(row.lo), number(row.hi)],
+            compliance: number(row.compliance),
+            mobility_ratio: number(row.mobility_ratio),
+            mobility: number(row.mobility),
+            damping_deficit: number(row.damping_deficit),
             ..SavedConstraint::default()
         }
     }
 
     #[inline(always)]
-    fn velocity(&self, columns: &[u32], y: &[R], w: &[R]) -> R {
-        // Two partial sums, so that additions do not wait for each other. The columns of a row are the same in all lanes, and so is the
-        // order.
-        let mut v = [R::zero(); 2];
-        let (pairs, last) = columns.as_chunks::<2>();
-        let (y, y_last) = y.as_chunks::<2>();
-        for (c, y) in pairs.iter().zip(y) {
-            for k in 0..2 {
-                v[k] += y[k] * w[c[k] as usize];
-            }
-        }
-        for (&c, &y) in last.iter().zip(y_last) {
-            v[0] += y * w[c as usize];
-        }
-        (v[0] + v[1]) + self.g
+    fn push_velocity(&self, i: usize, entries: RowEntries<'_, R>, w: &[R], lambda: &[R], out: &mut Vec<R>) {
+        let row = &self.items[i];
+        out.push(row.velocity(entries, w) + row.compliance * lambda[0]);
     }
 
     #[inline(always)]
-    fn add_compliance(&self, v: R, _compliant: bool, lambda: R) -> R {
-        v + self.compliance * lambda
-    }
-
-    fn uniform_compliance(&self) -> R {
-        self.compliance
+    fn normal_velocity(&self, i: usize, entries: RowEntries<'_, R>, w: &[R]) -> R {
+        self.items[i].velocity(entries, w)
     }
 
     #[inline(always)]
-    fn residual(&self, v: R, lambda: R, has_eliminated: bool) -> R {
-        let (mut rho, mut inv_rho) = (self.inv_diagonal, self.diagonal);
+    fn add(&self, _i: usize, (columns, y): RowEntries<'_, R>, lambda: &[R], w: &mut [R]) {
+        add_transposed(columns, y.as_chunks().0, [lambda[0]], w);
+    }
+
+    fn uniform_compliance(&self, i: usize) -> R {
+        self.items[i].compliance
+    }
+
+    #[inline(always)]
+    fn residual(&self, i: usize, entries: RowEntries<'_, R>, w: &[R], lambda: &[R], has_eliminated: bool) -> R {
+        let (row, lambda) = (&self.items[i], lambda[0]);
+        let v = row.velocity(entries, w) + row.compliance * lambda;
+        let (mut rho, mut inv_rho) = (row.inv_diagonal, row.diagonal);
         if has_eliminated {
-            (rho, inv_rho) = (rho / self.mobility_ratio, inv_rho * self.mobility_ratio);
+            (rho, inv_rho) = (rho / row.mobility_ratio, inv_rho * row.mobility_ratio);
         }
-        let mapped = clamp(lambda - rho * v, self.lo, self.hi);
+        let mapped = clamp(lambda - rho * v, row.lo, row.hi);
         // `clamp` replaces a velocity v that is NaN by a bound. The product of v with 0 restores the NaN.
         (lambda - mapped).abs() * inv_rho + v * R::zero()
     }
 
     #[inline(always)]
-    fn normal_impulse(lambda: R) -> R {
-        lambda.abs()
+    fn add_potential(&self, i: usize, lambda: &[R], sum: R) -> R {
+        let row = &self.items[i];
+        sum + (row.g + row.compliance * R::of(0.5) * lambda[0]) * lambda[0]
     }
 
     #[inline(always)]
-    fn add_potential(&self, lambda: R, sum: R) -> R {
-        sum + (self.g + self.compliance * R::of(0.5) * lambda) * lambda
+    fn shift(&mut self, i: usize, entries: RowEntries<'_, R>, change: &[R]) {
+        let row = &mut self.items[i];
+        let moved = row.velocity(entries, change);
+        row.position_g += moved - row.g;
+        row.g = moved;
     }
 
     #[inline(always)]
-    fn shift(&mut self, moved: R) {
-        self.position_g += moved - self.g;
-        self.g = moved;
+    fn undamped_offset(&self, i: usize) -> R {
+        self.items[i].g + self.items[i].damping_deficit
     }
 
     #[inline(always)]
-    fn undamped_offset(&self) -> R {
-        self.g + self.damping_deficit
-    }
-
-    #[inline(always)]
-    fn damp(&mut self, lambda: R, damping: Damping<R>, _added_mobility: R) {
+    fn damp(&mut self, i: usize, lambda: &[R], damping: Damping<R>, _added_mobility: R) {
+        let row = &mut self.items[i];
         // The negated comparison counts a NaN as a correction.
-        let corrects = (self.g - self.position_g).abs().le(damping.negligible).not();
-        let compliance = masked(corrects, damping.ratio * self.mobility);
-        self.g -= compliance * lambda;
-        self.compliance += compliance;
-        self.diagonal += compliance;
-        self.inv_diagonal = R::one() / R::select(self.diagonal.gt(R::zero()), self.diagonal, R::one());
+        let corrects = (row.g - row.position_g).abs().le(damping.negligible).not();
+        let compliance = masked(corrects, damping.ratio * row.mobility);
+        row.g -= compliance * lambda[0];
+        row.compliance += compliance;
+        row.diagonal += compliance;
+        row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
     }
 
     #[inline(always)]
-    fn shortfall(&self, change: R) -> R {
+    fn shortfall(&self, i: usize, change: R) -> R {
+        let row = &self.items[i];
         // The compliance of a spring is part of its force law. Only rows without a spring (with a mobility) are damped.
-        masked(self.mobility.gt(R::zero()), (self.compliance * change).abs().max(self.damping_deficit.abs()))
+        masked(row.mobility.gt(R::zero()), (row.compliance * change).abs().max(row.damping_deficit.abs()))
     }
 
     #[inline(always)]
-    fn immovable_target(&self) -> R {
-        self.unmet(self.damping_deficit, self.g)
+    fn immovable_target(&self, i: usize) -> R {
+        let row = &self.items[i];
+        row.unmet(row.damping_deficit, row.g)
     }
 
     #[inline(always)]
-    fn unmet_velocity(&self) -> R {
-        self.unmet(self.g.abs().min(self.position_g.abs()), self.g.max(self.position_g))
+    fn unmet_velocity(&self, i: usize) -> R {
+        let row = &self.items[i];
+        row.unmet(row.g.abs().min(row.position_g.abs()), row.g.max(row.position_g))
     }
 
     #[inline(always)]
-    fn witness(&self, now: R, before: R) -> R {
-        let (change, infinite) = (now - before, R::of(f64::INFINITY));
-        let unbounded = self.active.and(self.mobility.gt(R::zero())).and(self.hi.ge(infinite));
-        masked(unbounded, R::select(self.lo.le(-infinite), change, change.max(R::zero())))
+    fn witness(&self, i: usize, now: R, before: R) -> R {
+        let (row, change, infinite) = (&self.items[i], now - before, R::of(f64::INFINITY));
+        let unbounded = row.active.and(row.mobility.gt(R::zero())).and(row.hi.ge(infinite));
+        masked(unbounded, R::select(row.lo.le(-infinite), change, change.max(R::zero())))
     }
 }

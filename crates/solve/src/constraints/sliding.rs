@@ -2,14 +2,8 @@
 //! contact.
 
 use crate::cone::{masked, norm2};
-use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, NaturalStep, least_tangent, slip_multiplier};
+use crate::constraints::local_solver::{LocalSolver, NaturalStep, least_tangent, slip_multiplier};
 use stepper_real::{Mask, Real, Scalar};
-
-/// Contact with sliding friction: rows (n, t1, t2).
-pub type SlidingContact<R> = FrictionContact<R, 3, SlidingSolver<R>>;
-
-/// Contacts with sliding friction.
-pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 
 /// Solver of a single contact with sliding friction, in closed form except for one scalar equation.
 ///

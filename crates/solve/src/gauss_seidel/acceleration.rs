@@ -4,8 +4,6 @@
 //! c_j df_j|` over the changes dT of T(x) and df of f between the last sweeps. A length counts only the entries of w, so that |f|^2 is
 //! twice the kinetic energy of the change. A lane discards its history if a sweep makes a larger change than the previous one.
 
-use crate::constraints::constraint_set::Impulse;
-use crate::constraints::each_kind;
 use crate::gauss_seidel::history::{MEMORY, SweepChange};
 use crate::iterate::Iterate;
 use crate::problem::Problem;
@@ -14,8 +12,7 @@ use stepper_real::{Mask, Real};
 /// Clears the stored differences between sweeps of all lanes, from which the acceleration extrapolates.
 #[inline(always)]
 pub(super) fn reset_history<R: Real>(iterate: &mut Iterate<R>) {
-    let mut n = iterate.w.len();
-    each_kind!([impulses: &iterate] => n += Impulse::<R>::flatten(impulses).len());
+    let n = iterate.w.len() + iterate.scalars.len() + iterate.contacts.len();
     let past = &mut iterate.history;
     past.start.copy_from_slice(&iterate.w);
     past.length = R::of(f64::INFINITY);
@@ -71,6 +68,7 @@ impl<R: Real> Iterate<R> {
         let mut at = 0;
         self.history.extrapolate(&c, &mut self.w, &mut at);
         self.history.start.copy_from_slice(&self.w);
-        each_kind!([impulses: &mut self] => self.history.extrapolate(&c, Impulse::flatten_mut(impulses), &mut at));
+        self.history.extrapolate(&c, &mut self.scalars, &mut at);
+        self.history.extrapolate(&c, &mut self.contacts, &mut at);
     }
 }

@@ -4,8 +4,8 @@
 
 use std::ops::Range;
 
-use crate::constraints::constraint_set::{ConstraintSet, Impulse, LaneConstraint, Row, Rows, has_lane, number_of};
-use crate::constraints::each_kind;
+use crate::constraints::constraint_set::{Constraint, ConstraintList, ConstraintSet, LaneConstraint, has_lane, number_of};
+use crate::constraints::friction::MAX_CONTACT_ROWS;
 use crate::iterate::Iterate;
 use crate::problem::System;
 use stepper_real::{Real, Scalar};
@@ -16,10 +16,10 @@ pub(super) struct LaneBlock {
     /// Admissible impulses and compliances. If the normal row has an additional compliance, the constraint has an extra coordinate. The
     /// normal row's entry there is the square root of this compliance.
     pub(super) constraint: LaneConstraint,
-    /// Index of the constraint's kind: 0 for scalar rows, 1 for contacts with three rows, 2 for contacts with six rows.
-    pub(super) kind: usize,
-    /// Index of the constraint among the constraints of its kind, in the problem of all lanes.
+    /// Index of the constraint in the problem of all lanes, which counts the scalar rows first, then the contacts.
     pub(super) source: usize,
+    /// Index of the constraint's first row in the problem of all lanes, which counts the scalar rows first.
+    pub(super) source_row: usize,
     /// Range of the constraint's coordinates in the lane's list of coordinates.
     columns: Range<usize>,
     /// Index of the constraint's first entry in the lane's list of Jacobian entries.
@@ -33,8 +33,6 @@ pub(super) struct LaneBlock {
 pub(super) struct Lane {
     /// Rows of each constraint of the lane.
     pub(super) blocks: Vec<LaneBlock>,
-    /// Index of the kind of constraint that is being gathered.
-    kind: usize,
     /// Coordinates of the constraints, one constraint after the other.
     pub(super) columns: Vec<u32>,
     /// Entries of the scaled Jacobian: for each coordinate, those of all rows of the constraint.
@@ -58,7 +56,7 @@ pub(super) struct Lane {
 }
 
 impl Lane {
-    /// Gathers the rows of lane `lane` from the problem of all lanes, one kind of constraint after the other. Eliminated rows are left out.
+    /// Gathers the rows of lane `lane` from the problem of all lanes, the scalar rows first. Eliminated rows are left out.
     pub(super) fn gather<R: Real>(&mut self, system: System<'_, R>, iterate: &Iterate<R>, lane: usize) {
         self.blocks.clear();
         self.columns.clear();
@@ -69,11 +67,9 @@ impl Lane {
         self.own.clear();
         self.eliminated.clear();
         self.eliminated.resize(iterate.w.len(), 0.0);
-        self.kind = 0;
-        each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
-            self.gather_kind(set, rows, impulses, lane);
-            self.kind += 1;
-        });
+        let System { problem, scalars, contacts, .. } = system;
+        self.gather_set(&problem.scalars, scalars, &iterate.scalars, lane, 0);
+        self.gather_set(&problem.contacts, contacts, &iterate.contacts, lane, problem.scalars.len());
         self.w.extend(iterate.w.iter().zip(&self.eliminated).map(|(&x, part)| number_of(x, lane) - part));
         self.w.extend_from_slice(&self.own);
     }
@@ -107,51 +103,66 @@ impl Lane {
 
     /// Copies the impulses and the scaled velocity change w back to lane `lane` of an iterate.
     pub(super) fn scatter<R: Real>(&self, lane: usize, iterate: &mut Iterate<R>) {
-        let mut kinds = 0..;
-        each_kind!([impulses: &mut iterate] => {
-            let kind = kinds.next();
-            for block in self.blocks.iter().filter(|block| Some(block.kind) == kind) {
-                let impulse = Impulse::<R>::flatten_mut(std::slice::from_mut(&mut impulses[block.source]));
-                for (to, &x) in impulse.iter_mut().zip(&self.lambda[block.rows.clone()]) {
-                    to.set_lane(lane, Scalar::from_f64(x));
-                }
+        for block in &self.blocks {
+            let first = match block.source_row.checked_sub(iterate.scalars.len()) {
+                None => &mut iterate.scalars[block.source_row..],
+                Some(row) => &mut iterate.contacts[row..],
+            };
+            for (to, &x) in first.iter_mut().zip(&self.lambda[block.rows.clone()]) {
+                to.set_lane(lane, Scalar::from_f64(x));
             }
-        });
+        }
         for ((to, &x), part) in iterate.w.iter_mut().zip(&self.w).zip(&self.eliminated) {
             to.set_lane(lane, Scalar::from_f64(x + part));
         }
     }
 
-    /// Gathers the constraints of one kind that exist in lane `lane`.
-    fn gather_kind<R: Real, T: Row<R>>(&mut self, set: &ConstraintSet<R, T>, rows: &Rows<T>, impulses: &[T::Impulse], lane: usize) {
-        for (source, (row, &lambda)) in rows.items.iter().zip(impulses).enumerate() {
-            let (columns, y) = set.entries(row);
-            let entries = y.iter().map(|y| y.numbers(lane));
-            let [g, lambda] = [row.offsets()[0], lambda].map(|x| x.numbers(lane));
-            if source < set.eliminated {
-                let change = entries.map(|y| y.as_ref()[0] * lambda.as_ref()[0]);
-                columns.iter().zip(change).for_each(|(&c, change)| self.eliminated[c as usize] += change);
+    /// Gathers the constraints of one set that exist in lane `lane`. `before` is the number of constraints, and of their rows, in the sets
+    /// before it.
+    fn gather_set<R: Real, T: ConstraintList<R>>(
+        &mut self,
+        set: &ConstraintSet<R, T>,
+        rows: &T,
+        impulses: &[R],
+        lane: usize,
+        before: usize,
+    ) {
+        for (i, row) in rows.items().iter().enumerate() {
+            let ((columns, y), [g, _], lambda) = (set.entries(row), rows.offsets(i), &impulses[row.rows()]);
+            let entries = y.iter().map(|&y| number_of(y, lane));
+            if i < set.eliminated {
+                let lambda = number_of(lambda[0], lane);
+                columns.iter().zip(entries).for_each(|(&c, y)| self.eliminated[c as usize] += y * lambda);
             } else if has_lane::<R>(row.active(), lane) {
-                self.add(row.lane_constraint(lane), source, [g.as_ref(), lambda.as_ref()], columns, entries);
+                let mut numbers = [[0.0; MAX_CONTACT_ROWS]; 2];
+                for (to, from) in numbers.iter_mut().zip([g, lambda]) {
+                    to.iter_mut().zip(from).for_each(|(to, &x)| *to = number_of(x, lane));
+                }
+                let numbers = numbers.each_ref().map(|numbers| &numbers[..g.len()]);
+                self.add(rows.lane_constraint(i, lane), [before + i, before + row.rows().start], numbers, columns, entries);
             }
         }
     }
 
-    /// Appends a constraint with the offsets g and the impulses lambda of its rows. `source` is its index among the constraints of its
-    /// kind. An immovable constraint (without entries) is left out, because its impulses have no effect.
-    pub(super) fn add<T: AsRef<[f64]>>(
+    /// Appends a constraint with the offsets g and the impulses lambda of its rows. `source` is its index, and that of its first row, in
+    /// the problem of all lanes. `entries` are the entries of all rows at each coordinate in turn. An immovable constraint (without
+    /// entries) is left out, because its impulses have no effect.
+    pub(super) fn add(
         &mut self,
         constraint: LaneConstraint,
-        source: usize,
+        [source, source_row]: [usize; 2],
         [g, lambda]: [&[f64]; 2],
         columns: &[u32],
-        entries: impl Iterator<Item = T>,
+        mut entries: impl Iterator<Item = f64>,
     ) {
         let (s0, y0, row) = (self.columns.len(), self.y.len(), self.g.len());
-        for (&c, y) in columns.iter().zip(entries) {
-            if y.as_ref().iter().any(|&y| y != 0.0) {
+        for &c in columns {
+            let start = self.y.len();
+            self.y.extend(entries.by_ref().take(g.len()));
+            if self.y[start..].iter().any(|&y| y != 0.0) {
                 self.columns.push(c);
-                self.y.extend_from_slice(y.as_ref());
+            } else {
+                self.y.truncate(start);
             }
         }
         if self.columns.len() > s0 {
@@ -164,7 +175,7 @@ impl Lane {
             self.g.extend_from_slice(g);
             self.lambda.extend_from_slice(lambda);
             let (columns, rows) = (s0..self.columns.len(), row..row + g.len());
-            self.blocks.push(LaneBlock { constraint, kind: self.kind, source, columns, y: y0, rows });
+            self.blocks.push(LaneBlock { constraint, source, source_row, columns, y: y0, rows });
         }
     }
 }

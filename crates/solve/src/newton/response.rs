@@ -14,9 +14,9 @@
 use std::ops::Range;
 
 use crate::admissible_set::{AdmissibleSet, Mode, Product};
-use crate::constraints::constraint_set::{Impulse, number_of};
-use crate::constraints::each_kind;
-use crate::iterate::{Iterate, rows_of};
+use crate::constraints::constraint_set::{Constraint, number_of};
+use crate::constraints::friction::MAX_CONTACT_ROWS;
+use crate::iterate::Iterate;
 use crate::newton::lane::{Lane, LaneBlock};
 use crate::problem::System;
 use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm};
@@ -34,13 +34,8 @@ const NO_MOTION: f64 = 1e-7;
 /// Without damping the compliance is 0; damping is at least a thousandth of the mobility.
 const SAME_COMPLIANCE: f64 = 0.5;
 
-/// Largest number of rows of one constraint.
-const MAX_ROWS: usize = 6;
 /// One number for each row of a constraint.
-type Rows = [f64; MAX_ROWS];
-
-/// Number of kinds of constraints.
-const KINDS: usize = 3;
+type Rows = [f64; MAX_CONTACT_ROWS];
 
 /// Mode change of a constraint, at which the impulses have a kink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,9 +71,7 @@ pub struct Response<R: Real> {
     lanes: Vec<LaneResponse>,
     /// Number of eliminated equality rows, which are solved exactly each time.
     eliminated: usize,
-    /// For each kind of constraint, index of its first row and number of rows of one constraint.
-    kinds: Vec<[usize; 2]>,
-    /// Impulses of all rows, kind by kind, N s.
+    /// Impulses of all rows, scalar rows first, N s.
     impulses: Vec<R>,
     /// Velocities of all rows, m/s.
     velocities: Vec<R>,
@@ -123,9 +116,7 @@ struct Block {
     mode: Mode,
     /// Distance of the map's argument from the region of the next mode, N s, see [`AdmissibleSet::margin`].
     margin: f64,
-    /// Index of the constraint's kind: 0 for scalar rows, 1 for contacts with three rows, 2 for contacts with six rows.
-    kind: usize,
-    /// Index of the constraint among the constraints of its kind.
+    /// Index of the constraint in the problem of all lanes, which counts the scalar rows first, then the contacts.
     source: usize,
     /// Number that identifies the constraint, the same in similar problems.
     name: u64,
@@ -144,6 +135,11 @@ impl Block {
     /// Range of the rows in the lists of the lane.
     fn rows(&self) -> Range<usize> {
         self.first..self.first + self.dim
+    }
+
+    /// Whether the constraint is a contact. The names of contacts and of scalar rows may be equal.
+    fn is_contact(&self) -> bool {
+        matches!(self.set, AdmissibleSet::Cone { .. })
     }
 
     /// Whether exactly one of two constraints is damped: this one, and one with the compliance `compliance`, 1/kg.
@@ -176,7 +172,6 @@ impl<R: Real> Default for Response<R> {
         Self {
             lanes: vec![LaneResponse::default(); R::LANES],
             eliminated: 0,
-            kinds: vec![],
             impulses: vec![],
             velocities: vec![],
             compliances: vec![],
@@ -191,7 +186,8 @@ impl<R: Real> Response<R> {
     /// rows determine the motion.
     ///
     /// The rows do not determine the motion if, for example, contacts share loads while they slip about a point. `name` returns a number
-    /// that identifies a constraint in other problems. The arguments of `name` are the kind, the index and the lane.
+    /// that identifies a constraint in other problems. The arguments of `name` are the index of the constraint, which counts the scalar
+    /// rows first, and the lane.
     ///
     /// For a position solve, `before` is the response of the velocity solve, at whose impulses damping causes no velocity. The function
     /// also leaves out lanes in which loads that the velocity solve does not determine cause motion in the position solve.
@@ -200,7 +196,7 @@ impl<R: Real> Response<R> {
         system: impl Into<System<'a, R>>,
         iterate: &Iterate<R>,
         lanes: u32,
-        name: impl Fn(usize, usize, usize) -> u64,
+        name: impl Fn(usize, usize) -> u64,
         before: Option<&Self>,
     ) -> u32 {
         let rows = system.into();
@@ -209,12 +205,11 @@ impl<R: Real> Response<R> {
         let mut sound = lanes;
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             self.lane.gather(rows, iterate, l);
-            let Self { lanes: all, kinds, velocities, lane, system, .. } = self;
+            let Self { lanes: all, velocities, lane, system, .. } = self;
             let own = &mut all[l];
-            own.store_constraints(lane, |kind, source| name(kind, source, l));
-            for block in &own.blocks {
-                let [start, dim] = kinds[block.kind];
-                own.velocity.extend(velocities[start + dim * block.source..][..dim].iter().map(|&v| number_of(v, l)));
+            own.store_constraints(lane, |source| name(source, l));
+            for block in &lane.blocks {
+                own.velocity.extend(velocities[block.source_row..][..block.rows.len()].iter().map(|&v| number_of(v, l)));
             }
             own.find_modes();
             let determined = system.solve(lane, own, iterate.w.len());
@@ -230,33 +225,32 @@ impl<R: Real> Response<R> {
     ///
     /// Returns the lanes (bits) in which a constraint that pushed in the stored problem does not exist in this one. If the number of
     /// eliminated rows differs, these are all lanes. `name` returns the number that identifies a constraint in both problems. The arguments
-    /// of `name` are the kind, the index and the lane. For a position solve, `before` is the response of the velocity solve, for which the
+    /// of `name` are as in [`Response::settle`]. For a position solve, `before` is the response of the velocity solve, for which the
     /// caller called this function first. The function damps the rows that were damped in the stored problem, and no others.
     pub fn respond<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
         iterate: &mut Iterate<R>,
         lanes: u32,
-        name: impl Fn(usize, usize, usize) -> u64,
+        name: impl Fn(usize, usize) -> u64,
         before: Option<&Self>,
     ) -> u32 {
         let system = system.into();
         let mut lost = if system.problem.scalars.eliminated() == self.eliminated { 0 } else { lanes };
         self.collect_impulses(iterate);
-        let total = self.impulses.len();
-        let end = |kind: usize| self.kinds.get(kind + 1).map_or(total, |next| next[0]);
-        let counts: [usize; KINDS] = std::array::from_fn(|kind| (end(kind) - self.kinds[kind][0]) / self.kinds[kind][1]);
+        let (scalars, count) = (iterate.scalars.len(), iterate.scalars.len() + system.problem.contacts.len());
+        let row_of = |source: usize| source.checked_sub(scalars).map_or(source, |i| scalars + system.problem.contacts[i].rows().start);
         // Eliminated rows keep their impulses until `write_impulses` solves these rows.
-        self.impulses[self.eliminated.min(counts[0])..].fill(R::zero());
+        self.impulses[self.eliminated.min(scalars)..].fill(R::zero());
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
-            let Self { lanes: all, kinds, impulses, .. } = self;
+            let Self { lanes: all, impulses, .. } = self;
             let LaneResponse { blocks, lambda, found, .. } = &mut all[l];
             found.clear();
             for block in blocks.iter() {
-                let is_it = |source: &usize| name(block.kind, *source, l) == block.name;
-                let source = Some(block.source).filter(|&s| s < counts[block.kind]).filter(is_it);
-                let source = source.or_else(|| (0..counts[block.kind]).find(is_it));
-                let first = source.map(|source| kinds[block.kind][0] + block.dim * source);
+                let kind = if block.is_contact() { scalars..count } else { 0..scalars };
+                let is_it = |source: &usize| name(*source, l) == block.name;
+                let source = Some(block.source).filter(|s| kind.contains(s)).filter(is_it);
+                let first = source.or_else(|| kind.clone().find(is_it)).map(row_of);
                 found.push(first);
                 let own = &lambda[block.rows()];
                 match first {
@@ -288,7 +282,7 @@ impl<R: Real> Response<R> {
     pub fn compare<'a>(&mut self, system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lanes: u32, mut f: impl FnMut(SwitchDistance)) {
         let system = system.into();
         self.compute_velocities(system, iterate);
-        let (mut lambda, mut v) = ([0.0; MAX_ROWS], [0.0; MAX_ROWS]);
+        let (mut lambda, mut v) = ([0.0; MAX_CONTACT_ROWS], [0.0; MAX_CONTACT_ROWS]);
         for lane in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             let own = &self.lanes[lane];
             for (block, first) in own.blocks.iter().zip(&own.found) {
@@ -316,28 +310,18 @@ impl<R: Real> Response<R> {
         }
     }
 
-    /// Copies the impulses of an iterate into one list, one kind of constraint after the other.
+    /// Copies the impulses of an iterate into one list, the scalar rows first.
     fn collect_impulses(&mut self, iterate: &Iterate<R>) {
-        let Self { kinds, impulses, .. } = self;
-        impulses.clear();
-        kinds.clear();
-        each_kind!([own: &iterate] => {
-            kinds.push([impulses.len(), rows_of::<R, _>(own)]);
-            impulses.extend_from_slice(Impulse::<R>::flatten(own));
-        });
+        self.impulses.clone_from(&iterate.scalars);
+        self.impulses.extend_from_slice(&iterate.contacts);
     }
 
-    /// Copies the impulses from the list of all kinds of constraints back to the iterate, and solves the eliminated rows (equalities that
+    /// Copies the impulses from the list of all rows back to the iterate, and solves the eliminated rows (equalities that
     /// no other row influences).
     fn write_impulses(&self, system: System<'_, R>, iterate: &mut Iterate<R>) {
-        let mut rest = &self.impulses[..];
-        each_kind!([own: &mut iterate] => {
-            let own = Impulse::<R>::flatten_mut(own);
-            let (these, others) = rest.split_at(own.len());
-            own.copy_from_slice(these);
-            rest = others;
-        });
-        let _ = rest;
+        let (scalars, contacts) = self.impulses.split_at(iterate.scalars.len());
+        iterate.scalars.copy_from_slice(scalars);
+        iterate.contacts.copy_from_slice(contacts);
         kernel!(R, || {
             iterate.compute_w(system.problem);
             iterate.solve_eliminated(system, R::Mask::splat(true));
@@ -350,15 +334,15 @@ impl<R: Real> Response<R> {
         self.velocities.clear();
         let velocities = &mut self.velocities;
         kernel!(R, || {
-            each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
-                set.velocities(rows, impulses, &iterate.w, velocities);
-            });
+            system.problem.scalars.velocities(system.scalars, &iterate.scalars, &iterate.w, velocities);
+            system.problem.contacts.velocities(system.contacts, &iterate.contacts, &iterate.w, velocities);
         });
     }
 
     /// Appends the compliances of all rows of a system to the list `compliances`.
     fn collect_compliances(&mut self, system: System<'_, R>) {
-        each_kind!([set: &system.problem] [rows: system] => set.compliances(rows, &mut self.compliances));
+        system.problem.scalars.compliances(system.scalars, &mut self.compliances);
+        system.problem.contacts.compliances(system.contacts, &mut self.compliances);
     }
 }
 
@@ -371,7 +355,7 @@ fn set_lanes<R: Real>(to: &mut [R], lane: usize, from: impl Iterator<Item = f64>
 
 /// Argument lambda - rho v of the map of a constraint.
 fn moved(block: &Block, lambda: &[f64], v: &[f64]) -> Rows {
-    let mut z = [0.0; MAX_ROWS];
+    let mut z = [0.0; MAX_CONTACT_ROWS];
     for (z, (l, v)) in z.iter_mut().zip(lambda.iter().zip(v)) {
         *z = l - block.rho * v;
     }
@@ -380,7 +364,7 @@ fn moved(block: &Block, lambda: &[f64], v: &[f64]) -> Rows {
 
 impl LaneResponse {
     /// Stores the constraints of a lane, with the number `name` that identifies each.
-    fn store_constraints(&mut self, lane: &Lane, name: impl Fn(usize, usize) -> u64) {
+    fn store_constraints(&mut self, lane: &Lane, name: impl Fn(usize) -> u64) {
         self.blocks.clear();
         self.lambda.clear();
         self.velocity.clear();
@@ -390,9 +374,8 @@ impl LaneResponse {
                 set: block.constraint.set,
                 mode: Mode::Open,
                 margin: 0.0,
-                kind: block.kind,
                 source: block.source,
-                name: name(block.kind, block.source),
+                name: name(block.source),
                 first: block.rows.start,
                 dim: block.rows.len(),
                 rho: natural_step(lane, block),
@@ -508,7 +491,7 @@ impl Linear {
             let (lambda, v) = (&own.lambda[rows.clone()], &own.velocity[rows]);
             let z = &moved(block, lambda, v)[..dim];
             let own_width = dim.next_multiple_of(TILE);
-            let mut unit = [0.0; MAX_ROWS * (MAX_ROWS + TILE)];
+            let mut unit = [0.0; MAX_CONTACT_ROWS * (MAX_CONTACT_ROWS + TILE)];
             let unit = &mut unit[..dim * own_width];
             (0..dim).for_each(|i| unit[i * own_width + i] = 1.0);
             self.differentiate(block, 1.0, z, unit, own_width);

@@ -25,9 +25,9 @@ fn lane(dimension: usize) -> Newton {
 fn row<const N: usize>(lane: &mut Lane, seed: usize, set: AdmissibleSet, g: [f64; N], compliance: f64) {
     let n = lane.w.len();
     let columns: Vec<u32> = (0..n as u32).collect();
-    let entries = (0..n).map(|c| -> [f64; N] { std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)) });
+    let entries = (0..n).flat_map(|c| -> [f64; N] { std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)) });
     let constraint = LaneConstraint { set, compliance, normal_compliance: 0.0, mobility_ratio: 1.0 };
-    lane.add(constraint, 0, [&g, &[0.0; N]], &columns, entries);
+    lane.add(constraint, [0; 2], [&g, &[0.0; N]], &columns, entries);
 }
 
 /// Velocity y . w + R lambda + g of every row of a lane, m/s.
@@ -110,10 +110,10 @@ fn cones_have_any_number_of_tangents() {
 fn islands_are_solved_apart() {
     let mut newton = lane(8);
     for (i, start) in [0, 4, 0, 4].into_iter().enumerate() {
-        let entries = (0..3).map(|c| [noise(100 * i + c)]);
+        let entries = (0..3).map(|c| noise(100 * i + c));
         let columns = [start, start + 1, start + 3];
         let constraint = LaneConstraint { set: FREE, compliance: 0.0, normal_compliance: 0.0, mobility_ratio: 1.0 };
-        newton.lane.add(constraint, 0, [&[1.0], &[0.0]], &columns, entries);
+        newton.lane.add(constraint, [0; 2], [&[1.0], &[0.0]], &columns, entries);
     }
     let result = newton.solve_lane::<f64>(SEARCH);
     assert_eq!(newton.islands.count, 2);

@@ -314,7 +314,7 @@ impl<R: Real> SoftSolver<R> {
         self.forces.fill(R::zero());
         for (row, &u) in problem.rows.iter().zip(&self.argument.rows) {
             let ((columns, jacobian), force) = (problem.entries(row), row.force(u));
-            add_transposed(columns, jacobian, force, &mut self.forces);
+            add_transposed(columns, jacobian.as_chunks().0, [force], &mut self.forces);
         }
         problem.contacts.add_forces(problem.cone, &self.argument.contacts, &mut self.forces);
         problem.rolling_contacts.add_forces(problem.cone, &self.argument.rolling_contacts, &mut self.forces);

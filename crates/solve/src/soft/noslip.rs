@@ -437,7 +437,7 @@ impl<R: Real> NoSlip<R> {
         out.fill(R::zero());
         for (row, force) in problem.rows.iter().zip(&self.rows.force) {
             let (columns, jacobian) = problem.entries(row);
-            add_transposed(columns, jacobian, force[0], out);
+            add_transposed(columns, jacobian.as_chunks().0, *force, out);
         }
         problem.contacts.add(&self.contacts.force, out);
         problem.rolling_contacts.add(&self.rolling.force, out);

@@ -50,9 +50,9 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
     iterate.scalars.push(R::zero());
     for k in 1..ROWS {
         let at = N + 3 * N * (k - 1);
-        let g = std::array::from_fn(|r| R::of(case.g[1 + 3 * (k - 1) + r]));
+        let g: [R; 3] = std::array::from_fn(|r| R::of(case.g[1 + 3 * (k - 1) + r]));
         problem.push_contact(&columns(k), |c| std::array::from_fn(|r| y(at + r * N, c)), all, R::of(case.mu), g);
-        iterate.contacts.push([R::zero(); 3]);
+        iterate.contacts.extend([R::zero(); 3]);
     }
     iterate.compute_w(&problem);
     (problem, iterate)
@@ -119,7 +119,7 @@ proptest! {
         let (mut problem, iterate) = build::<F64Lanes>(&case);
         match at {
             0 => problem.scalars[0].g.set_lane(3, f64::NAN),
-            k => problem.contacts[k - 1].g[0].set_lane(3, f64::NAN),
+            k => problem.contacts.normal_offset_mut(k - 1).set_lane(3, f64::NAN),
         }
         prop_assert!(residual(&problem, &iterate).lane(3).is_nan());
     }
@@ -131,7 +131,7 @@ proptest! {
         let mut worse = problem.clone();
         match at {
             0 => worse.scalars[0].g.set_lane(3, bad),
-            k => worse.contacts[k - 1].g[0].set_lane(3, bad),
+            k => worse.contacts.normal_offset_mut(k - 1).set_lane(3, bad),
         }
         let settings = Settings::new(20, STEPS, F64Lanes::of(1e-9));
         let run = |problem: &Problem<F64Lanes>| {

@@ -42,16 +42,16 @@ fn build<R: Real>(case: &Case, springs_as_coordinates: bool) -> (Problem<R>, Ite
         if !springs_as_coordinates {
             problem.contacts.set_compliance(R::of(*compliance));
         }
-        iterate.contacts.push([R::zero(); 3]);
+        iterate.contacts.extend([R::zero(); 3]);
     }
     let (y, g, compliance) = &case.rolling;
     let spring = [compliance.sqrt(), 0.0, 0.0, 0.0, 0.0, 0.0];
     let y = |c: usize| y.get(c).unwrap_or(&spring).map(R::of);
-    problem.push_rolling_contact(&columns(contacts), y, Mask::splat(true), R::of(case.mu), g.map(R::of));
+    problem.push_contact(&columns(contacts), y, Mask::splat(true), R::of(case.mu), g.map(R::of));
     if !springs_as_coordinates {
-        problem.rolling_contacts.set_compliance(R::of(*compliance));
+        problem.contacts.set_compliance(R::of(*compliance));
     }
-    iterate.rolling_contacts.push([R::zero(); 6]);
+    iterate.contacts.extend([R::zero(); 6]);
     iterate.compute_w(&problem);
     (problem, iterate)
 }
@@ -66,7 +66,7 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
             // Impulses have a rounding error of 1e-16 of the largest. It changes velocities by up to ten times that (ten squares of at most
             // 1), and a few such errors add up.
-            let impulses = iterate.contacts.iter().flatten().chain(iterate.rolling_contacts.iter().flatten());
+            let impulses = iterate.contacts.iter();
             let largest = impulses.fold(1.0_f64, |most, x| most.max(x.abs()));
             let again = residual(&problem, &iterate);
             prop_assert!((outcome.residual - again).abs() <= 1e-14 * largest + 1e-13 * (1.0 + outcome.residual), "{} {again}", outcome.residual);
@@ -79,7 +79,6 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
             let softest = normals.chain([rolling]).fold(1.0, |most: f64, (g, r)| most.max((g + r) / g));
             let (other, mut again) = build::<f64>(&case, true);
             again.contacts.clone_from(&iterate.contacts);
-            again.rolling_contacts.clone_from(&iterate.rolling_contacts);
             again.compute_w(&other);
             let most = again.w.iter().fold(1.0_f64, |most, x| most.max(x.abs()));
             prop_assert!(residual(&other, &again) <= softest * (1e-11 + 1e-13 * most), "{}", residual(&other, &again));

@@ -10,8 +10,8 @@ use stepper_solve::{FORMAT_VERSION, Iterate, LoadedProblem, Problem, Settings, S
 const N: usize = 8;
 const SETTINGS: Settings<f64> = Settings::new(5, 40, 1e-9);
 
-/// Random problem with an eliminated equality, a limit with a compliance, and contacts with three and six rows, of which one has a
-/// compliance.
+/// Random problem with an eliminated equality, a limit with a compliance, and contacts with three, six and three rows, of which one
+/// has a compliance.
 ///
 /// The problem uses the `numbers`, which are in -1 to 1, one after the other. The iterate has impulses that are not all zero.
 fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
@@ -31,23 +31,25 @@ fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
         let y: Vec<[f64; 3]> = (0..N).map(|_| [number(), number(), number()]).collect();
         problem.push_contact(&all[1..], |c| y[c], true, 0.5, [number(), number(), number()]);
         problem.contacts.set_mobility_ratio(1.25);
-        problem.contacts.set_position_offset([number(), 0.0, number()]);
+        problem.contacts.set_position_offset(&[number(), 0.0, number()]);
         if k == 1 {
             problem.contacts.set_compliance(0.1);
         }
-        iterate.contacts.push([0.1, 0.01, number() * 0.01]);
+        iterate.contacts.extend([0.1, 0.01, number() * 0.01]);
+        if k == 0 {
+            let y: Vec<[f64; 6]> = (0..N).map(|_| [(); 6].map(|()| number())).collect();
+            problem.push_contact(&all[1..], |c| y[c], true, 0.3, [(); 6].map(|()| number()));
+            iterate.contacts.extend([0.1, 0.0, 0.0, 0.01, 0.0, 0.0]);
+        }
     }
-    let y: Vec<[f64; 6]> = (0..N).map(|_| [(); 6].map(|()| number())).collect();
-    problem.push_rolling_contact(&all[1..], |c| y[c], true, 0.3, [(); 6].map(|()| number()));
     iterate.scalars.extend([number(), 0.2]);
-    iterate.rolling_contacts.push([0.1, 0.0, 0.0, 0.01, 0.0, 0.0]);
     iterate.compute_w(&problem);
     (problem, iterate)
 }
 
 fn solved(problem: &Problem<f64>, iterate: &mut Iterate<f64>, settings: Settings<f64>) -> Vec<u64> {
     let outcome = solve(problem, iterate, settings, true, &mut Newton::default());
-    let impulses = iterate.scalars.iter().chain(iterate.contacts.as_flattened()).chain(iterate.rolling_contacts.as_flattened());
+    let impulses = iterate.scalars.iter().chain(&iterate.contacts);
     [outcome.residual].iter().chain(impulses).chain(&iterate.w).map(|x| x.to_bits()).collect()
 }
 

@@ -61,19 +61,19 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
         if compliance.gt(R::zero()).any() {
             problem.contacts.set_compliance(compliance);
         }
-        iterate.contacts.push([keep(row, R::of(0.2)), R::zero(), R::zero()]);
+        iterate.contacts.extend([keep(row, R::of(0.2)), R::zero(), R::zero()]);
     }
     let row = N + CONTACTS;
     let y: Vec<[R; 6]> = columns.iter().map(|_| std::array::from_fn(|_| keep(row, next()))).collect();
-    problem.push_rolling_contact(&columns, |i| y[i], active(row), R::of(0.6), std::array::from_fn(|_| next()));
-    iterate.rolling_contacts.push([R::zero(); 6]);
+    problem.push_contact(&columns, |i| y[i], active(row), R::of(0.6), std::array::from_fn(|_| next()));
+    iterate.contacts.extend([R::zero(); 6]);
     iterate.compute_w(&problem);
     (problem, iterate)
 }
 
 /// Bits of the numbers `more`, and of all impulses and the scaled velocity change w of an iterate: one list for each lane.
 fn bits<R: Real<Scalar = f64>>(more: &[R], iterate: &Iterate<R>) -> Vec<Vec<u64>> {
-    let impulses = [iterate.contacts.as_flattened(), iterate.rolling_contacts.as_flattened(), &iterate.scalars, &iterate.w].concat();
+    let impulses = [&iterate.contacts[..], &iterate.scalars, &iterate.w].concat();
     let all = [more, &impulses].concat();
     (0..R::LANES).map(|l| all.iter().map(|x| x.lane(l).to_bits()).collect()).collect()
 }
@@ -114,10 +114,10 @@ proptest! {
         let (problem, mut iterate) = build::<Lanes>(&problems);
         let (_, mut other) = build::<Lanes>(&problems);
         let three = Lanes::of(3.0);
-        for lambda in other.scalars.iter_mut().chain(other.contacts.as_flattened_mut()) {
+        for lambda in other.scalars.iter_mut().chain(&mut other.contacts) {
             *lambda *= three;
         }
-        other.rolling_contacts[0] = [three; 6];
+        other.contacts[3 * CONTACTS..].fill(three);
         other.compute_w(&problem);
         let before = bits(&[], &other);
         for iterate in [&mut iterate, &mut other] {

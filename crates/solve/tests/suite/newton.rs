@@ -72,9 +72,9 @@ fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
     for k in 0..contacts {
         let of = |c: &Case| c.contacts.get(k).cloned();
         let y = |i: usize| std::array::from_fn(|r| lanes(&|c| of(c).and_then(|x| x.y.get(i).map(|y| y[r]))));
-        let g = std::array::from_fn(|r| lanes(&|c| of(c).map(|x| x.g[r])));
+        let g: [R; 3] = std::array::from_fn(|r| lanes(&|c| of(c).map(|x| x.g[r])));
         problem.push_contact(&columns, y, active(&|c| c.contacts.len() > k), lanes(&|c| of(c).map(|x| x.mu)), g);
-        iterate.contacts.push([R::zero(); 3]);
+        iterate.contacts.extend([R::zero(); 3]);
     }
     iterate.compute_w(&problem);
     (problem, iterate)
@@ -89,7 +89,7 @@ fn newton(problem: &Problem<f64>, iterate: &mut Iterate<f64>, steps: u32, tolera
 }
 
 fn bits(iterate: &Iterate<f64>) -> Vec<u64> {
-    iterate.w.iter().chain(&iterate.scalars).chain(iterate.contacts.iter().flatten()).map(|x| x.to_bits()).collect()
+    iterate.w.iter().chain(&iterate.scalars).chain(&iterate.contacts).map(|x| x.to_bits()).collect()
 }
 
 /// Largest difference between the scaled velocity changes w of two iterates.
@@ -116,7 +116,7 @@ proptest! {
             for (a, b) in alone.w.iter().zip(&iterate.w) {
                 prop_assert_eq!(a.to_bits(), b.lane(l).to_bits());
             }
-            for (a, b) in alone.contacts.iter().zip(&iterate.contacts) {
+            for (a, b) in alone.contacts.as_chunks::<3>().0.iter().zip(iterate.contacts.as_chunks::<3>().0) {
                 prop_assert_eq!(a.map(f64::to_bits), b.map(|b| b.lane(l).to_bits()));
             }
         }
@@ -130,7 +130,7 @@ proptest! {
         let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
         let left = residual(&problem, &iterate);
         for l in 0..F32Lanes::LANES {
-            let size = iterate.contacts.iter().flatten().chain(&iterate.scalars).fold(1.0f32, |m, x| m.max(x.lane(l).abs()));
+            let size = iterate.contacts.iter().chain(&iterate.scalars).fold(1.0f32, |m, x| m.max(x.lane(l).abs()));
             // Velocities are sums of some ten products of entries of order one with impulses.
             let rounding = 30.0 * f32::EPSILON * size;
             prop_assert!((left.lane(l) - outcome.residual.lane(l)).abs() <= rounding, "{} {}", left.lane(l), outcome.residual.lane(l));
@@ -148,7 +148,7 @@ fn what_is_returned_is_what_the_residual_says() {
         let before = residual(&problem, &iterate);
         let (after, _) = newton(&problem, &mut iterate, 200, 1e-9);
         solved.count(after <= 1e-9);
-        prop_assert!(iterate.w.iter().chain(iterate.contacts.iter().flatten()).all(|x| x.is_finite()));
+        prop_assert!(iterate.w.iter().chain(&iterate.contacts).all(|x| x.is_finite()));
         // Sweeps and Newton's method add the same numbers up in different orders.
         prop_assert!(after <= before * (1.0 + 1e-14));
         // The iterate's w belongs to its impulses. Both residuals are therefore computed from the same numbers, summed in different orders.
@@ -185,16 +185,17 @@ fn without_friction_everything_is_solved_in_any_order() {
         let (left, _) = newton(&other, &mut again, 300, 1e-10);
         prop_assert!(left <= 1e-10 + rounding(&again), "{left}");
         // The energy norm of the error is at most the root of sum |lambda_i| r.
-        let impulse: f64 = iterate.contacts.iter().chain(&again.contacts).map(|l| l[0]).chain(iterate.scalars.iter().chain(&again.scalars).copied()).sum();
+        let normals = iterate.contacts.iter().step_by(3).chain(again.contacts.iter().step_by(3));
+        let impulse: f64 = normals.chain(iterate.scalars.iter().chain(&again.scalars)).sum();
         let tolerance = 2.0 * (impulse * 1e-10).sqrt() + 1e-9;
         prop_assert!(apart(&iterate, &again) <= tolerance, "{} {tolerance}", apart(&iterate, &again));
         let mut swept = iterate.clone();
-        swept.contacts.fill([0.0; 3]);
+        swept.contacts.fill(0.0);
         swept.scalars.fill(0.0);
         swept.compute_w(&problem);
         let outcome = gauss_seidel::solve(&problem, &mut swept, gauss_seidel::SweepSettings { sweeps: 20_000, tolerance: 1e-10 }, true);
         prop_assume!(swept_too.count(outcome.residual <= 1e-10));
-        let impulse = impulse + swept.contacts.iter().map(|l| l[0]).chain(swept.scalars.iter().copied()).sum::<f64>();
+        let impulse = impulse + swept.contacts.iter().step_by(3).chain(&swept.scalars).sum::<f64>();
         prop_assert!(apart(&iterate, &swept) <= 2.0 * (impulse * 1e-10).sqrt() + 1e-9);
     });
     // A property of the random problems: 0.757 of 26,450 draws.
@@ -225,12 +226,12 @@ fn shared_loads_depend_on_neither_start_nor_order() {
         };
         let left = [share(&problem, &mut cold), share(&problem, &mut swept), share(&turned, &mut other)];
         prop_assume!(solved.count(left.iter().all(|&left| left <= 1e-11)));
-        let size = cold.contacts.iter().fold(1e-3f64, |most, lambda| most.max(lambda[0]));
+        let size = cold.contacts.iter().step_by(3).fold(1e-3f64, |most, &normal| most.max(normal));
         for k in 0..n {
             // The proximal step is so long that the relative error of the least impulses is 1 / kappa = 1e-5.
-            prop_assert!((cold.contacts[k][0] - swept.contacts[k][0]).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, swept.contacts);
-            let same = other.contacts[(k + n - turn % n) % n][0];
-            prop_assert!((cold.contacts[k][0] - same).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, other.contacts);
+            prop_assert!((cold.contacts[3 * k] - swept.contacts[3 * k]).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, swept.contacts);
+            let same = other.contacts[3 * ((k + n - turn % n) % n)];
+            prop_assert!((cold.contacts[3 * k] - same).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, other.contacts);
         }
     });
     // Without friction all problems are solved: none of 35,000 draws remained unsolved.
@@ -249,7 +250,7 @@ fn redundant_contacts_share() {
         let left = [newton(&problem, &mut iterate, 300, 1e-11).0, newton(&doubled, &mut both, 300, 1e-11).0];
         prop_assume!(solved.count(left[0] <= 1e-11 && left[1] <= 1e-11));
         let size = 1.0 + bits(&both).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
-        for pair in both.contacts.chunks(2) {
+        for pair in both.contacts.as_chunks::<3>().0.chunks(2) {
             for k in 0..3 {
                 prop_assert!((pair[0][k] - pair[1][k]).abs() <= 1e-9 * size, "{pair:?}");
             }
@@ -262,7 +263,7 @@ fn redundant_contacts_share() {
 
 /// Rounding error of velocities, m/s: a few units in the last place of the sum of all normal impulses and limit impulses.
 fn rounding(iterate: &Iterate<f64>) -> f64 {
-    4.0 * f64::EPSILON * iterate.contacts.iter().map(|l| l[0]).chain(iterate.scalars.iter().copied()).sum::<f64>()
+    4.0 * f64::EPSILON * iterate.contacts.iter().step_by(3).chain(&iterate.scalars).sum::<f64>()
 }
 
 /// Whether the problem has a solution for any target velocities.
@@ -324,7 +325,7 @@ fn painleve_problems_stay_finite_and_are_reported() {
                 let settings = Settings::new(sweeps, 50, 1e-9);
                 let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
                 assert!(bits(&iterate).iter().all(|&x| f64::from_bits(x).is_finite()), "{coupling} {slip}");
-                let size = 1.0 + iterate.contacts[0].iter().fold(0.0f64, |m, x| m.max(x.abs())) * coupling.abs();
+                let size = 1.0 + iterate.contacts.iter().fold(0.0f64, |m, x| m.max(x.abs())) * coupling.abs();
                 assert!((outcome.residual - residual(&problem, &iterate)).abs() <= 1e-14 * size, "{coupling} {slip}");
             }
         }

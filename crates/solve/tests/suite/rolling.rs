@@ -38,8 +38,8 @@ fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
     let columns: Vec<u32> = (0..case.n as u32).collect();
     for k in 0..contacts {
-        problem.push_rolling_contact(&columns, |i| case.y[k][i], true, case.mu[k], case.g[k]);
-        iterate.rolling_contacts.push([0.0; 6]);
+        problem.push_contact(&columns, |i| case.y[k][i], true, case.mu[k], case.g[k]);
+        iterate.contacts.extend([0.0; 6]);
     }
     iterate.compute_w(&problem);
     (problem, iterate)
@@ -48,7 +48,7 @@ fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
 /// Velocity of contact k, computed from w = Y lambda with the full matrix Y.
 fn velocity(case: &Case, iterate: &Iterate<f64>, k: usize) -> [f64; 6] {
     let mut w = vec![0.0; case.n];
-    for (y, lambda) in case.y.iter().zip(&iterate.rolling_contacts) {
+    for (y, lambda) in case.y.iter().zip(iterate.contacts.as_chunks::<6>().0) {
         for (w, y) in w.iter_mut().zip(y) {
             *w += y.iter().zip(lambda).map(|(y, l)| y * l).sum::<f64>();
         }
@@ -71,7 +71,7 @@ proptest! {
         // The tolerance covers the rounding of G, and the error of Jacobi's method in rows that are short compared with the others. An
         // immovable direction also moves under the impulse of the first sweep, because its mobility counts as 1e-8 of the trace.
         let trace: f64 = one.y[0].iter().flatten().map(|y| y * y).sum();
-        let least = 1e-8 * trace * length(&iterate.rolling_contacts[0]);
+        let least = 1e-8 * trace * length(&iterate.contacts);
         prop_assert!(outcome.residual < 1e-8 + least, "residual {}", outcome.residual);
     }
 
@@ -95,10 +95,10 @@ fn solutions_satisfy_the_law() {
         let (problem, mut iterate) = build(&case);
         let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 20_000, tolerance: 1e-11 }, true);
         prop_assume!(solved.count(outcome.residual <= 1e-11));
-        let size = 1.0 + iterate.rolling_contacts.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        let size = 1.0 + iterate.contacts.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         // The natural map bounds each condition by its residual, times the scale of G (about 100 at the most) and of the impulses.
         let tolerance = 1e-8 * size;
-        for (k, lambda) in iterate.rolling_contacts.iter().enumerate() {
+        for (k, lambda) in iterate.contacts.as_chunks::<6>().0.iter().enumerate() {
             let (v, mu) = (velocity(&case, &iterate, k), case.mu[k]);
             let (pull, slip) = (length(&lambda[1..]), length(&v[1..]));
             prop_assert!(lambda[0] >= 0.0 && v[0] >= -tolerance, "separation {} impulse {}", v[0], lambda[0]);
@@ -120,7 +120,7 @@ fn the_residual_sees_every_defect() {
         let (problem, mut iterate) = build(&case);
         let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 20_000, tolerance: 1e-10 }, true);
         prop_assume!(solved.count(outcome.residual <= 1e-10));
-        iterate.rolling_contacts[0][0] += push;
+        iterate.contacts[0] += push;
         iterate.compute_w(&problem);
         prop_assert!(residual(&problem, &iterate) > 1e-6);
     });

@@ -1,25 +1,19 @@
-"""Tasks of dm_control's suite, one file for each of its domains."""
+"""Tasks of dm_control's suite."""
 
 from typing import Any
 
-from stepper.envs.suite.acrobot import Acrobot
 from stepper.envs.suite.base import SuiteTask
-from stepper.envs.suite.cartpole import Cartpole
-from stepper.envs.suite.cheetah import Cheetah
 from stepper.envs.suite.dog import Dog
-from stepper.envs.suite.finger import Finger, FingerTurn
-from stepper.envs.suite.fish import Fish
-from stepper.envs.suite.hopper import Hopper
+from stepper.envs.suite.finger import Finger, FingerTurn, Reacher
 from stepper.envs.suite.humanoid import Humanoid, HumanoidCMU
 from stepper.envs.suite.lqr import LQR
 from stepper.envs.suite.manipulator import Manipulator
-from stepper.envs.suite.pendulum import Pendulum
+from stepper.envs.suite.pendulums import Acrobot, Cartpole, Pendulum
+from stepper.envs.suite.planar import Cheetah, Hopper, Walker
 from stepper.envs.suite.point_mass import PointMass
 from stepper.envs.suite.quadruped import Quadruped
-from stepper.envs.suite.reacher import Reacher
 from stepper.envs.suite.stacker import Stacker
-from stepper.envs.suite.swimmer import Swimmer
-from stepper.envs.suite.walker import Walker
+from stepper.envs.suite.swimming import Fish, Swimmer
 
 SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "acrobot-swingup": (Acrobot, {}),

@@ -9,8 +9,8 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model
 from stepper.envs.observations import Observation
-from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, tolerance
+from stepper.envs.suite.manipulator import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.task import Array, Reset, TaskView
 from stepper.shared.streams import Rng
 

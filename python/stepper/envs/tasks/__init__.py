@@ -1,17 +1,10 @@
-"""Gymnasium's MuJoCo tasks, version 5, one file each, by their registered names."""
+"""Gymnasium's MuJoCo tasks, version 5, by their registered names."""
 
 from stepper.envs.task import Task
-from stepper.envs.tasks.ant import Ant
-from stepper.envs.tasks.half_cheetah import HalfCheetah
-from stepper.envs.tasks.hopper import Hopper
-from stepper.envs.tasks.humanoid import Humanoid
-from stepper.envs.tasks.humanoid_standup import HumanoidStandup
-from stepper.envs.tasks.inverted_double_pendulum import InvertedDoublePendulum
-from stepper.envs.tasks.inverted_pendulum import InvertedPendulum
-from stepper.envs.tasks.pusher import Pusher
-from stepper.envs.tasks.reacher import Reacher
-from stepper.envs.tasks.swimmer import Swimmer
-from stepper.envs.tasks.walker2d import Walker2d
+from stepper.envs.tasks.arms import Pusher, Reacher
+from stepper.envs.tasks.humanoid import Humanoid, HumanoidStandup
+from stepper.envs.tasks.pendulums import InvertedDoublePendulum, InvertedPendulum
+from stepper.envs.tasks.running import Ant, HalfCheetah, Hopper, Swimmer, Walker2d
 
 TASKS: dict[str, type[Task]] = {
     task.__name__: task

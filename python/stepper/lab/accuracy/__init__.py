@@ -6,7 +6,7 @@
 - `costs`: processor time of settings
 - `chart`, `measure`: error against cost
 - `invariants`: errors that stay meaningful in chaotic motion
-- `dots`, `tables`, `draw`: numbers, documents and picture of a chart
+- `draw`: picture of a chart
 - `tune`: the cheapest settings within an error budget
 - `needs`: pairs of bodies that need no contact
 """

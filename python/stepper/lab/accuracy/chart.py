@@ -6,9 +6,10 @@ of invariants, and means of outcomes.
 
 from __future__ import annotations
 
+import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,19 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.lab.accuracy.candidates import lines, timesteps
-from stepper.lab.accuracy.costs import costs
-from stepper.lab.accuracy.dots import Dot
+from stepper.lab.accuracy.costs import BATCH, costs
 from stepper.lab.accuracy.invariants import Invariants
-from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point, chart_reference, measure
+from stepper.lab.accuracy.measure import CAUSES, TARGET, ChartBasis, Dot, Point, chart_reference, front, measure
 from stepper.lab.accuracy.reference import Reference, check_moves
-from stepper.lab.accuracy.tables import ChartData, write
 from stepper.lab.accuracy.traces import Distance, quantity
-from stepper.lab.study.document import Document, check_pages
+from stepper.lab.study.document import Document, Section, check_pages, counted
 from stepper.lab.study.report import no_peer
 from stepper.lab.study.study import Study
 from stepper.shared.arguments import check_whole, path_of
-from stepper.shared.files import locked
-from stepper.shared.machine import one_core
+from stepper.shared.files import locked, write_csv
+from stepper.shared.machine import one_core, provenance
 from stepper.shared.progress import ProgressCallback
 
 Array = NDArray[np.float64]
@@ -112,9 +111,8 @@ def chart(
         skipped = [f"MuJoCo: {reason}" for reason in [no_peer(study)] if reason] + skipped
         invariants = Invariants(study)
         dots = _dots(basis, points, invariants, quick=quick, report_progress=report_progress)
-        found = ChartData(basis, points, dots, tuple(skipped), laws, invariants)
-        document, files = write(found, folder)
-        return Chart(study, distance, reference, dots, tuple(skipped), document, tuple(files))
+        found = Chart(study, distance, reference, dots, tuple(skipped), Document(f"Error against cost: {study.name}"), ())
+        return replace(found, files=tuple(_write(found, laws, invariants, folder)))
 
 
 def _dots(
@@ -144,11 +142,8 @@ def _dots(
 def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float], kept: dict[str, Array]) -> Dot:
     """Errors, costs and outcomes of one point of a chart (a run of some settings with a given time step), as numbers.
 
-    Args:
-        basis: Data that all points of the chart share.
-        point: Run of some settings with a given time step, with its errors.
-        cost: Microseconds of one core for a simulated second, alone and in a batch; NaN if not measured.
-        kept: Errors of invariants by name, (episodes,) each.
+    `cost` has microseconds of one core for a simulated second, alone and in a batch; NaN if not measured. `kept` has errors of invariants
+    by name, (episodes,) each.
     """
     study, trace = basis.study, point.trace
     outcome = study.success_outcome or next(iter(study.all_outcomes), None)
@@ -186,3 +181,89 @@ def _largest(values: Array) -> float:
     """Largest of the finite values; NaN if there are none."""
     finite = values[np.isfinite(values)]
     return float(finite.max()) if len(finite) else math.nan
+
+
+def _write(found: Chart, laws: Mapping[str, Reference], invariants: Invariants, folder: Path) -> list[Path]:
+    """Writes the files of a chart, chart.png, .csv, .html and .md, and returns their paths.
+
+    `laws` has the converged run with the contact law of each line of the chart, by label of the line.
+    """
+    from stepper.lab.accuracy.draw import draw  # noqa: PLC0415  (matplotlib is optional, and slow to import)
+
+    study, distance, reference, came_from = found.study, found.distance, found.reference, provenance()
+    note = f"{came_from['cpu']}, one core, {came_from['utc']}"
+    picture = draw(study, distance, reference, found.dots, path=folder / "chart.png", note=note)
+    table = folder / "chart.csv"
+    header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit}
+    header |= study.resolved_settings() | came_from
+    notes = [f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n" for key, value in header.items()]
+    columns = list(dict.fromkeys(name for dot in found.dots for name in dot.row))
+    write_csv(table, [columns, *([dot.row.get(name, "") for name in columns] for dot in found.dots)], "".join(notes))
+    found.document.sections += _sections(found, laws, invariants, picture)
+    return [picture, table, *found.document.save(folder, "chart")]
+
+
+def _sections(found: Chart, laws: Mapping[str, Reference], invariants: Invariants, picture: Path) -> list[Section]:
+    """Sections of the document of a chart."""
+    dots, study, unit = found.dots, found.study, found.distance.unit
+    best = set(map(id, [*front(dots, "us_single_env"), *front(dots, "batch")]))
+    parts = [f"from {word}" for word in CAUSES.values()]
+    head = ("", "settings", "time step, ms", f"error, {unit}", *parts, "cause", "alone, us", "batch, us", "penetration, mm")
+    outcome = study.success_outcome or next(iter(study.all_outcomes), None)
+    more = ("residual, m/s", *(() if outcome is None else (f"mean {outcome.name}", "successes")), "notes")
+
+    def row(dot: Dot) -> list[Any]:
+        numbers = (dot.error, dot.solver, dot.step, dot.model, dot.cause, dot.us_single_env, dot.batch, 1e3 * dot.depth, dot.residual)
+        outcomes = () if outcome is None else (dot.outcome, dot.share)
+        return ["*" if id(dot) in best else "", dot.label, 1e3 * dot.timestep, *numbers, *outcomes, "; ".join(dot.notes)]
+
+    fronts = [dot for dot in dots if id(dot) in best]
+    return [
+        Section("Error against cost", _words(found, laws), picture=picture),
+        Section(
+            "Pareto fronts",
+            ["Points to which no other is both cheaper, alone or in a batch, and more accurate."],
+            (*head, *more),
+            list(map(row, fronts)),
+        ),
+        Section("All points", [], (*head, *more), list(map(row, dots))),
+        _invariants(found, invariants),
+    ]
+
+
+def _words(found: Chart, laws: Mapping[str, Reference]) -> list[str]:
+    """Paragraphs for the document that accompanies a chart. They explain its errors, costs and reference solution."""
+    reference, unit, horizon = found.reference, found.distance.unit, found.distance.horizon
+    what = "largest distance of a body, geom or site" if unit == "m" else "largest angle of a body"
+    others = [f"{label} {np.median(law.uncertainty):.1e}" for label, law in laws.items() if law is not reference]
+    stopped = sum(bool(dot.notes) for dot in found.dots)
+    words = [
+        f"Errors are the {what} from the reference up to {horizon:.3g} s, in {unit}, medians over "
+        f"{counted(len(reference.uncertainty), 'episode')}. Reference: {reference.words}."
+        f" Its last two runs agree to {TARGET[unit]:g} {unit} up to {np.median(reference.known):.3g} s (median; at least "
+        f"{reference.known.min():.3g} s). After this time, compare invariants and outcomes instead of single motions.",
+        f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
+        "batch, with recorded controls. MuJoCo steps one environment after the other in both.",
+        "An error has three causes, each with its part. solver: distance from the same run solved to 1e-9 m/s in 64 bits. time step: "
+        "distance of that run from the converged run with its law of contact. model: distance of that converged run from the reference "
+        "(softness, friction cone). The column cause has the one with the largest part; docs/reference/studies.md has remedies. "
+        "The reference has hard contact, unless the study's options have MuJoCo's law."
+        + (f" Uncertainty of the converged runs, {unit} (median): {'; '.join(others)}." if others else ""),
+    ]
+    if stopped:
+        words.append(f"{stopped} of {len(found.dots)} rows have a note on what was stopped or not finite.")
+    return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
+
+
+def _invariants(found: Chart, invariants: Invariants) -> Section:
+    """Section of a chart's document with the errors of invariants, such as energy: quantities that every correct motion conserves."""
+    kinds, left = [kind.label for kind in invariants.kinds], invariants.left_out
+    words = [
+        "Errors of laws that every correct motion satisfies, also a chaotic one: the largest of all episodes, after every control period, "
+        "computed from positions and velocities in the same way for all engines. docs/reference/studies.md has the definitions."
+        if kinds
+        else "The scene has none."
+    ]
+    words += [f"Left out: {reason}." for reason in left]
+    rows = [[dot.label, 1e3 * dot.timestep, *dot.invariants.values(), "; ".join(dot.notes)] for dot in found.dots] if kinds else []
+    return Section("Invariants", words, ("settings", "time step, ms", *kinds, "notes"), rows)

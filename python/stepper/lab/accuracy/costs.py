@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from stepper.lab.accuracy.traces import Trace
-from stepper.lab.study.batches import steps_of, world_of
-from stepper.lab.study.points import USUAL
+from stepper.lab.study.batches import USUAL, steps_of, world_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import World
 

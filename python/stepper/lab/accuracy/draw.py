@@ -12,7 +12,7 @@ import numpy as np
 
 from stepper.lab.accuracy.candidates import pareto
 from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.accuracy.dots import CAUSES, Dot
+from stepper.lab.accuracy.measure import CAUSES, Dot
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.accuracy.traces import Distance
 from stepper.lab.study.study import Study

@@ -175,12 +175,7 @@ class Invariants:
         return worst
 
     def _state(self, qpos: Array, qvel: Array) -> _Measured:
-        """Measures energies, momenta and position errors of a state with MuJoCo's library.
-
-        Args:
-            qpos: Positions, (nq,), m and rad.
-            qvel: Velocities, (nv,), m/s and rad/s.
-        """
+        """Measures energies, momenta and position errors of a state, qpos (nq,) and qvel (nv,), with MuJoCo's library."""
         m, d, mujoco = self._model, self._data, self._mujoco
         d.qpos[:], d.qvel[:] = qpos, qvel
         mujoco.mj_fwdPosition(m, d)

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.study.batches import running, world_of
+from stepper.lab.study.batches import USUAL, running, world_of
 from stepper.lab.study.outcomes import Watch
-from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import StepperWorld, World
 

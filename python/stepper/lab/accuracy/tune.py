@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import json
 import math
@@ -48,9 +47,11 @@ OWN = "the study's own"
 """Name that `tune` gives to the settings of the study in the list of candidate settings."""
 _HELD_OUT_BATCH = 16
 """Number of held-out episodes in one batch."""
+_CONFIDENCE = 0.95
+"""Confidence of the bounds of all trials together."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Candidate:
     """Candidate settings, with their error and cost.
 
@@ -68,8 +69,8 @@ class Candidate:
     settings: dict[str, Any]
     name: str
     error: float
-    us_single_env: float
-    batch: float
+    us_single_env: float = math.nan
+    batch: float = math.nan
     stopped: bool = False
 
 
@@ -84,7 +85,7 @@ class Trial:
         unknown: Number of episodes whose reference is uncertain by more than half the budget; they count as failures.
         worst: Largest error, m or rad.
         share: Lower bound of the fraction of episodes that are within the budget, among all possible episodes.
-        confidence: Confidence of that bound: 1 - (1 - c) / 2^k in trial k, so that all bounds together have the confidence c of `tune`.
+        confidence: Confidence of that bound: 1 - 0.05 / 2^k in trial k, so that all bounds together have the confidence 95 %.
     """
 
     candidate: Candidate
@@ -141,7 +142,6 @@ def tune(
     error: str,
     horizon: str | float,
     coverage: float = 0.9,
-    confidence: float = 0.95,
     episodes: int = 12,
     alone: bool = False,
     reduce: bool = True,
@@ -149,7 +149,7 @@ def tune(
 ) -> Tuning:
     """Finds the cheapest settings of hard contact within an error budget, and pairs of bodies that need no contact.
 
-    Settings are chosen on some episodes and tested on others (held out). With the given confidence, at least the fraction `coverage` of
+    Settings are chosen on some episodes and tested on others (held out). With 95 % confidence, at least the fraction `coverage` of
     episodes is within the budget. Errors are those of time step, solver and precision. They are measured relative to a
     reference with the same contact law that is converged to a tenth of the budget.
 
@@ -159,7 +159,6 @@ def tune(
         error: Error budget with its unit: "1 mm", "0.5 deg".
         horizon: Simulated time up to which the error must stay within the budget: "1 s", "500 ms", or a number of seconds.
         coverage: Fraction of episodes that must stay within the budget.
-        confidence: Confidence with which the coverage is proved.
         episodes: Number of episodes on which settings are chosen.
         alone: Whether to minimise the cost of a single environment instead of a batch.
         reduce: Whether to search for pairs of bodies that never come near each other.
@@ -175,8 +174,7 @@ def tune(
     """
     budget, unit = quantity(error, name="error", units=("m", "rad"))
     seconds, _ = quantity(horizon, name="horizon", units=("s",))
-    for name, share in (("coverage", coverage), ("confidence", confidence)):
-        check_fraction(name, share)
+    check_fraction("coverage", coverage)
     check_whole("episodes", episodes, least=1)
     check_pages()
     study = Study.from_model(source)
@@ -189,19 +187,18 @@ def tune(
     )
     report_progress: ProgressCallback = progress or (lambda _what, _done: None)
     distance = Distance(unit, seconds)
-    enough = trials_for(coverage, 1 - (1 - confidence) / 2)
+    enough = trials_for(coverage, 1 - (1 - _CONFIDENCE) / 2)
     if (count := len(_distinct(study, range(episodes, episodes + enough), {}))) < enough:
         raise ValueError(
-            f"{study.name}: {count} of {enough} held-out episodes are distinct, and a coverage of {coverage} with the confidence "
-            f"{confidence} needs all of them; give it qpos_noise, qvel_noise, a random start or controller, or more recorded episodes, "
-            "or lower coverage or confidence"
+            f"{study.name}: {count} of {enough} held-out episodes are distinct, and a coverage of {coverage} needs all of them; give it "
+            "qpos_noise, qvel_noise, a random start or controller, or more recorded episodes, or lower the coverage"
         )
     with locked(path_of("out", out) / study.name) as folder:
         reference = converge(
             study, range(episodes), distance, target=_REFERENCE_SHARE * budget, progress=lambda done: report_progress("reference", done)
         )
         usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, report_progress=report_progress)
-        candidates.sort(key=lambda own: (not own.error <= budget, own.us_single_env if alone else own.batch))
+        candidates.sort(key=lambda own: (not own.error <= budget, getattr(own, _cost(alone))))
         trials: list[Trial] = []
         chosen = None
         first = episodes
@@ -210,7 +207,7 @@ def tune(
         for candidate in candidates:
             if not candidate.error <= bound:
                 continue
-            doubt = (1 - confidence) / 2.0 ** (len(trials) + 1)
+            doubt = (1 - _CONFIDENCE) / 2.0 ** (len(trials) + 1)
             count = trials_for(coverage, 1 - doubt)
             held_out = _distinct(study, range(first, first + count), candidate.settings)
             if len(held_out) < count:
@@ -234,31 +231,13 @@ def tune(
         document = Document(f"Tuning of {study.name}")
         searched = (tuple(candidates), tuple(trials), unused)
         found = Tuning(*(study, budget, distance, chosen, options, precision, usual, *searched, smaller, document, ()))
-        document.sections += _sections(found, reference, coverage=coverage, confidence=confidence, alone=alone, exhausted=exhausted)
+        document.sections += _sections(found, reference, coverage=coverage, alone=alone, exhausted=exhausted)
         return replace(found, files=tuple(_save(found, folder)))
 
 
-@dataclass
-class _Case:
-    """Candidate settings with a given time step, and the result of their run.
-
-    Attributes:
-        name: Name of the settings.
-        line: Changed settings without the time step.
-        steps: Number of time steps per control period.
-        settings: Changed settings with the time step.
-        trace: Recorded run.
-        error: Largest error plus uncertainty of the reference, m or rad.
-        cost: Microseconds of one core for a simulated second, alone and in a batch; NaN if not measured.
-    """
-
-    name: str
-    line: dict[str, Any]
-    steps: int
-    settings: dict[str, Any]
-    trace: Trace
-    error: float
-    cost: tuple[float, float] = (math.nan, math.nan)
+def _cost(alone: bool) -> str:
+    """Name of the attribute of `Candidate` with the cost to minimise: that of a single environment, or that in a batch."""
+    return "us_single_env" if alone else "batch"
 
 
 def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
@@ -294,74 +273,80 @@ def _candidates(
     First, all settings are run at the time step of the study, and at longer and shorter ones by factors of two. Some settings
     may become the cheapest at longer time steps. They also run between the longest time step within the budget and the next longer one.
     """
-    by = 0 if alone else 1
     timestep = study.options.timestep or float(study.loaded[0].timestep)
     own = steps_of(study, timestep)
     counts = sorted({own, *(steps_of(study, dt) for dt in timesteps(study, coarser=4, finer=4))})
     lines = _lines(study)
-    progress = functools.partial(report_progress, "candidates")
+    traces: dict[int, Trace] = {}
 
-    def cases_of(chosen: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Case]:
+    def ran(chosen: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[Candidate]:
+        """Candidates from names, changed settings and numbers of time steps per control period, after their runs."""
         # The study's time step keeps its exact value; others are the control period divided by a whole number.
         settings = [line | {"timestep": timestep if steps == own else study.control_period / steps} for _, line, steps in chosen]
         patient = [patience(study, reference.trace, own["timestep"]) for own in settings]
-        traces = runs(study, episodes, settings, patient, progress=lambda part: progress(done[0] + (done[1] - done[0]) * part))
-        errors = [
-            math.inf if trace.stopped else float((distance(trace, reference.trace) + reference.uncertainty).max()) for trace in traces
-        ]
-        return [
-            _Case(name, line, steps, given, trace, error)
-            for (name, line, steps), given, trace, error in zip(chosen, settings, traces, errors, strict=True)
-        ]
+        made = runs(
+            study, episodes, settings, patient, progress=lambda part: report_progress("candidates", done[0] + (done[1] - done[0]) * part)
+        )
+        candidates = []
+        for (name, *_), given, trace in zip(chosen, settings, made, strict=True):
+            error = math.inf if trace.stopped else float((distance(trace, reference.trace) + reference.uncertainty).max())
+            candidates.append(Candidate(given, name, error, stopped=trace.stopped))
+            traces[id(candidates[-1])] = trace
+        return candidates
 
-    def time(some: Sequence[_Case], repeats: int, done: tuple[float, float]) -> None:
+    def time(some: Sequence[Candidate], repeats: int, done: tuple[float, float]) -> None:
         with one_core():
             spent = costs(
                 study,
                 [one.settings for one in some],
-                [one.trace for one in some],
+                [traces[id(one)] for one in some],
                 repeats=repeats,
                 seconds=0.004,
                 progress=lambda part: report_progress("costs", done[0] + (done[1] - done[0]) * part),
             )
         for one, cost in zip(some, spent, strict=True):
-            one.cost = cost
+            one.us_single_env, one.batch = cost
 
-    found = cases_of([(name, line, steps) for name, line in lines for steps in counts], (0.0, 0.8))
-    usual = next(one for one in found if one.name == OWN and one.steps == own)
+    def steps(one: Candidate) -> int:
+        return steps_of(study, one.settings["timestep"])
+
+    def cost(one: Candidate) -> float:
+        return float(getattr(one, _cost(alone)))
+
+    found = ran([(name, line, count) for name, line in lines for count in counts], (0.0, 0.8))
+    usual = next(one for one in found if one.name == OWN and steps(one) == own)
     # Settings within the budget are timed, and the study's settings unless they diverge.
     keep = [one for one in found if one.error <= budget]
     first = [usual] if math.isfinite(usual.error) else []
     time([*first, *(one for one in keep if one is not usual)], 3, (0.0, 0.5))
-    between: list[_Case] = []
+    between: list[Candidate] = []
     for _ in range(_BISECTIONS if keep else 0):
-        best = min(one.cost[by] for one in keep if one not in between)
+        best = min(cost(one) for one in keep if one not in between)
         chosen = []
         for name, line in lines:
             of_line = [one for one in found if one.name == name]
-            longest = min((one for one in of_line if one.error <= budget), key=lambda one: one.steps, default=None)
+            longest = min((steps(one) for one in of_line if one.error <= budget), default=None)
             if longest is None:
                 continue
-            failed = max((one.steps for one in of_line if one.steps < longest.steps), default=longest.steps)
-            middle = (failed + longest.steps) // 2
-            timed = min((one for one in of_line if math.isfinite(one.cost[by])), key=lambda one: one.steps)
+            failed = max((steps(one) for one in of_line if steps(one) < longest), default=longest)
+            middle = (failed + longest) // 2
+            timed = min((one for one in of_line if math.isfinite(cost(one))), key=steps)
             # The bound assumes that a longer step costs at least as much.
-            if failed < middle < longest.steps and timed.cost[by] * (failed + 1) / timed.steps < best:
+            if failed < middle < longest and cost(timed) * (failed + 1) / steps(timed) < best:
                 chosen.append((name, line, middle))
-        made = cases_of(chosen, (0.8, 1.0))
+        made = ran(chosen, (0.8, 1.0))
         found += made
         between += [one for one in made if one.error <= budget]
         keep += [one for one in made if one.error <= budget]
         if not chosen:
             break
-    progress(1.0)
+    report_progress("candidates", 1.0)
     if keep:
-        near = _RETIMED_RATIO * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
+        near = _RETIMED_RATIO * min(cost(one) for one in keep if math.isfinite(cost(one)))
         # The second timing alternates between the candidates, so that changes of the machine's load do not decide their order.
-        time([*first, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
+        time([*first, *between, *(one for one in keep if one is not usual and cost(one) <= near)], 7, (0.5, 1.0))
     report_progress("costs", 1.0)
-    candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost, stopped=one.trace.stopped) for one in found}
-    return candidates[id(usual)], list(candidates.values())
+    return usual, found
 
 
 def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
@@ -424,9 +409,9 @@ def words_of(options: Options, precision: str | None) -> str:
     return f"stepper.Options({arguments})" + ("" if precision == "f64" else f', precision="{precision}"')
 
 
-def _sections(found: Tuning, reference: Reference, *, coverage: float, confidence: float, alone: bool, exhausted: bool) -> list[Section]:
+def _sections(found: Tuning, reference: Reference, *, coverage: float, alone: bool, exhausted: bool) -> list[Section]:
     """Sections of the report of `tune`."""
-    unit, cost = found.distance.unit, "us_single_env" if alone else "batch"
+    unit, cost = found.distance.unit, _cost(alone)
     words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {reference.words}."]
     if found.chosen is not None and found.options is not None:
         trial = found.trials[-1]
@@ -435,7 +420,7 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
             f"It takes {getattr(found.chosen, cost):.4g} us of one core for a simulated second of one environment. "
             f"{_compared(found, cost)}",
             f"{trial.held} of {trial.episodes} held-out episodes are within the budget: with {trial.confidence:.1%} confidence at least "
-            f"{trial.share:.1%} of episodes are (required: {coverage:.0%}, with {confidence:.0%} over all trials). The largest "
+            f"{trial.share:.1%} of episodes are (required: {coverage:.0%}, with {_CONFIDENCE:.0%} over all trials). The largest "
             f"error is {trial.worst:.2g} {unit}.",
         ]
     else:

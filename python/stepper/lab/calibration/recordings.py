@@ -15,18 +15,19 @@ import numpy as np
 
 from stepper.lab.calibration.fit import Fit, bootstrap, fit
 from stepper.lab.calibration.search import Array, smallest_set
-from stepper.lab.study.batches import run_points
+from stepper.lab.study.batches import USUAL, point_at, run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import least_share
-from stepper.lab.study.journal import Journal
+from stepper.lab.study.journal import Journal, Results
 from stepper.lab.study.parameters import check_value_conflicts, selected
-from stepper.lab.study.points import USUAL, point_at
 from stepper.lab.study.report import study_of
-from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
 from stepper.shared.arguments import check_number, check_whole
 from stepper.shared.progress import ProgressCallback
+
+_SAMPLES, _ROUNDS = 16, 5
+"""Number of samples per round of a fit, and number of rounds."""
 
 
 @dataclass(frozen=True)
@@ -94,13 +95,10 @@ class _Fitter:
         names: Names of all parameters.
         setting: Name of the settings.
         journal: Journal of the study.
-        samples: Number of samples per round of a fit.
-        rounds: Number of rounds of a fit.
     """
 
-    def __init__(self, study: Study, fitted: int, names: Sequence[str], *, setting: str, journal: Journal, samples: int, rounds: int):
+    def __init__(self, study: Study, fitted: int, names: Sequence[str], *, setting: str, journal: Journal):
         self._study, self._fitted, self._names, self._setting, self._journal = study, fitted, list(names), setting, journal
-        self._samples, self._rounds = samples, rounds
         self.sets: dict[frozenset[str], FittedSet] = {}
 
     def __call__(self, names: Sequence[str]) -> FittedSet:
@@ -111,8 +109,8 @@ class _Fitter:
             found = None
             if own:
                 found = fit(
-                    lambda samples: self._errors(own, samples, self._fitted).mean(axis=1), *ends.T, samples=self._samples,
-                    elite=max(4, self._samples // 3), rounds=self._rounds, seed=self._study.seed,
+                    lambda samples: self._errors(own, samples, self._fitted).mean(axis=1), *ends.T, samples=_SAMPLES,
+                    elite=_SAMPLES // 3, rounds=_ROUNDS, seed=self._study.seed,
                 )  # fmt: skip
             values = np.zeros((1, 0)) if found is None else found.values[None]
             self.sets[key] = FittedSet(own, found, self._errors(own, values, self._fitted)[0])
@@ -140,8 +138,6 @@ def calibrate_on_recordings(
     margin: float,
     parameters: Sequence[str] | None = None,
     setting: str = USUAL,
-    samples: int = 16,
-    rounds: int = 5,
     progress: ProgressCallback | None = None,
 ) -> RecordedCalibration:
     """Finds the smallest set of parameters whose fit predicts recordings as well as a fit of all parameters, to within a margin.
@@ -157,8 +153,6 @@ def calibrate_on_recordings(
         margin: Largest increase of the error, in the unit of the outcome.
         parameters: Names, or selectors with a range; None selects all parameters with low and high.
         setting: Name of the settings.
-        samples: Number of samples per round of a fit.
-        rounds: Number of rounds of a fit.
         progress: Progress callback with a text and the fraction done.
 
     Returns:
@@ -182,7 +176,7 @@ def calibrate_on_recordings(
         raise ValueError(f"{study.name} has no parameter with low and high: give it the parameters to fit")
     check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
     with Results(study, out) as results:
-        fitter = _Fitter(study, fitted, names, setting=setting, journal=results.journal, samples=samples, rounds=rounds)
+        fitter = _Fitter(study, fitted, names, setting=setting, journal=results.journal)
         every = fitter(names)
 
         def excess(chosen: set[int]) -> float:

@@ -7,6 +7,10 @@ others. A set passes if the outcome of the model differs from that of the world 
 2. The smallest set is the first that passes among the necessary parameters with k of the others, k = 0, 1, ..., in the order of their
    total Sobol indices. This is the minimum if a measurement of one more parameter never makes a model worse.
 3. Tolerances are halved together until the set passes, and then doubled one at a time, the least influential parameter first.
+
+A certificate is on worlds that were drawn after the set was chosen. Clopper and Pearson's bound gives the largest plausible fraction of
+worlds above the margin: 59 worlds without a violation certify 95 % of worlds with 95 % confidence. If a certificate fails, the set is
+changed and tried on new worlds. The probability of an error is divided by the number of planned tries, as in Bonferroni's correction.
 """
 
 from __future__ import annotations
@@ -14,11 +18,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.study.intervals import greatest_share, least_share
+from stepper.lab.study.intervals import greatest_share, least_share, trials_for
 
 Array = NDArray[np.float64]
 Difference = Callable[[Array, Array], Array]
@@ -244,3 +249,45 @@ def _subsets(members: Sequence[int]) -> Iterator[tuple[int, ...]]:
     """Subsets, the smallest first, and among those of equal size the ones with the first members first."""
     for size in range(len(members) + 1):
         yield from itertools.combinations(members, size)
+
+
+CONFIDENCE = 0.95
+"""Confidence of all tries together."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Certificate: in at least 95 % of plausible worlds the outcome differs by at most the margin.
+
+    Attributes:
+        trial: Result on the worlds of the certificate.
+        confidence: Confidence of this try.
+        number: Number of this try, from 1.
+        tries: Number of planned tries.
+    """
+
+    trial: Trial
+    confidence: float
+    number: int
+    tries: int
+
+    @property
+    def bound(self) -> float:
+        """Largest plausible fraction of worlds above the margin."""
+        return greatest_share(self.trial.violations, self.trial.worlds, self.confidence)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the certificate holds."""
+        return self.bound <= 1.0 - SHARE + 1e-12
+
+
+def confidence_of(tries: int) -> float:
+    """Confidence of each try, so that all tries together have the confidence `CONFIDENCE`."""
+    return 1.0 - (1.0 - CONFIDENCE) / tries
+
+
+def worlds_for(violations: int, tries: int) -> int:
+    """Smallest number of worlds for a certificate with this number of violations."""
+    first = trials_for(SHARE, confidence_of(tries))
+    return next(n for n in count(first) if greatest_share(violations, n, confidence_of(tries)) <= 1.0 - SHARE)

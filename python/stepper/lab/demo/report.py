@@ -11,8 +11,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from stepper.lab.demo.race import MATCHED, Plan, Track, humanoid_path, race, random_control
-from stepper.lab.demo.referee import Referee
+from stepper.lab.demo.race import MATCHED, Plan, Referee, Track, humanoid_path, race, random_control
 from stepper.lab.engines import EngineBatch, MujocoBatch, StepperBatch
 from stepper.lab.study.document import markdown_table
 from stepper.loading import load

@@ -1,11 +1,11 @@
 """Studies: episodes of a model with a controller, measured outcomes and uncertain parameters.
 
-- `study`: the definition of a study; `files` reads it from TOML
+- `study`: the definition of a study, also from TOML files
 - `parameters`, `outcomes`, `controllers`: parts of the definition
 - `worlds`: environments of one engine
-- `points`, `batches`: runs of episodes at values of the parameters, in batches
+- `batches`: runs of episodes at values of the parameters, in batches
 - `episode`: selected episodes, for recordings and the viewer
-- `journal`, `table`, `results`: results of finished episodes (rows) on disk
+- `journal`: results of finished episodes (rows) on disk
 - `sweep`: variation of one parameter at a time; `ranking`: of all at once
 - `failure_causes`: causes of failures; `touching`: statistics of contacts
 - `report`, `document`, `draw`: documents and pictures of the results

@@ -16,19 +16,81 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import did_you_mean
 from stepper._options import Options, Precision
 from stepper.lab.study import controllers
 from stepper.lab.study.journal import Journal, Row
 from stepper.lab.study.outcomes import Watch
-from stepper.lab.study.parameters import Values, actuator_model, model_fields, sensor_model
-from stepper.lab.study.points import Point
-from stepper.lab.study.worlds import ParameterValues, Plan, World, make_world, own_fields, stacked
+from stepper.lab.study.parameters import Parameter, Value, Values, actuator_model, model_fields, sensor_model
+from stepper.lab.study.worlds import MUJOCO_SETTINGS, ParameterValues, Plan, World, make_world, own_fields, stacked
 from stepper.shared.fields import RANDOMIZED
 
 if TYPE_CHECKING:
     from stepper.lab.study.study import Study
 
 Array = NDArray[np.float64]
+
+USUAL = "stepper"
+"""Name of the settings that are the options of the study itself."""
+_LACKING = {"midpoint", "auto"}
+"""Values of the options `integrator` and `solver` that MuJoCo does not have."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Point of a study: values of its parameters, and settings.
+
+    Attributes:
+        values: Values of parameters by name; absent parameters keep the model's numbers.
+        setting: Name of the settings.
+    """
+
+    values: Values
+    setting: str = USUAL
+
+
+def inapplicable(study: Study, setting: str, parameter: Parameter) -> str | None:
+    """Reason why a parameter has no effect with the settings of this name; None if it has an effect."""
+    given = study.setting(setting)
+    if parameter.kind == "options" and parameter.leaf in given:
+        return f"these settings fix {parameter.leaf}"
+    if given.get("engine") == "mujoco":
+        return _lacking(parameter)
+    if parameter.parsed.field == "geom_restitution" and given.get("contact", study.options.contact) == "mujoco":
+        return "MuJoCo's law of contact has no restitution"
+    return None
+
+
+def _lacking(parameter: Parameter) -> str | None:
+    """Reason why the engine MuJoCo cannot apply a parameter; None if it can."""
+    if parameter.kind in ("sensor", "actuator"):
+        return "MuJoCo has no sensor errors and no drives"
+    if parameter.kind == "options" and parameter.leaf not in MUJOCO_SETTINGS:
+        return f"MuJoCo has no {parameter.leaf}"
+    if parameter.kind == "options" and (words := _LACKING & {*parameter.levels(), parameter.nominal}):
+        return f"MuJoCo has no {parameter.leaf} {', '.join(sorted(map(str, words)))}"
+    if parameter.parsed.field in ("geom_restitution", "geom_concave", "eq_stiffness", "eq_damping"):
+        return f"MuJoCo has no {parameter.parsed.field}"
+    return None
+
+
+def nominal_of(study: Study, setting: str) -> dict[str, Value]:
+    """Nominal values by name of the parameters that have an effect with the settings of this name."""
+    return {name: value for name, value in study.nominal.items() if not inapplicable(study, setting, study.parameters[name])}
+
+
+def point_at(study: Study, values: Mapping[str, Value], setting: str = USUAL) -> Point:
+    """Point with given values of parameters by name; the others are nominal."""
+    chosen = nominal_of(study, setting)
+    for name, value in values.items():
+        if name not in study.parameters:
+            known = ", ".join(study.parameters) or "none"
+            raise ValueError(f"{study.name} has no parameter {name!r}{did_you_mean(name, study.parameters) or ','} there are: {known}")
+        if reason := inapplicable(study, setting, study.parameters[name]):
+            raise ValueError(f"parameter {name!r} has no effect with the settings {setting!r}: {reason}; leave it out")
+        study.parameters[name].check_value(value, f"parameter {name!r}")
+        chosen[name] = value
+    return Point(chosen, setting)
 
 
 @dataclass(frozen=True)
@@ -314,19 +376,6 @@ def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], ep
 def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
     """Runs a batch of episodes in given environments, and returns their results as rows, without the keys of rows in the journal."""
     outcomes = run_batch(study, world, episodes)
-    return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes)
-
-
-def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], world: World, outcomes: Mapping[str, Array]) -> list[Row]:
-    """Rows (results) of finished episodes, without the keys under which the journal stores them.
-
-    Args:
-        study: The study.
-        setting: Name of the settings.
-        members: Parameter values and number of each episode.
-        world: Environments after the episodes.
-        outcomes: Outcomes by name, (num_envs,) each.
-    """
     outcome, quality, settings = study.success_outcome, world.solver_quality(), world.settings()
     success = None if outcome is None else outcome.succeeds(outcomes[outcome.name])
     settings_digest = hashlib.sha256(json.dumps(study.resolved_settings(), sort_keys=True, default=str).encode()).hexdigest()[:16]
@@ -342,7 +391,7 @@ def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], wor
             "settings": settings,
             "resolved_settings": settings_digest,
         }
-        for env, (values, episode) in enumerate(members)
+        for env, (values, episode) in enumerate(zip(values_by_env, episodes, strict=True))
     ]
 
 

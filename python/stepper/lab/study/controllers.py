@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.lab.study.worlds import World
+from stepper.shared.arguments import check_takes
 from stepper.shared.files import existing
-from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
 FILES = "stepper_study_"

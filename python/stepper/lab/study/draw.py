@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stepper.lab.study.batches import USUAL
 from stepper.lab.study.document import counted
-from stepper.lab.study.points import USUAL
 from stepper.lab.study.sweep import Level, Sweep, ordered_outcomes
 from stepper.shared.files import write_figure
 from stepper.shared.machine import require

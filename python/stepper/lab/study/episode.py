@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stepper._stepper import Stepper
-from stepper.lab.study.batches import outcomes_of, rows_in, running, together, world_of
+from stepper.lab.study.batches import USUAL, outcomes_of, point_at, rows_in, running, together, world_of
 from stepper.lab.study.journal import Row
 from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.parameters import Value, check_value_conflicts
-from stepper.lab.study.points import USUAL, point_at
 from stepper.lab.study.worlds import StepperWorld
 from stepper.shared.arguments import check_mapping, path_of
 

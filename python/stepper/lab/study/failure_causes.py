@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from stepper.lab.study.batches import group_of, run_episodes
+from stepper.lab.study.batches import USUAL, Point, group_of, run_episodes
 from stepper.lab.study.journal import Journal, Row, diverged
-from stepper.lab.study.points import USUAL, Point
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import UNSOLVED
 

@@ -7,14 +7,26 @@ run repeats the batch. Other processes may read the file at any time.
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
+import os
 import sqlite3
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from stepper._status import Status
+from stepper.lab.study.document import check_pages
+from stepper.shared.arguments import path_of
+from stepper.shared.files import explained, locked, write_arrays, write_csv, write_text
+
+if TYPE_CHECKING:
+    from stepper.lab.study.study import Study
 
 Row = dict[str, Any]
 """Result of one episode, by name: key, setting, parameters, episode, seed, outcomes, success, quality, settings, resolved_settings."""
@@ -139,3 +151,114 @@ def _explained(path: Path) -> Iterator[None]:
         raise JournalError(f"{path}: SQLite cannot use the file ({error}): check its permissions and the space on the disk") from error
     except sqlite3.DatabaseError as error:
         raise JournalError(f"{path} is no journal of a study, or is damaged ({error}): {_RESTART}") from error
+
+
+SETTINGS, JOURNAL = "resolved_settings.json", "journal.sqlite"
+"""Names of the files in a study's folder with the provenance of the rows, and with the rows (results of episodes)."""
+
+
+class Results:
+    """Output folder of a study, as a context manager. Until it is closed, it is locked for other runs.
+
+    Args:
+        study: The study.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
+
+    Raises:
+        BlockingIOError: Another run writes to the folder.
+        JournalError: The journal cannot be used.
+    """
+
+    def __init__(self, study: Study, out: str | os.PathLike[str]):
+        check_pages()
+        self.folder = path_of("out", out) / study.name
+        with contextlib.ExitStack() as opened:
+            opened.enter_context(locked(self.folder))
+            self.journal = opened.enter_context(Journal(self.folder / JOURNAL, study.name))
+            self._write_settings(study)
+            self._opened = opened.pop_all()
+
+    def _write_settings(self, study: Study) -> None:
+        """Adds the study's provenance (model, versions, digests) as an entry to resolved_settings.json.
+
+        The key of the entry is its SHA-256, shortened.
+        """
+        file = self.folder / SETTINGS
+        with explained(file, "restore the file, or delete it with the journal to run the study from the start"):
+            entries: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+        text = json.dumps(study.resolved_settings(), sort_keys=True, default=str)
+        name = hashlib.sha256(text.encode()).hexdigest()[:16]
+        if name in entries:
+            return
+        write_text(file, json.dumps(entries | {name: json.loads(text)}, indent=2, sort_keys=True) + "\n")
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._opened.close()
+
+
+class Table:
+    """Table of n episodes of a study. Its columns are arrays (n,), as `table["outcome.lifted"]`.
+
+    Columns:
+
+    * "setting", "episode", "seed": name of the settings, number and seed of the episode
+    * "parameters.NAME": value of a parameter; NaN (or "" among texts) if the parameter did not change the model's number
+    * "outcome.NAME": value of an outcome
+    * "success": 1, 0, or -1 if the study has no condition of success
+    * "cause", in tables of `report`: cause of a failure; "" for a success, and for a failure in MuJoCo that was not examined
+    * "status": flags of `stepper.Status` over the episode
+    * "residual" (m/s), "max_penetration" (m), "max_limit_violation" (rad or m), "max_equality_violation" (m or rad): largest in the episode
+    * "settings.NAME": setting of the engine
+    * "resolved_settings": key of an entry in resolved_settings.json, with model, versions and digests
+
+    Args:
+        rows: Rows of the journal.
+        causes: Causes of failures, by the keys of their rows; None leaves the column out.
+    """
+
+    def __init__(self, rows: Sequence[Row], causes: Mapping[str, str] | None = None):
+        self.rows = list(rows)
+        flat = [_flat(row, None if causes is None else causes.get(row["key"], "")) for row in self.rows]
+        names = list(dict.fromkeys(name for row in flat for name in row))
+        self.columns: dict[str, NDArray[Any]] = {name: _column([row.get(name) for row in flat]) for name in names}
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self.columns[name]
+
+    def save(self, folder: Path, name: str = "table") -> list[Path]:
+        """Writes NAME.csv and NAME.npz, and returns their paths."""
+        rows = zip(*(column.tolist() for column in self.columns.values()), strict=True)
+        return [write_csv(folder / f"{name}.csv", [self.columns, *rows]), write_arrays(folder / f"{name}.npz", self.columns)]
+
+
+def _flat(row: Row, cause: str | None) -> dict[str, Any]:
+    """Row of the journal as a flat dictionary with the names of the table's columns."""
+    success = row["success"]
+    return {
+        "setting": row["setting"],
+        "episode": row["episode"],
+        "seed": row["seed"],
+        **{f"parameters.{name}": value for name, value in row["parameters"].items()},
+        **{f"outcome.{name}": value for name, value in row["outcomes"].items()},
+        "success": -1 if success is None else int(success),
+        **({} if cause is None else {"cause": cause}),
+        **row["quality"],
+        **{f"settings.{name}": value for name, value in row["settings"].items()},
+        "resolved_settings": row["resolved_settings"],
+    }
+
+
+def _column(values: Sequence[Any]) -> NDArray[Any]:
+    """Column of a table as an array of numbers or of words. Missing values (None) become NaN among numbers, and "" among words."""
+    given = [value for value in values if value is not None]
+    if any(isinstance(value, str) for value in given):
+        return np.array(["" if value is None else str(value) for value in values])
+    if given and len(given) == len(values) and all(isinstance(value, int) for value in given):
+        return np.array(values, np.int64)
+    return np.array([np.nan if value is None else float(value) for value in values])

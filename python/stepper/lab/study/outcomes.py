@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from stepper._arrays import array_of
 from stepper._hints import unknown
 from stepper._stepper import Model
-from stepper.shared.arguments import check_number
-from stepper.shared.functions import check_takes
+from stepper.shared.arguments import check_number, check_takes
 
 Array = NDArray[np.float64]
 Measure = Callable[[Any], Any]

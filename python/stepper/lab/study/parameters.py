@@ -391,13 +391,7 @@ def model_fields(parameters: Mapping[str, Parameter], model: Model, values_by_en
 
 
 def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
-    """Multiplies inertias by the ratio of the masses after and before a parameter's change.
-
-    Args:
-        made: Fields by name, (n, ...) each; "body_inertia" is changed, or added.
-        model: The model.
-        before: Masses before the change, (n, nbody), kg.
-    """
+    """Multiplies the inertias in `made`, fields by name, by the ratios of masses after and before a change; `before` is (n, nbody), kg."""
     masses, own = made["body_mass"], np.asarray(model.body_inertia, float)
     rows = made.setdefault("body_inertia", np.tile(own, (len(masses), 1, 1)))
     rows *= np.divide(masses, before, out=np.ones_like(masses), where=before > 0)[:, :, None]
@@ -426,14 +420,7 @@ def _varied(
 ) -> dict[str, Any] | None:
     """Parts of a sensor or actuator model by name, in which parameters have one value per environment; None if no parameter changes them.
 
-    Args:
-        kind: "sensor" or "actuator".
-        names: Names of all elements of this kind.
-        ideal: Part of an ideal element.
-        base: Sensor or actuator model of the study.
-        parameters: Parameters of the study by name.
-        model: The model.
-        values: Values of the parameters by name, for each environment.
+    `names` are those of all elements of the kind, `ideal` is the part of an ideal element, and `base` the study's sensor or actuator model.
     """
     given = {name: p for name, p in parameters.items() if p.kind == kind and any(name in own for own in values)}
     if not given:

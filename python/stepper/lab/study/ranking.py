@@ -20,17 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.study.batches import run_points
+from stepper.lab.study.batches import USUAL, Point, inapplicable, nominal_of, run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
-from stepper.lab.study.journal import diverged
+from stepper.lab.study.journal import Results, Table, diverged
 from stepper.lab.study.parameters import check_value_conflicts, selected
-from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.report import settings_sections, study_of
-from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
-from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_whole
 from stepper.shared.files import write_figure
 from stepper.shared.machine import package_version, require
@@ -193,11 +190,7 @@ def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str
 
 
 def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tuple[Array, Array, list[Array]]:
-    """Points of Saltelli's design, as matrices (samples, parameters) of parameter values.
-
-    Returns:
-        Matrix A, matrix B, and for each parameter the matrix A with the column of that parameter taken from B.
-    """
+    """Points of Saltelli's design, (samples, parameters) each: matrices A and B, and A with each parameter's column from B."""
     sampler = stats.qmc.Sobol(d=2 * len(names), rng=np.random.default_rng([study.seed, 2]))
     unit = sampler.random(samples)
     low, high = (np.array([getattr(study.parameters[name], end) for name in names], float) for end in ("low", "high"))
@@ -214,13 +207,8 @@ def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tup
 def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Array, Array, Array]:
     """Total and first-order Sobol indices, (parameters,), and the ends of their 95 % intervals, (parameters, 2).
 
-    Intervals are percentiles over resampled points. The corrected percentiles of SciPy's bootstrap are NaN for parameters without effect.
-
-    Args:
-        stats: Module `scipy.stats`.
-        study: The study.
-        values: Outcome of every point, (points,): those of the matrices of Saltelli's design, in the order in which `_design` returns them.
-        n: Number of samples, which is the number of points of each matrix.
+    `values` has the outcome of every point, (points,), of the matrices of `_design`, n points each. Intervals are percentiles over
+    resampled points. The corrected percentiles of SciPy's bootstrap are NaN for parameters without effect.
     """
     rows = values.reshape(-1, n)
 
@@ -269,12 +257,7 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
 def _thirds(study: Study, values: Array, column: Array) -> tuple[tuple[float, ...], tuple[tuple[float, float], ...]]:
     """Mean outcomes in the lowest, middle and highest third of a parameter's range, and their 95 % intervals.
 
-    A third of the range is represented by a third of the points, which are sorted by the parameter.
-
-    Args:
-        study: The study.
-        values: Outcome of every point, (points,).
-        column: Value of the parameter at every point, (points,).
+    A third of the range is represented by a third of the points, which are sorted by the parameter's values, (points,) each.
     """
     order = np.argsort(column, kind="stable")
     parts = [_average(study, values[own]) for own in np.array_split(order, _THIRDS)]

@@ -13,17 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from stepper.lab.study.batches import USUAL, nominal_of
 from stepper.lab.study.document import Document, Section, cell, counted
 from stepper.lab.study.draw import draw
 from stepper.lab.study.failure_causes import Verdict, causes_of, rules_of
-from stepper.lab.study.journal import diverged
+from stepper.lab.study.journal import Results, Table, diverged
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
-from stepper.lab.study.points import USUAL, nominal_of
-from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import CLIFF, RESOLUTION, Level, Sweep, measured, ordered_outcomes, run_sweep
-from stepper.lab.study.table import Table
 from stepper.lab.study.touching import Pair, deciding, touching
 from stepper.sensors import Transfer
 from stepper.shared.machine import package_version

@@ -1,4 +1,4 @@
-"""Definition of a study (`stepper.lab.Study`): model, controller, outcomes and parameters."""
+"""Definition of a study (`stepper.lab.Study`): model, controller, outcomes and parameters; studies from files."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import os
 import platform
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -23,16 +23,18 @@ from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
 from stepper.lab.study import controllers
+from stepper.lab.study.batches import USUAL
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import CHOICES, OF_MODEL, SETTINGS, Parameter, Value, Values, check, check_value_conflicts, with_nominal
-from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import Origin, compile_source, is_saved, load
+from stepper.policies import load as load_policy
 from stepper.sensors import SensorModel
-from stepper.shared.arguments import check_file_name, check_mapping, check_number, check_whole, path_of
-from stepper.shared.functions import check_takes
+from stepper.shared.arguments import check_file_name, check_mapping, check_number, check_takes, check_whole, path_of
+from stepper.shared.files import existing
 from stepper.shared.machine import package_version, require
+from stepper.shared.tables import read_file
 
 Array = NDArray[np.float64]
 Start = Callable[[World, list[np.random.Generator]], tuple[Any, Any]]
@@ -220,10 +222,20 @@ class Study:
         Raises:
             ValueError: The file does not contain a valid study; the message has its path.
         """
-        # Imported here, because files.py imports this module.
-        from stepper.lab.study.files import read_study  # noqa: PLC0415
-
-        return read_study(path_of("path", path), cls)
+        path = existing(path_of("path", path), "study")
+        if path.suffix == ".py":
+            study = getattr(controllers.load_file(path), "study", None)
+            if not isinstance(study, Study):
+                raise ValueError(f"{path}: it has no stepper.lab.Study named study")
+            # The default name is that of the file, as in TOML.
+            return replace(study, name=path.stem) if study.name == cls.name else study
+        if path.suffix not in (".toml", ".json"):
+            raise ValueError(f"{path} is no study: give a study's file, whose name ends in .toml or .py")
+        data = read_file(path)
+        try:
+            return _made(data, path)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path}: {error}") from error
 
     @cached_property
     def loaded(self) -> tuple[Model, Any]:
@@ -482,3 +494,99 @@ def _force_types(model: Model) -> list[str]:
 def _digest(value: Any) -> str:
     """Digest of a value of JSON: 32 hexadecimal digits."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:32]
+
+
+def _check_keys(given: Iterable[str], known: Collection[str], place: str) -> None:
+    """Raises ValueError for unknown entries of a table in a study file; the message has similar known entries."""
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        guesses = "".join(did_you_mean(name, known) for name in unknown[:1])
+        raise ValueError(f"{place} has unknown entries {unknown}{guesses or ','} it may have: {', '.join(sorted(known))}")
+
+
+def _made(data: dict[str, Any], path: Path) -> Study:
+    """Study from the contents of a TOML file."""
+    folder, given = path.resolve().parent, dict(data)
+    known = {field.name for field in fields(Study) if not field.name.startswith("_")} | {"policy"}
+    _check_keys(given, known, "the study")
+    if "model" not in given:
+        raise ValueError("model is missing: give the path of an MJCF, URDF or saved model")
+    given.setdefault("name", path.stem)
+    given["model"] = _model(given["model"], folder)
+    if "policy" in given:
+        if "controller" in given:
+            raise ValueError("give controller or policy, not both")
+        given["controller"] = _policy(given.pop("policy"), folder)
+    elif given.get("controller") not in (None, "random"):
+        given["controller"] = _controller(given["controller"], folder)
+    if "start" in given:
+        given["start"] = controllers.find(given["start"], folder)
+    if "outcomes" in given:
+        if not isinstance(given["outcomes"], list):
+            raise TypeError(f"outcomes is {given['outcomes']!r}, must be tables: begin each with the line [[outcomes]]")
+        given["outcomes"] = [_part(Outcome, _measured(table, folder), f"outcome {k + 1}") for k, table in enumerate(given["outcomes"])]
+    given["parameters"] = _parameters(given.get("parameters", {}))
+    if "options" in given:
+        given["options"] = _part(Options, given["options"], "options")
+    for name, model in (("sensors", SensorModel), ("actuators", ActuatorModel)):
+        if name in given:
+            own = given[name]
+            given[name] = model.from_file(folder / own) if isinstance(own, str) else model.from_dict(_tables(own, name), name)
+    return Study(**given)
+
+
+def _tables(own: dict[str, Any], name: str) -> dict[str, Any]:
+    """Dictionary for `SensorModel.from_dict` or `ActuatorModel.from_dict` from a table of a study file."""
+    return {name: {k: v for k, v in own.items() if k != "default"}} | ({"default": own["default"]} if "default" in own else {})
+
+
+def _model(source: str, folder: Path) -> Any:
+    """Source of a model from its text in a study file: MJCF text, a function, or a path relative to the folder."""
+    if "<" in source:
+        return source
+    if ":" in source and not os.path.exists(folder / source):
+        return controllers.find(source, folder)
+    return str(folder / source)
+
+
+def _policy(source: str, folder: Path) -> controllers.PolicyController:
+    """Controller from the entry `policy` of a study file."""
+    if source.endswith(".npz"):
+        return controllers.PolicyController(load_policy(folder / source))
+    found = controllers.find(source, folder)
+    return controllers.PolicyController(found() if isinstance(found, type) else found)
+
+
+def _controller(source: str, folder: Path) -> Callable[[Any], Any]:
+    """Controller from the entry `controller` of a study file."""
+    found: Callable[[Any], Any] = controllers.find(source, folder)
+    # A controller with internal state is an object of the class that the file names.
+    return found() if isinstance(found, type) else found
+
+
+def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Copy of the table of an outcome in a study file, with the measure function instead of its name "file.py:function"."""
+    measure = table.get("measure", "")
+    return table | {"measure": controllers.find(measure, folder)} if ":" in measure else table
+
+
+def _parameters(tables: Any) -> dict[str, Parameter]:
+    """Parameters of a study from the tables of its file, by name."""
+    if not isinstance(tables, dict):
+        raise TypeError(f"parameters is {tables!r}, must be tables: begin each with a line such as [parameters.friction]")
+    return {name: _part(Parameter, table, f"parameter {name!r}") for name, table in tables.items()}
+
+
+def _part(kind: type[Any], table: Any, place: str) -> Any:
+    """Object of a dataclass, from a table of a study file."""
+    if not isinstance(table, dict):
+        raise ValueError(f"{place} is {table!r}, must be a table")
+    known = {field.name for field in fields(kind)}
+    _check_keys(table, known, place)
+    required = [field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING]
+    if missing := [name for name in required if name not in table]:
+        raise ValueError(f"{place} has no {missing[0]}: add {missing[0]} = ...")
+    try:
+        return kind(**table)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{place}: {error}") from None

@@ -11,14 +11,12 @@ from itertools import pairwise
 import numpy as np
 
 from stepper._status import Status
-from stepper.lab.study.batches import run_points
+from stepper.lab.study.batches import USUAL, Point, inapplicable, nominal_of, run_points
 from stepper.lab.study.intervals import wilson
-from stepper.lab.study.journal import Journal, Row, diverged
+from stepper.lab.study.journal import Journal, Row, Table, diverged
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import COUNTS, Value, check_effects, selected
-from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.study import Study
-from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_fraction
 from stepper.shared.progress import ProgressCallback
 
@@ -246,13 +244,9 @@ def measured(study: Study) -> str:
 
 
 def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row], nominal: Sequence[Row]) -> Level:
-    """Statistics of the episodes at one value of a parameter.
+    """Statistics of the episodes of a cell: settings, parameter ("" for the nominal point) and value.
 
-    Args:
-        study: The study.
-        cell: Name of the settings, name of the parameter ("" for the nominal point), and value.
-        rows: Rows of the episodes.
-        nominal: Rows of the same episodes at the nominal point.
+    `nominal` has the rows of the same episodes at the nominal point.
     """
     main = measured(study)
     found = {outcome.name: _statistics(outcome.name, rows, nominal) for outcome in study.all_outcomes}
@@ -363,8 +357,7 @@ def _bisect(
 ) -> tuple[Cliff, Bisected]:
     """Locates the value of a parameter at which success ends (cliff), by bisection. Each round runs several values at once.
 
-    Returns:
-        The cliff, and all values that were run, with their rows.
+    Returns the cliff, and all values that were run, with their rows.
     """
     assert isinstance(one.value, int | float)
     assert isinstance(other.value, int | float)

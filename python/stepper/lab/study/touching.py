@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._stepper import Model
-from stepper.lab.study.batches import run_batch, world_of
-from stepper.lab.study.points import USUAL
+from stepper.lab.study.batches import USUAL, run_batch, world_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import StepperWorld, World
 

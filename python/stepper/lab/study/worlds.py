@@ -276,11 +276,7 @@ def own_fields(options: Options) -> frozenset[str]:
 
 
 def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
-    """Values of a plan's fields, divided into values that all environments share and values per environment.
-
-    Returns:
-        Model with the shared values; and the values of the other fields by name, (num_envs, *shape) each.
-    """
+    """Model with the values of a plan that all environments share, and the other fields by name, (num_envs, *shape) each."""
     shared, varying, may_vary = {}, {}, own_fields(plan.options)
     for field, rows in plan.fields.items():
         before = np.asarray(getattr(plan.model, field), float)

@@ -13,9 +13,16 @@ import numpy as np
 
 from stepper.loading.mjcf.actuators import activation, actuator
 from stepper.loading.mjcf.omissions import list_omissions
-from stepper.loading.mjcf.requested import requested
+from stepper.loading.mjcf.requested import (
+    contact_softness,
+    equality_softness,
+    joint_softness,
+    pair_softness,
+    requested,
+    soft_settings,
+    tendon_softness,
+)
 from stepper.loading.mjcf.sensors import sensors, sites
-from stepper.loading.mjcf.softness import contact_softness, equality_softness, joint_softness, pair_softness, soft_settings, tendon_softness
 from stepper.loading.mjcf.source import (
     CAPSULE,
     CONNECT,

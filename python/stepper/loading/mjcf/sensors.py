@@ -80,12 +80,6 @@ def _history(source: Source, i: int, word: str, name: str) -> Description:
 
     A delayed reading between two steps is interpolated linearly, except if the sensor has an interval. Therefore a sensor that uses the
     previous sample (`PREVIOUS`) gets an interval of one step if its delay is no whole number of steps.
-
-    Args:
-        source: The compiled model, to which unsupported settings are added as omissions.
-        i: Index of the sensor in MuJoCo's model.
-        word: Type of the sensor in MJCF.
-        name: Name of the sensor in omissions.
     """
     m, step = source.m, float(source.m.opt.timestep)
     samples, between = (int(x) for x in m.sensor_history[i])
@@ -106,6 +100,9 @@ def _history(source: Source, i: int, word: str, name: str) -> Description:
     elif delay and between == CUBIC and not is_whole(delay, step):
         reason = "delayed readings are interpolated linearly, not with a cubic polynomial"
         source.leave_out(f"sensor {word} interpolation", name, reason, changes_motion=False)
+    elif delay < float(m.sensor_delay[i]) and not is_whole((samples - 1) * interval, step):
+        reason = "the buffer is shorter than the delay, and its age is no whole number of steps: a reading may be a sample too late"
+        source.leave_out(f"sensor {word} buffer", name, reason, changes_motion=False)
     if delay and between == PREVIOUS and not is_whole(delay, step):
         interval = interval or step
     return {"delay": delay, "interval": interval}
@@ -231,10 +228,7 @@ def _range(source: Source, i: int) -> Description:
 def _side(source: Source, kind: int, index: int) -> str | Description:
     """Filter of a contact sensor for one of the two geoms of a contact, as a name or dictionary for the Rust library.
 
-    Args:
-        source: The compiled model.
-        kind: MuJoCo's number of the type of object to which the geom must belong.
-        index: Index of this object; below 0 any geom matches.
+    `kind` is MuJoCo's number of the type of object to which the geom must belong, `index` that of the object; below 0 any geom matches.
     """
     types = {**_object_types(source), int(source.mujoco.mjtObj.mjOBJ_XBODY): "Subtree"}
     if index < 0 or kind == int(source.mujoco.mjtObj.mjOBJ_UNKNOWN):

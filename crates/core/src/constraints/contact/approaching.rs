@@ -237,7 +237,7 @@ impl<R: Real> ConstraintProblem<R> {
                 let lanes = std::mem::replace(&mut contact.doubtful, R::Mask::splat(false));
                 let impulse = velocity.impulses.take_impulse(rows, contact.contact, lanes);
                 contact.impulse = select(lanes, impulse, contact.impulse);
-                rows.defer_contact(contact.contact, lanes);
+                rows.contacts.defer(contact.contact, lanes);
                 contact.lanes = contact.lanes.or(lanes);
             }
         });
@@ -252,7 +252,7 @@ impl<R: Real> ConstraintProblem<R> {
         kernel!(R, || {
             for i in 0..self.deferred.len() {
                 let deferred = &self.deferred[i];
-                let open = self.rows.normal_velocity_above_target(deferred.contact, &velocity.impulses.w).ge(R::zero());
+                let open = self.rows.contacts.normal_velocity_above_target(deferred.contact, &velocity.impulses.w).ge(R::zero());
                 self.activate_contact(velocity, i, deferred.lanes.and(open), [R::zero(); 6]);
             }
         })
@@ -304,7 +304,7 @@ impl<R: Real> ConstraintProblem<R> {
         if lanes.any() {
             let Self { deferred, rows, .. } = self;
             let deferred = &mut deferred[i];
-            let lanes = rows.activate_contact(deferred.contact, lanes);
+            let lanes = rows.contacts.activate(deferred.contact, lanes);
             velocity.impulses.set_first_impulse(rows, deferred.contact, lanes, impulse);
             velocity.saved_impulses.set_first_impulse(rows, deferred.contact, lanes, impulse);
             deferred.lanes = deferred.lanes.and_not(lanes);

@@ -31,7 +31,7 @@ impl<R: Real> ConstraintProblem<R> {
             islands.find(compiled, System::from(&self.rows), lane);
             islands.add_loads(compiled, System::from(&self.rows), impulses, lane);
             for i in 0..self.curvature_terms.len() {
-                let k = self.slot_of(self.curvature_terms[i].contact);
+                let k = self.contact_slots[self.curvature_terms[i].contact].slot;
                 if k >= contacts.count[lane] {
                     continue;
                 }
@@ -49,11 +49,7 @@ impl<R: Real> ConstraintProblem<R> {
     pub(crate) fn remove_curvature(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         let (Self { rows, curvature_terms, .. }, mut changed) = (self, R::Mask::splat(false));
         let CurvatureTerms { contact, terms } = &mut curvature_terms[i];
-        let g = match contact.checked_sub(rows.contacts.len()) {
-            None => &mut rows.contacts[*contact].g[1..3],
-            Some(rolling) => &mut rows.rolling_contacts[rolling].g[1..3],
-        };
-        for (g, term) in g.iter_mut().zip(terms) {
+        for (g, term) in rows.contacts.sliding_offsets_mut(*contact).iter_mut().zip(terms) {
             let dropped = R::select(lanes, *term, R::zero());
             changed = changed.or(dropped.abs().gt(R::zero()));
             *g -= dropped;

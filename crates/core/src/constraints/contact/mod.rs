@@ -28,7 +28,7 @@ pub mod restitution;
 pub mod torsional_rolling;
 
 use stepper_real::{Mask, Real, Scalar, kernel};
-use stepper_solve::{FrictionContacts, Iterate, LocalSolver, Problem, velocity_rounding};
+use stepper_solve::{MAX_CONTACT_ROWS, RowCount, velocity_rounding};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::assembler::{Assembler, RowInput};
@@ -121,13 +121,13 @@ pub(crate) struct ContactRows<R: Real, const N: usize> {
     pub(crate) mobility_ratio: Option<R>,
     /// Impulse of each row from which the solve starts, N s.
     pub(crate) impulse: [R; N],
+    /// Lengths that scale the three rotation rows, m; `None` without such rows.
+    pub(crate) rotation_scale: Option<V3<R>>,
 }
 
 impl<R: Real> Assembler<'_, R> {
     /// Adds the three rows of the contact in slot `k`, in the lanes `lanes` (bits). There the contact has only sliding friction, or no
     /// friction.
-    ///
-    /// The caller must have called `gather_dofs` of the row builder.
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
@@ -143,6 +143,7 @@ impl<R: Real> Assembler<'_, R> {
                 |[before, after]| mobility_ratio(&before, &after),
             ),
             impulse: slot.impulse,
+            rotation_scale: None,
         };
         self.push_contact_rows(
             input,
@@ -151,39 +152,33 @@ impl<R: Real> Assembler<'_, R> {
             &rows,
             #[inline(always)]
             |builder, d| scale(builder.column[d], mass.sqrt_inv_d[d]),
-            #[inline(always)]
-            |problem| &mut problem.contacts,
-            #[inline(always)]
-            |impulses| &mut impulses.contacts,
         );
-        self.problem.sliding_slots.push((k, R::Mask::from_bits(lanes)));
     }
 
     /// Makes the rows of the contact in slot `k` a part of the solver's problem, in the lanes `lanes` (bits), with the impulse from which
     /// the solve starts.
     ///
-    /// `entries` returns the entries of the rows at a coordinate. `set` selects the list of the contact, and `impulses` that of its
-    /// impulse.
-    #[expect(clippy::too_many_arguments, reason = "rows, their entries, and two lists")]
+    /// `entries` returns the entries of the rows at a coordinate.
     #[inline(always)]
-    pub(crate) fn push_contact_rows<const N: usize, L: LocalSolver<R, N>>(
+    pub(crate) fn push_contact_rows<const N: usize>(
         &mut self,
         input: &RowInput<'_, R>,
         contacts: &Contacts<R>,
         (k, lanes): (usize, u32),
         rows: &ContactRows<R, N>,
         entries: impl Fn(&RowBuilder<R>, usize) -> [R; N],
-        set: impl Fn(&mut Problem<R>) -> &mut FrictionContacts<R, N, L>,
-        impulses: impl Fn(&mut Iterate<R>) -> &mut Vec<[R; N]>,
-    ) {
-        let ContactRows { common: CommonRows { exists, deferred, compliance }, mu, offsets: g, curvature, mobility_ratio, impulse } = *rows;
-        let contact = self.problem.rows.contacts.len() + self.problem.rows.rolling_contacts.len();
+    ) where
+        [R; N]: RowCount<R, N>,
+    {
+        let ContactRows { common: CommonRows { exists, deferred, compliance }, mu, offsets: g, curvature, mobility_ratio, impulse, .. } =
+            *rows;
+        let contact = self.problem.rows.contacts.len();
         let (builder, least) = (&self.builder, self.problem.rows.least_mobility);
         let mut offsets = [R::zero(); N];
         for i in 0..N {
             offsets[i] = g[i][0];
         }
-        set(&mut self.problem.rows).push(
+        self.problem.rows.contacts.push(
             &builder.dofs,
             #[inline(always)]
             |d| entries(builder, d),
@@ -192,22 +187,21 @@ impl<R: Real> Assembler<'_, R> {
             offsets,
             least,
         );
-        if set(&mut self.problem.rows).last_is_immovable().any() {
+        if self.problem.rows.contacts.last_is_immovable().any() {
             let (movable, negligible) = self.find_movable(input, contacts, k, lanes, g[0]);
-            let set = set(&mut self.problem.rows);
-            set.make_movable(movable);
-            set.clear_negligible_approach(negligible);
+            self.problem.rows.contacts.make_movable(movable);
+            self.problem.rows.contacts.clear_negligible_approach(negligible);
         }
         if let Some(terms) = curvature {
             self.problem.curvature_terms.push(CurvatureTerms { contact, terms });
             // A self-locking contact, such as a wedge, carries any load by friction. Curvature terms could prescribe velocities that the
             // joints do not allow, and no impulses would be a solution.
-            let is_self_locking = set(&mut self.problem.rows).is_self_locking();
+            let is_self_locking = self.problem.rows.contacts.is_self_locking();
             if is_self_locking.any() {
                 self.problem.remove_curvature(self.problem.curvature_terms.len() - 1, is_self_locking);
             }
         }
-        let set = set(&mut self.problem.rows);
+        let set = &mut self.problem.rows.contacts;
         if let Some(ratio) = mobility_ratio {
             set.set_mobility_ratio(ratio);
         }
@@ -220,14 +214,14 @@ impl<R: Real> Assembler<'_, R> {
         for i in 1..N {
             position[i] = g[i][1] - g[i][0];
         }
-        set.set_position_offset(position);
+        set.set_position_offset(&position);
         // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = set.last_is_immovable();
         let deferred_lanes = deferred.lanes.and_not(immovable);
         let not_deferred = exists.and_not(deferred_lanes);
         if deferred_lanes.any() {
-            set.defer(deferred_lanes);
-            let mut initial = [R::zero(); 6];
+            set.defer_last(deferred_lanes);
+            let mut initial = [R::zero(); MAX_CONTACT_ROWS];
             initial[..N].copy_from_slice(&impulse);
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: deferred_lanes, impulse: initial, ..deferred });
         }
@@ -237,7 +231,8 @@ impl<R: Real> Assembler<'_, R> {
         for i in 0..N {
             initial[i] = R::select(acts, impulse[i], R::zero());
         }
-        impulses(&mut self.velocity.impulses).push(initial);
+        self.velocity.impulses.contacts.extend_from_slice(&initial);
+        self.problem.push_contact_slot(k, R::Mask::from_bits(lanes), rows.rotation_scale);
         self.problem.constrained = self.problem.constrained.or(not_deferred);
     }
 
@@ -294,12 +289,11 @@ impl<R: Real> Assembler<'_, R> {
     }
 
     /// Builds the rows of the contact in slot `k` along its normal and its tangents, in the lanes `lanes` (bits).
-    ///
-    /// The caller must have called `gather_dofs` of the row builder.
     #[inline(always)]
     pub(crate) fn sliding_rows(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, mass, .. } = *input;
         let mut exists = R::Mask::from_bits(lanes);
+        self.builder.gather_dofs(self.problem, compiled, contacts, k, lanes);
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
         let has_curvature = input.in_the_middle && self.builder.both_move != 0;
         let change = if has_curvature { self.builder.change_by_free_motion(input) } else { zero() };

@@ -21,7 +21,7 @@
 use std::ops::Range;
 
 use stepper_real::{Mask, Real, Scalar, kernel};
-use stepper_solve::{Iterate, Problem};
+use stepper_solve::{Constraint, Iterate, MAX_CONTACT_ROWS, Problem};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;
@@ -35,8 +35,7 @@ use crate::tuning::{
 /// Contact groups of all lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct ContactGroups<R> {
-    /// Indices in the problem of the contacts of all groups, group by group. Contacts with three rows come first, then those with six.
-    /// Immovable contacts are absent.
+    /// Indices in the problem of the contacts of all groups, group by group. Immovable contacts are absent.
     members: Vec<usize>,
     /// Contact groups of all lanes, lane by lane.
     groups: Vec<ContactGroup>,
@@ -47,7 +46,7 @@ pub(crate) struct ContactGroups<R> {
     /// For each coordinate, index of a contact group that moves it. Groups with a common coordinate belong to the same cluster.
     owners: Vec<usize>,
     /// Velocities of all contacts of the problem, m/s.
-    velocities: Vec<[R; 6]>,
+    velocities: Vec<[R; MAX_CONTACT_ROWS]>,
     /// Contacts of the cluster whose loads are being shared (groups that move a common coordinate).
     points: Vec<Point>,
     /// Loads of the cluster whose loads are being shared.
@@ -72,7 +71,7 @@ impl ContactGroup {
     /// members.
     fn contacts<'a, R: Real>(&self, members: &'a [usize], problem: &'a ConstraintProblem<R>) -> impl Iterator<Item = usize> + 'a {
         let lane = self.lane;
-        members[self.members[0]..self.members[1]].iter().copied().filter(move |&i| problem.rows.contact_lanes(i).bits() >> lane & 1 == 1)
+        members[self.members[0]..self.members[1]].iter().copied().filter(move |&i| problem.rows.contacts[i].active.bits() >> lane & 1 == 1)
     }
 }
 
@@ -88,12 +87,12 @@ pub(crate) enum Clusters {
 /// Contact in the cluster whose loads are being shared.
 #[derive(Clone, Copy, Debug)]
 struct Point {
-    /// Index of the contact in the problem. Contacts with three rows come first, then those with six.
+    /// Index of the contact in the problem.
     contact: usize,
     /// Friction coefficient of the contact's rows.
     mu: f64,
     /// Velocity of the contact along the normal and the tangents, m/s.
-    velocity: [f64; 6],
+    velocity: [f64; MAX_CONTACT_ROWS],
     /// Whether load sharing may change the impulse of the contact.
     free: bool,
 }
@@ -101,7 +100,7 @@ struct Point {
 impl Point {
     /// Replaces the friction impulse in `lambda` by one that belongs to the normal impulse. If the contact moves faster than `slip_speed`,
     /// it is mu times the normal impulse, against the motion, otherwise at most mu times the normal impulse.
-    fn set_friction(&self, slip_speed: f64, lambda: &mut [f64; 6]) {
+    fn set_friction(&self, slip_speed: f64, lambda: &mut [f64; MAX_CONTACT_ROWS]) {
         // Rounding can make the normal impulse negative.
         let (most, slip) = (self.mu * lambda[0].max(0.0), slip(&self.velocity));
         let (sign, direction, size) = if slip > slip_speed { (-1.0, self.velocity, slip) } else { (1.0, *lambda, self::slip(lambda)) };
@@ -160,7 +159,7 @@ impl Loads {
         rows.clear();
         for (k, p) in points.iter().enumerate().filter(|(_, p)| p.free) {
             let used = if p.mu > 0.0 { width } else { 1 };
-            problem.for_each_contact_entry(p.contact, lane, |c, y| {
+            problem.contacts.for_each_entry(p.contact, lane, |c, y| {
                 if y[..used].iter().all(|&y| y == 0.0) {
                     return;
                 }
@@ -334,7 +333,7 @@ impl<R: Real> ContactGroups<R> {
         let (all, mut bits) = (lanes.bits(), [0_u64; MAX_LANES]);
         for group in self.groups.iter().filter(|group| all >> group.lane & 1 == 1) {
             for i in group.contacts(&self.members, problem) {
-                bits[group.lane] ^= iterate.contact_impulse(i)[0].lane(group.lane).to_f64().to_bits();
+                bits[group.lane] ^= iterate.contact_impulse(&problem.rows, i)[0].lane(group.lane).to_f64().to_bits();
             }
         }
         // The high bits of the product depend on all bits (multiplication by 2^64 divided by the golden ratio).
@@ -351,8 +350,8 @@ impl<R: Real> ContactGroups<R> {
         let mut lanes = 0;
         for group in self.groups.iter().filter(|p| contacts.count[p.lane] <= MAX_NEW_CONTACTS) {
             let (own, lane) = (|| group.contacts(&self.members, problem), group.lane);
-            let unloaded = |i: usize| iterate.contact_impulse(i)[0].lane(lane) <= R::Scalar::default();
-            let closes = |i: usize| problem.rows.contact_velocity(i, &iterate.w)[0].lane(lane) < R::Scalar::default();
+            let unloaded = |i: usize| iterate.contact_impulse(&problem.rows, i)[0].lane(lane) <= R::Scalar::default();
+            let closes = |i: usize| problem.rows.contacts.normal_velocity_above_target(i, &iterate.w).lane(lane) < R::Scalar::default();
             if lanes >> lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
                 lanes |= 1 << lane;
             }
@@ -370,14 +369,14 @@ impl<R: Real> ContactGroups<R> {
         let Self { groups, members, velocities, .. } = self;
         velocities.clear();
         kernel!(R, || {
-            for i in 0..problem.rows.contacts.len() + problem.rows.rolling_contacts.len() {
-                velocities.push(problem.rows.contact_velocity(i, &iterate.w));
+            for i in 0..problem.rows.contacts.len() {
+                velocities.push(problem.rows.contacts.velocity(i, &iterate.w));
             }
         });
         let (all, mut slipping) = (lanes.bits(), 0);
         for group in groups.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
             let (lane, most) = (group.lane, slip_speed.lane(group.lane).to_f64());
-            let loaded = |i: usize| iterate.contact_impulse(i)[0].lane(lane).to_f64() > 0.0;
+            let loaded = |i: usize| iterate.contact_impulse(&problem.rows, i)[0].lane(lane).to_f64() > 0.0;
             group.slips = group.contacts(members, problem).any(|i| loaded(i) && slip(&numbers_of(&velocities[i], lane)) > most);
             slipping |= u32::from(group.slips) << lane;
         }
@@ -428,8 +427,8 @@ impl<R: Real> ContactGroups<R> {
             for group in all[groups.clone()].iter().filter(|group| group.cluster == cluster) {
                 slips |= group.slips;
                 points.extend(group.contacts(members, problem).map(|i| {
-                    let (velocity, mu) = (numbers_of(&velocities[i], lane), problem.rows.contact_friction(i).lane(lane).to_f64());
-                    let loaded = iterate.contact_impulse(i)[0].lane(lane).to_f64() > 0.0;
+                    let (velocity, mu) = (numbers_of(&velocities[i], lane), problem.rows.contacts[i].mu.lane(lane).to_f64());
+                    let loaded = iterate.contact_impulse(&problem.rows, i)[0].lane(lane).to_f64() > 0.0;
                     Point { contact: i, mu, velocity, free: loaded || velocity[0] <= slip_speed }
                 }));
             }
@@ -442,15 +441,13 @@ impl<R: Real> ContactGroups<R> {
     /// Shares the loads of the contacts in `points`. Returns whether a load changed.
     fn share_cluster(&mut self, clusters: Clusters, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>, slip_speed: f64) -> bool {
         let Self { points, loads, .. } = self;
-        let rolls = points.iter().any(|p| p.contact >= problem.contacts.len());
         loads.width = match clusters {
             Clusters::Slipping => 1,
-            Clusters::Sticking if rolls => 6,
-            Clusters::Sticking => 3,
+            Clusters::Sticking => points.iter().map(|p| problem.contacts[p.contact].rows().len()).max().unwrap_or(1),
         };
         let width = loads.width;
         loads.impulses.clear();
-        points.iter().for_each(|p| loads.impulses.extend(&numbers_of(&iterate.contact_impulse(p.contact), lane)[..width]));
+        points.iter().for_each(|p| loads.impulses.extend(&numbers_of(iterate.contact_impulse(problem, p.contact), lane)[..width]));
         let max_rows = match clusters {
             Clusters::Slipping => usize::MAX,
             Clusters::Sticking => (MAX_STICKING_WORK / (width * points.len())).isqrt(),
@@ -470,17 +467,17 @@ impl<R: Real> ContactGroups<R> {
         let least = MIN_SHARE_CHANGE[precision::<R>()] * largest;
         let mut changed = false;
         for (p, shared) in points.iter().zip(loads.impulses.chunks_exact(width)) {
-            let before = numbers_of(&iterate.contact_impulse(p.contact), lane);
+            let before = numbers_of(iterate.contact_impulse(problem, p.contact), lane);
             changed |= before.iter().zip(shared).any(|(before, shared)| (shared - before).abs() > least);
         }
         if changed {
             for (p, shared) in points.iter().zip(loads.impulses.chunks_exact(width)) {
-                let mut lambda = numbers_of(&iterate.contact_impulse(p.contact), lane);
+                let mut lambda = numbers_of(iterate.contact_impulse(problem, p.contact), lane);
                 lambda[..width].copy_from_slice(shared);
                 if clusters == Clusters::Slipping {
                     p.set_friction(slip_speed, &mut lambda);
                 }
-                iterate.set_contact_impulse(p.contact, lane, &lambda);
+                iterate.set_contact_impulse(problem, p.contact, lane, &lambda);
             }
         }
         changed
@@ -494,7 +491,7 @@ impl<R: Real> ContactGroups<R> {
         let lane = all[groups.start].lane;
         for p in groups.clone() {
             for i in all[p].contacts(members, problem) {
-                problem.rows.for_each_contact_entry(i, lane, |c, _| {
+                problem.rows.contacts.for_each_entry(i, lane, |c, _| {
                     let (owner, cluster) = (owners[c as usize], all[p].cluster);
                     if owner == cluster {
                         return;
@@ -517,13 +514,15 @@ fn precision<R: Real>() -> usize {
     usize::from(R::Scalar::IS_SINGLE)
 }
 
-/// Numbers of the lane `lane`.
-fn numbers_of<R: Real>(numbers: &[R; 6], lane: usize) -> [f64; 6] {
-    numbers.map(|x| x.lane(lane).to_f64())
+/// Numbers of the rows of a contact in the lane `lane`, followed by zeros.
+fn numbers_of<R: Real>(numbers: &[R], lane: usize) -> [f64; MAX_CONTACT_ROWS] {
+    let mut out = [0.0; MAX_CONTACT_ROWS];
+    out.iter_mut().zip(numbers).for_each(|(to, x)| *to = x.lane(lane).to_f64());
+    out
 }
 
 /// Length of the tangential part of a contact's velocity, m/s, or of its impulse, N s.
-fn slip(numbers: &[f64; 6]) -> f64 {
+fn slip(numbers: &[f64; MAX_CONTACT_ROWS]) -> f64 {
     numbers[1..].iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 

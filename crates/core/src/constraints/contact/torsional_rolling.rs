@@ -2,6 +2,7 @@
 //! axes.
 
 use stepper_real::{Mask, Real, kernel};
+use stepper_solve::RowCount;
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
@@ -43,10 +44,13 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the six rows of the contact in slot `k`, in the lanes `lanes` (bits) in which it has torsional or rolling friction.
-    pub(crate) fn add_rolling_contact(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    /// Adds the `N` rows of the contact in slot `k`, in the lanes `lanes` (bits): four rows where it has torsional friction and no rolling
+    /// friction, six where it has rolling friction.
+    pub(crate) fn add_rotating_contact<const N: usize>(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32)
+    where
+        [R; N]: RowCount<R, N>,
+    {
         kernel!(R, || {
-            self.builder.gather_dofs(self.problem, input.compiled, contacts, k, lanes);
             let RowInput { compiled, mass, .. } = *input;
             let slot = &contacts.data[k];
             let friction = Friction::of(compiled, contacts, k, lanes);
@@ -68,7 +72,7 @@ impl<R: Real> Assembler<'_, R> {
             let rows = ContactRows {
                 common,
                 mu: friction.mu,
-                offsets: [normal, scale(a, factor), scale(b, factor), rotation[0], rotation[1], rotation[2]],
+                offsets: first_of([normal, scale(a, factor), scale(b, factor), rotation[0], rotation[1], rotation[2]]),
                 curvature: curvature.map(
                     #[inline(always)]
                     |terms| scale(terms, factor),
@@ -81,7 +85,8 @@ impl<R: Real> Assembler<'_, R> {
                     }
                     _ => None,
                 },
-                impulse: [push[0], push[1] * factor, push[2] * factor, torque[0], torque[1], torque[2]],
+                impulse: first_of([push[0], push[1] * factor, push[2] * factor, torque[0], torque[1], torque[2]]),
+                rotation_scale: Some(friction.scale),
             };
             self.push_contact_rows(
                 input,
@@ -92,14 +97,9 @@ impl<R: Real> Assembler<'_, R> {
                 |builder, d| {
                     let (a, b, s) = (builder.linear[d], builder.column[d], mass.sqrt_inv_d[d]);
                     let t = s * factor;
-                    [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
+                    first_of([a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s])
                 },
-                #[inline(always)]
-                |problem| &mut problem.rolling_contacts,
-                #[inline(always)]
-                |impulses| &mut impulses.rolling_contacts,
             );
-            self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
         })
     }
 }
@@ -142,15 +142,22 @@ impl<R: Real> Friction<R> {
     }
 }
 
-/// Lanes (bits) of `lanes` in which the contact in slot `k` has torsional or rolling friction.
+/// Lanes (bits) of `lanes` in which the contact in slot `k` has torsional friction alone, and lanes in which it has rolling friction.
 #[inline(always)]
-pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
-    let mut rolling = 0;
+pub(crate) fn rotating_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [u32; 2] {
+    let [mut torsional, mut rolling] = [0; 2];
     for (pair, lanes) in contacts.pairs(k, if compiled.has_rolling_friction { lanes } else { 0 }) {
         let params = compiled.contact(pair);
-        rolling |= params.torsion.max(params.rolling).gt(R::zero()).bits() & lanes;
+        torsional |= params.torsion.gt(R::zero()).bits() & lanes;
+        rolling |= params.rolling.gt(R::zero()).bits() & lanes;
     }
-    rolling
+    [torsional & !rolling, rolling]
+}
+
+/// First `N` of the numbers of six rows.
+#[inline(always)]
+fn first_of<T: Copy, const N: usize>(rows: [T; 6]) -> [T; N] {
+    *rows.first_chunk().expect("at most six rows")
 }
 
 /// Multiplies the numbers of a contact's two tangential rows by `sliding_factor`, and leaves that of the normal row unchanged.

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::constraints::assembler::Assembler;
-use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::constraints::constraint_problem::{ConstraintProblem, ContactSlot};
 use crate::constraints::soft::effective_mass::SoftInput;
 use crate::constraints::soft::frames::align_tangents;
 use crate::math::spatial::*;
@@ -19,8 +19,8 @@ impl<R: Real> Assembler<'_, R> {
         kernel!(R, || {
             system.problem.clear();
             self.problem.impulse_indices.clear();
-            self.problem.sliding_slots.clear();
-            self.problem.rolling_slots.clear();
+            self.problem.contact_slots.clear();
+            self.problem.rotation_scales.clear();
             self.problem.constrained = R::Mask::splat(false);
             self.add_soft_equalities(input, &mut system);
             self.add_soft_frictions(input, &mut system);
@@ -67,17 +67,17 @@ impl<R: Real> ConstraintProblem<R> {
             for (i, &impulse_index) in self.impulse_indices.iter().enumerate() {
                 scalar_impulse[impulse_index] = system.solver.row_force(&system.problem, i) * h;
             }
-            for (i, &(k, lanes)) in self.sliding_slots.iter().enumerate() {
-                let force = system.solver.contact_force(&system.problem, i);
+            for &ContactSlot { slot: k, lanes, rolls, index } in &self.contact_slots {
                 let slot = &mut contacts.data[k];
+                let force = if rolls {
+                    let [n, a, b, spin, roll, other] = system.solver.rolling_contact_force(&system.problem, index);
+                    let torque = in_standard_frame(slot, scale([spin, roll, other], h));
+                    contacts.torque[k] = select(lanes, torque, contacts.torque[k]);
+                    [n, a, b]
+                } else {
+                    system.solver.contact_force(&system.problem, index)
+                };
                 slot.impulse = select(lanes, in_standard_frame(slot, scale(force, h)), slot.impulse);
-            }
-            for (i, &(k, lanes, _)) in self.rolling_slots.iter().enumerate() {
-                let [n, a, b, spin, roll, other] = system.solver.rolling_contact_force(&system.problem, i);
-                let slot = &mut contacts.data[k];
-                slot.impulse = select(lanes, in_standard_frame(slot, scale([n, a, b], h)), slot.impulse);
-                let torque = in_standard_frame(slot, scale([spin, roll, other], h));
-                contacts.torque[k] = select(lanes, torque, contacts.torque[k]);
             }
         })
     }

@@ -239,7 +239,7 @@ impl<R: Real> Assembler<'_, R> {
                 weight,
                 scales,
             );
-            self.problem.rolling_slots.push((k, active, [R::one(); 3]));
+            self.problem.push_contact_slot(k, active, Some([R::one(); 3]));
         } else {
             let column = &builder.column;
             let [reference, weight, scales] = law.rows(law_input, distance, [n, a, b], active, (&builder.dofs, column));
@@ -251,7 +251,7 @@ impl<R: Real> Assembler<'_, R> {
                 weight,
                 scales,
             );
-            self.problem.sliding_slots.push((k, active));
+            self.problem.push_contact_slot(k, active, None);
         }
         self.problem.constrained = self.problem.constrained.or(active);
     }

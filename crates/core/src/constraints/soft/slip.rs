@@ -34,14 +34,12 @@ impl<R: Real> ConstraintProblem<R> {
         let VisitOrder { visits, places, keyed, order } = order;
         let slots = contacts.slots();
         places.clear();
-        places.resize(slots, [0..0, 0..0]);
+        places.resize(slots, 0..0);
         // The contacts of a slot follow one another.
-        let mut place = |slot: usize, rolling: usize, index: usize| {
-            let range = &mut places[slot][rolling];
-            *range = if range.start == range.end { index } else { range.start }..index + 1;
-        };
-        self.sliding_slots.iter().enumerate().for_each(|(index, slot)| place(slot.0, 0, index));
-        self.rolling_slots.iter().enumerate().for_each(|(index, slot)| place(slot.0, 1, index));
+        for (i, contact) in self.contact_slots.iter().enumerate() {
+            let range = &mut places[contact.slot];
+            *range = if range.start == range.end { i } else { range.start }..i + 1;
+        }
         order.clear();
         order.resize(slots * R::LANES, u32::MAX);
         for l in 0..R::LANES {
@@ -64,13 +62,10 @@ impl<R: Real> ConstraintProblem<R> {
                 rest &= !same;
                 let Some(places) = places.get(first as usize) else { continue };
                 let there = R::Mask::from_bits(same);
-                for (rolling, places) in places.iter().enumerate() {
-                    for index in places.clone() {
-                        let active = if rolling == 1 { self.rolling_slots[index].1 } else { self.sliding_slots[index].1 };
-                        let lanes = active.and(there);
-                        if lanes.any() {
-                            visits.push(ContactVisit { rolling: rolling == 1, index, lanes });
-                        }
+                for contact in &self.contact_slots[places.clone()] {
+                    let lanes = contact.lanes.and(there);
+                    if lanes.any() {
+                        visits.push(ContactVisit { rolling: contact.rolls, index: contact.index, lanes });
                     }
                 }
             }

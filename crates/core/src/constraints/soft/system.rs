@@ -184,9 +184,8 @@ pub(super) type Key = [u32; 4];
 pub(super) struct VisitOrder<R: Real> {
     /// Contacts in the order of the visits, with the lanes of each visit.
     pub(super) visits: Vec<ContactVisit<R::Mask>>,
-    /// For every slot of the contact set, ranges of its contacts in the problem. The first range is among the contacts with three rows, the
-    /// second among those with six.
-    pub(super) places: Vec<[Range<usize>; 2]>,
+    /// For every slot of the contact set, range of its contacts in the problem.
+    pub(super) places: Vec<Range<usize>>,
     /// Sort key and slot of the contacts in one lane.
     pub(super) keyed: Vec<(Key, u32)>,
     /// Sorted slots of every lane, lane by lane.

@@ -27,7 +27,7 @@ pub(super) fn note_impacts<R: Real>(
 ) {
     for (i, impact) in problem.impacts.iter().enumerate() {
         let impact_lanes = lanes.and(impact.lanes.or(impact.ignored));
-        for (pair, lanes) in contacts.pairs(problem.slot_of(i), impact_lanes.bits()) {
+        for (pair, lanes) in contacts.pairs(problem.contact_slots[i].slot, impact_lanes.bits()) {
             let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
             compiled.mechanisms_of(geoms).for_each(|m| touched[m] = touched[m].or(R::Mask::from_bits(lanes)));
         }

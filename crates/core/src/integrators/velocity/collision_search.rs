@@ -207,10 +207,10 @@ impl<'a, R: Real> CollisionQuery<'a, R> {
 impl<R: Real> CollisionSearch<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
-        let rolling = if compiled.has_rolling_friction { max_contacts } else { 0 };
+        let rotating = if compiled.has_rolling_friction { 2 * max_contacts } else { 0 };
         Self {
             swept: SweptPair::new(compiled),
-            rates: Vec::with_capacity(max_contacts + rolling),
+            rates: Vec::with_capacity(max_contacts + rotating),
             pairs: Vec::with_capacity(max_contacts * R::LANES),
             v_by_predicted_impulses: vec![R::zero(); compiled.nv],
             packed: vec![],
@@ -252,7 +252,7 @@ impl<R: Real> CollisionSearch<R> {
         kernel!(R, || {
             for contact in &problem.deferred {
                 let tolerance = touch_tolerance(query, contact.slot);
-                let velocity = problem.rows.normal_velocity_above_target(contact.contact, w);
+                let velocity = problem.rows.contacts.normal_velocity_above_target(contact.contact, w);
                 let rate = velocity - contact.bias;
                 let end = query.contacts.data[contact.slot].point.distance + query.closing_time_of_slot(contact.slot) * rate;
                 let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-tolerance).and_not(contact.bounces));

@@ -3,8 +3,8 @@
 
 use stepper_real::{Mask, Real, kernel};
 
-use crate::constraints::VelocitySolution;
 use crate::constraints::evaluation_times::merge_connected;
+use crate::constraints::{ContactSlot, VelocitySolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::advance;
 use crate::integrators::evaluate::evaluation::Evaluation;
@@ -100,7 +100,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             if checked.none() {
                 return checked;
             }
-            for (k, lanes) in problem.slots() {
+            for &ContactSlot { slot: k, lanes, .. } in &problem.contact_slots {
                 for (pair, lanes) in contacts.pairs(k, lanes.and(checked).bits()) {
                     let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                     for m in compiled.mechanisms_of(geoms) {

@@ -214,7 +214,7 @@ impl<R: Real> VelocityLoop<'_, R> {
 #[inline(always)]
 fn count_iterations<R: Real>(outcome: &Outcome<R>, problem: &ConstraintProblem<R>, probe: impl Probe) {
     probe.count(Counter::ScalarRows, || problem.impulse_indices.len() as f64);
-    probe.count(Counter::ContactSlots, || (problem.sliding_slots.len() + problem.rolling_slots.len()) as f64);
+    probe.count(Counter::ContactSlots, || problem.contact_slots.len() as f64);
     let lanes = |x: R| (0..R::LANES).map(move |l| x.lane(l).to_f64());
     probe.count(Counter::Sweeps, || lanes(outcome.sweeps).sum());
     probe.count(Counter::SlowestSweeps, || lanes(outcome.sweeps).fold(0.0, f64::max));

@@ -1,4 +1,4 @@
-"""dm_control's cartpole: poles on a cart."""
+"""dm_control's pendulum, acrobot and cartpole."""
 
 from __future__ import annotations
 
@@ -10,8 +10,68 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.observations import Observation
-from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
+from stepper.envs.suite.base import SuiteTask, norm, rotation, rotations, source_tree, tolerance
 from stepper.envs.task import Array, Reset, TaskView
+
+_UPRIGHT = float(np.cos(np.deg2rad(8.0)))
+"""Cosine of the largest rewarded angle from upright."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pendulum(SuiteTask):
+    """Task: swing the pendulum up with little torque, and hold it there."""
+
+    file = "pendulum.xml"
+    frame_skip: int = 1
+
+    def observations(self) -> tuple[Observation, ...]:
+        """Cosine, sine and velocity of the angle: (3,)."""
+        return (
+            Observation("orientation", func=lambda now: rotation(now, "pole")[:, [2, 0], 2]),
+            Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
+        )
+
+    def score(self, now: TaskView) -> Array:
+        """Score: 1 within 8 degrees of upright, else 0."""
+        return tolerance(rotation(now, "pole")[:, 2, 2], _UPRIGHT, 1.0)
+
+    def reset(self, reset: Reset) -> None:
+        """Initial states: at rest, with a uniform random angle."""
+        reset.qpos[:] = reset.rng.uniform(-np.pi, np.pi, 1)
+
+
+_TARGET = 0.2
+"""Radius of the target, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acrobot(SuiteTask):
+    """Task: swing the tip of a two-link arm up to a target, and hold it there.
+
+    Attributes:
+        sparse: Whether the reward is sparse: 1 in the target, 0 elsewhere.
+    """
+
+    file = "acrobot.xml"
+    frame_skip: int = 1
+    sparse: bool = False
+
+    def observations(self) -> tuple[Observation, ...]:
+        """Sines and cosines of the angles of both links from the vertical, and joint velocities: (6,)."""
+        return (
+            Observation("horizontal", func=lambda now: rotations(now)[:, 1:, 0, 2]),
+            Observation("vertical", func=lambda now: rotations(now)[:, 1:, 2, 2]),
+            Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
+        )
+
+    def score(self, now: TaskView) -> Array:
+        """Score: 1 with the tip in the target. Outside, the score decreases with the distance; with `sparse` it is 0."""
+        target, tip = (now.site_xpos[:, now.sim.model.site(name).id] for name in ("target", "tip"))
+        return tolerance(norm(target - tip), 0.0, _TARGET, margin=0.0 if self.sparse else 1.0)
+
+    def reset(self, reset: Reset) -> None:
+        """Initial states: at rest, with uniform random angles."""
+        reset.qpos[:] = reset.rng.uniform(-np.pi, np.pi, 2)
 
 
 @dataclass(frozen=True, kw_only=True)

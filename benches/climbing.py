@@ -25,7 +25,7 @@ from stepper.envs.locomotion import Go1Rough
 from stepper.envs.locomotion.velocity import ROUGH
 from stepper.envs.task import Array, TaskView, Terms
 from stepper.envs.terrain import PyramidStairs, Terrain
-from stepper.policies import Evaluation, evaluate, load
+from stepper.policies import evaluate, load
 
 PAGE = Path(__file__).parents[1] / "docs/benchmarks/training.md"
 HEIGHTS = (0.05, 0.1, 0.15, 0.2)
@@ -104,17 +104,8 @@ def climbs(policy: Any, episodes: int) -> Table:
     for name, (space, given) in simulators().items():
         cells = []
         for height in HEIGHTS:
-            found = evaluate(
-                policy,
-                f"{space}/Go1Climb-v0",
-                episodes=episodes,
-                seed=2**32,
-                infos=("climbed",),
-                terrain=pit(height),
-                noise=0.0,
-                push=0.0,
-                **given,
-            )
+            settings = {"terrain": pit(height), "noise": 0.0, "push": 0.0} | given
+            found = evaluate(policy, f"{space}/Go1Climb-v0", episodes=episodes, seed=2**32, infos=("climbed",), **settings)
             cells.append(f"{100 * np.mean(found.infos['climbed'] > 0.0):.0f} %")
         table.add(name, *cells)
     return table
@@ -128,18 +119,9 @@ def returns(policy: Any, episodes: int) -> Table:
     mujoco_vector.register("Go1Rough-v0")
     table = Table("simulator", "mean return", "95 % confidence", "velocity error, m/s", "ended early")
     weights = policy.environment.get("rewards")
-    levels = {"max_init_level": ROUGH.num_rows - 1}
     for name, (space, given) in simulators().items():
-        found: Evaluation = evaluate(
-            policy,
-            f"{space}/Go1Rough-v0",
-            episodes=episodes,
-            seed=2**32,
-            infos=("tracking_error",),
-            rewards=weights,
-            **levels,
-            **given,
-        )
+        settings = {"rewards": weights, "max_init_level": ROUGH.num_rows - 1} | given
+        found = evaluate(policy, f"{space}/Go1Rough-v0", episodes=episodes, seed=2**32, infos=("tracking_error",), **settings)
         low, high = found.interval()
         early = f"{np.sum(found.lengths < EPISODE_STEPS)} of {episodes}"
         table.add(name, f"{found.mean:.1f}", f"{low:.1f} to {high:.1f}", f"{found.infos['tracking_error'].mean():.3f}", early)

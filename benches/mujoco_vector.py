@@ -28,9 +28,8 @@ Array = NDArray[Any]
 
 _READ = {
     **{name: name for name in ("qpos", "qvel", "act", "ctrl", "xpos", "xquat", "site_xpos", "geom_xpos", "subtree_com", "xipos", "cinert")},
-    **{name: name for name in ("cvel", "cfrc_ext", "qacc", "actuator_force", "qfrc_actuator", "qfrc_constraint")},
+    **{name: name for name in ("cvel", "cfrc_ext", "qacc", "actuator_force", "qfrc_actuator", "qfrc_constraint", "sensordata")},
     "sensordata_ideal": "sensordata",
-    "sensordata": "sensordata",
 }
 """Attributes of `Stepper` that `MujocoSim` reads from MuJoCo's data, each with the name of the corresponding field of MuJoCo."""
 _DERIVED = {"body_mass", "body_inertia", "body_ipos", "dof_armature"}
@@ -195,23 +194,13 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         settings: Arguments of `StepperVectorEnv`, such as autoreset_mode and max_episode_steps, and of the task.
     """
 
-    def __init__(
-        self,
-        task: Task | type[Task] | str,
-        num_envs: int,
-        *,
-        threads: int = 1,
-        m: Any = None,
-        **settings: Any,
-    ):
+    def __init__(self, task: Task | type[Task] | str, num_envs: int, *, threads: int = 1, m: Any = None, **settings: Any):
         self._envs = envs = StepperVectorEnv(task, num_envs, **settings)
         batch = envs._batch
         if m is None:
             m = mujoco_model(batch.sim.model, with_contact_forces=reads_contact_forces(envs.task))
-        reads_contacts = isinstance(envs.task, RoughTask)
-        batch.sim = MujocoSim(  # type: ignore[assignment]
-            batch.sim.model, num_envs, threads=threads, m=m, reads_contacts=reads_contacts
-        )
+        sim: Any = MujocoSim(batch.sim.model, num_envs, threads=threads, m=m, reads_contacts=isinstance(envs.task, RoughTask))
+        batch.sim = sim
         batch.clear_last_step()
         self.num_envs, self.metadata = num_envs, envs.metadata
         self.single_observation_space, self.single_action_space = envs.single_observation_space, envs.single_action_space

@@ -18,7 +18,6 @@ import importlib
 import re
 import shutil
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -44,25 +43,16 @@ KEPT = 50
 COLUMNS = ("run", "seed", "steps", "seconds", "processor", "return", "length")
 
 
-@dataclass(frozen=True)
-class Report:
-    """Output files: page with the tables, CSV file with the learning curves, and folder of the figures."""
+def outputs(*, update_docs: bool) -> tuple[Path, Path, Path]:
+    """Page with the tables, CSV file with the learning curves, and folder of the figures.
 
-    page: Path
-    curves: Path
-    images: Path
-
-    @classmethod
-    def of_docs(cls) -> Report:
-        """Report that is written into the files of the documentation."""
-        return cls(DOCS / "benchmarks/training.md", DOCS / "benchmarks/learning_curves.csv", DOCS / "images")
-
-    @classmethod
-    def copied(cls) -> Report:
-        """Report that is written into copies of the documentation's files, in out/training."""
-        docs = cls.of_docs()
-        OUT.mkdir(parents=True, exist_ok=True)
-        return cls(Path(shutil.copy(docs.page, OUT)), Path(shutil.copy(docs.curves, OUT)), OUT)
+    They are those of the documentation with `update_docs`, otherwise copies in out/training.
+    """
+    page, curves = DOCS / "benchmarks/training.md", DOCS / "benchmarks/learning_curves.csv"
+    if update_docs:
+        return page, curves, DOCS / "images"
+    OUT.mkdir(parents=True, exist_ok=True)
+    return Path(shutil.copy(page, OUT)), Path(shutil.copy(curves, OUT)), OUT
 
 
 def collect(runs: Path, curves: Path) -> list[dict[str, str]]:
@@ -231,15 +221,18 @@ def _law(policy: Policy) -> str:
     return str(policy.environment["options"]["contact"])
 
 
-TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
-    "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
+STEPPER: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
-    "MuJoCo": ("{}", {}),
+    "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
 }
-"""Environments between which policies are transferred, by the label in the table.
+"""Environments of stepper with each contact law, by the label in the tables.
 
 A value has the pattern of the environment's id, in which {} stands for the task, and the arguments of the environment.
 """
+TRANSFERS = STEPPER | {"MuJoCo": ("{}", {})}
+"""Environments between which policies are transferred."""
+ENGINES = STEPPER | {"mujoco.batch": ("mujoco_batch/{}", {})}
+"""Environments that the command `engines` compares."""
 
 
 def table_of_transfers(page: Path, episodes: int, only: str) -> str:
@@ -274,17 +267,6 @@ def table_of_transfers(page: Path, episodes: int, only: str) -> str:
     return "\n".join([head, line, *(rows[name] for name in sorted(rows, key=lambda name: (*name[:2], name[1] != name[2], name[2])))])
 
 
-ENGINES: dict[str, tuple[str, dict[str, Any]]] = {
-    "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
-    "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
-    "mujoco.batch": ("mujoco_batch/{}", {}),
-}
-"""Environments that the command `engines` compares, by the label in the table.
-
-A value has the pattern of the environment's id, in which {} stands for the task, and the arguments of the environment.
-"""
-
-
 def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> str:
     """Train a robot to follow velocities in each engine, with the same task, learner, hyperparameters and seed, on one thread."""
     train: Any = importlib.import_module("train")
@@ -316,7 +298,7 @@ def _cells(row: str) -> list[str]:
 
 
 def main() -> None:
-    """Run the command that the command line names, such as "curves" or "race", and write its table or figure."""
+    """Run the command that the command line names, such as "curves" or "follow", and write its table or figure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer", "engines"))
     parser.add_argument("--runs", type=Path, default=RUNS, help=f"folder of the runs; engines uses a subfolder [{RUNS}]")
@@ -328,13 +310,12 @@ def main() -> None:
     parser.add_argument("--steps", type=int, help="environment steps per run of engines [default of the task]")
     parser.add_argument("--update-docs", action="store_true", help=f"write into the documentation instead of copies in {OUT}")
     given = parser.parse_args()
-    report = Report.of_docs() if given.update_docs else Report.copied()
-    page = report.page
+    page, curves, images = outputs(update_docs=given.update_docs)
     sys.path.append(str(EXAMPLES))
     if given.what == "engines":
         write_section(page, "engines", engines(given.task, given.runs / "engines", given.episodes or 200, given.steps))
     elif given.what == "curves":
-        draw(collect(given.runs, report.curves), report.images / "learning_curves.png")
+        draw(collect(given.runs, curves), images / "learning_curves.png")
     elif given.what == "evaluate":
         write_section(page, "evaluate", table_of_runs(page, given.runs, given.episodes or FRESH))
     elif given.what == "follow":

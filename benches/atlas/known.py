@@ -106,12 +106,7 @@ KNOWN: tuple[Known, ...] = (
         FIRST_ORDER,
         ANY,
         RULE,
-        Slope(
-            1.0,
-            (2e-4, 1e-4, 5e-5),
-            0.1,
-            "errors reach 0.1 of the motion in the largest of these steps; higher orders add as much",
-        ),
+        Slope(1.0, (2e-4, 1e-4, 5e-5), 0.1, "errors reach 0.1 of the motion in the largest of these steps; higher orders add as much"),
     ),
     Known(
         r"36 .*",

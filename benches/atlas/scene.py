@@ -11,8 +11,6 @@ from atlas.world import World
 
 LONG = (1e-4, 5e-4, 2e-3, 5e-3, 2e-2)
 """Time steps at which most scenes run, s."""
-SHORT = (2e-3, 2e-2)
-"""Time steps for scenes with long runs, s."""
 
 
 class Engine(Protocol):

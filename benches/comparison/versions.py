@@ -26,13 +26,6 @@ from typing import Any
 import numpy as np
 from stepper import Options, Stepper, load
 
-MODELS = (
-    *(("gymnasium", f"envs/mujoco/assets/{name}.xml") for name in ("ant", "humanoid", "half_cheetah", "hopper", "walker2d_v5")),
-    *(("dm_control", f"suite/{name}.xml") for name in ("humanoid", "quadruped", "humanoid_CMU", "cheetah", "walker")),
-    ("robosuite", "models/assets/robots/panda/robot.xml"),
-    ("gymnasium_robotics", "envs/assets/hand/reach.xml"),
-)
-"""Packages and files of the robots of throughput.py. Robots that are not installed are skipped, with a message."""
 BENCHES = Path(__file__).parents[1]
 """Folder of the benches, from which worker processes import `many_contacts`."""
 WARM_UP, STEPS = 50, 150
@@ -75,8 +68,9 @@ def main() -> None:
 
 
 def robots() -> Iterator[str]:
-    """Robots whose packages are installed: package and file, "gymnasium/envs/..."."""
-    for package, file in MODELS:
+    """Robots of throughput.py whose packages are installed: package and file, "gymnasium/envs/...". Prints a message for all others."""
+    # throughput.py needs a current build of stepper, which worker processes may not have.
+    for package, file in import_module("throughput").MODELS:
         if find_spec(package) is None:
             print(f"skipped {file}: {package} is not installed", file=sys.stderr)
         else:

@@ -6,7 +6,7 @@ The tables are those of docs/benchmarks/identification.md.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -85,33 +85,31 @@ def main() -> None:
     parser.add_argument("--count-determined", type=int, default=200, help="number of runs of each scene that is determined in part [200]")
     parser.add_argument("--threads", type=int, default=0, help="number of threads of stepper; 0 uses all cores [0]")
     parser.add_argument(
-        "--only",
-        choices=["own", "coloured", "determined", "peer", "online", "impacts", "matched"],
-        help="compute one table only [all]",
+        "--only", choices=["own", "coloured", "determined", "peer", "online", "impacts", "matched"], help="compute one table only [all]"
     )
     parser.add_argument("--resume", action="store_true", help=f"reuse the repetitions of an earlier run in {OUT}")
     parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")
     given = parser.parse_args()
     about = provenance()
     print(f"{about['cpu']}, {about['cores']} cores, load {about['load_average']}")
-    tables = {}
-    if given.only in (None, "own"):
-        tables["own"] = _table(_own(given.count, given.threads), Kept(OUT / "own.jsonl", given.resume))
-    if given.only in (None, "coloured"):
-        tables["coloured"] = _table(_coloured(given.count, given.threads), Kept(OUT / "coloured.jsonl", given.resume))
-    if given.only in (None, "determined"):
-        tables["determined"] = determined.table(given.count_determined, Kept(OUT / "determined.jsonl", given.resume))
-    if given.only in (None, "online"):
-        tables["online"] = online.table(given.count_online)
-    if given.only in (None, "impacts"):
-        tables["impacts"] = strikes.table(given.count_impacts)
-    if given.only in (None, "matched"):
-        tables["matched"] = strikes.table(given.count_impacts, strikes.follow_matched)
-    if given.only in (None, "peer"):
-        if missing := sysid.available():
-            print(f"skipped the comparison with mujoco.sysid: {missing}")
-        else:
-            tables["peer"] = _table(_with_peer(given.count_peer, given.threads), Kept(OUT / "peer.jsonl", given.resume))
+
+    def kept(name: str) -> Kept:
+        return Kept(OUT / f"{name}.jsonl", given.resume)
+
+    makers: dict[str, Callable[[], Table]] = {
+        "own": lambda: _table(_own(given.count, given.threads), kept("own")),
+        "coloured": lambda: _table(_coloured(given.count, given.threads), kept("coloured")),
+        "determined": lambda: determined.table(given.count_determined, kept("determined")),
+        "online": lambda: online.table(given.count_online),
+        "impacts": lambda: strikes.table(given.count_impacts),
+        "matched": lambda: strikes.table(given.count_impacts, strikes.follow_matched),
+        "peer": lambda: _table(_with_peer(given.count_peer, given.threads), kept("peer")),
+    }
+    names = list(makers) if given.only is None else [given.only]
+    if "peer" in names and (missing := sysid.available()):
+        print(f"skipped the comparison with mujoco.sysid: {missing}")
+        names.remove("peer")
+    tables = {name: makers[name]() for name in names}
     if given.update_docs:
         for name, table in tables.items():
             write_section(PAGE, name, str(table))

@@ -218,11 +218,7 @@ def _of_body(name: str) -> tuple[str, ...]:
 
 
 def _swing(
-    name: str,
-    source: str,
-    parameters: tuple[str, ...],
-    distance: float = 0.3,
-    inertia: tuple[float, float, float] = (0.006, 0.0065, 0.003),
+    name: str, source: str, parameters: tuple[str, ...], distance: float = 0.3, inertia: tuple[float, float, float] = (0.006, 0.0065, 0.003)
 ) -> Partial:
     """Pendulum with an encoder, of which the data determine the first moments and the moment of inertia about the joint alone."""
     truth: Truth = {"body_mass": {1: 0.7}, "body_ipos": {1: (0.03, 0.0, -distance)}, "body_inertia": {1: inertia}}

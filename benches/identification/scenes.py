@@ -38,24 +38,34 @@ def springy_finger(name: str, *, stiffness: float, damping: float) -> str:
   <sensor><force name="wrist_force" site="wrist"/><jointpos name="box_x" joint="x"/></sensor></mujoco>"""
 
 
-PUSHED = springy_finger("pushed box", stiffness=2000, damping=40)
+def gripper(name: str, *, arm: float, finger: tuple[float, float], damping: float, box: float, sensors: str, floor: str = "") -> str:
+    """MJCF of two fingers on slides below an arm on a vertical slide, and a box between them: heights of arm and box, m; MJCF of sensors.
 
-HELD = """<mujoco model="held box"><option timestep="0.002"/><worldbody>
-  <body name="arm" pos="0 0 .5"><joint name="lift" type="slide" axis="0 0 1" damping="5"/>
+    A finger has a distance from the middle and a height above the wrist, m, and its slide has a damping, N s/m. The placeholders are for
+    the mass of the box, and for the friction of box and fingers.
+    """
+    aside, above = finger
+    return f"""<mujoco model="{name}"><option timestep="0.002"/><worldbody>{floor}
+  <body name="arm" pos="0 0 {arm:g}"><joint name="lift" type="slide" axis="0 0 1" damping="5"/>
     <geom type="box" size=".03 .03 .03" mass="1" contype="0" conaffinity="0"/>
     <body name="wrist" pos="0 0 -.05"><site name="wrist"/>
       <geom type="box" size=".04 .02 .01" mass=".3" contype="0" conaffinity="0"/>
-      <body name="left" pos="-.03 0 -.06"><joint name="left" type="slide" axis="1 0 0" damping="1"/>
-        <geom name="left" type="box" size=".005 .02 .03" mass=".05" friction="{1}" contype="2" conaffinity="1"/></body>
-      <body name="right" pos=".03 0 -.06"><joint name="right" type="slide" axis="-1 0 0" damping="1"/>
-        <geom name="right" type="box" size=".005 .02 .03" mass=".05" friction="{1}" contype="2" conaffinity="1"/></body>
+      <body name="left" pos="{-aside:g} 0 {above:g}"><joint name="left" type="slide" axis="1 0 0" damping="{damping:g}"/>
+        <geom name="left" type="box" size=".005 .02 .03" mass=".05" friction="{{1}}" contype="2" conaffinity="1"/></body>
+      <body name="right" pos="{aside:g} 0 {above:g}"><joint name="right" type="slide" axis="-1 0 0" damping="{damping:g}"/>
+        <geom name="right" type="box" size=".005 .02 .03" mass=".05" friction="{{1}}" contype="2" conaffinity="1"/></body>
     </body></body>
-  <body name="box" pos="0 0 .39"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
-    <geom name="box" type="box" size=".025 .02 .05" mass="{0}" friction="{1}" contype="1" conaffinity="2"/></body>
+  <body name="box" pos="0 0 {box:g}"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+    <geom name="box" type="box" size=".025 .02 .05" mass="{{0}}" friction="{{1}}" contype="1" conaffinity="3"/></body>
   </worldbody>
   <actuator><position joint="lift" kp="4000" kv="200"/><motor joint="left"/><motor joint="right"/></actuator>
-  <sensor><force name="wrist_force" site="wrist"/><torque name="wrist_torque" site="wrist"/>
-    <jointpos name="lift" joint="lift"/></sensor></mujoco>"""
+  <sensor><force name="wrist_force" site="wrist"/>{sensors}</sensor></mujoco>"""
+
+
+PUSHED = springy_finger("pushed box", stiffness=2000, damping=40)
+
+TORQUE_AND_LIFT = '<torque name="wrist_torque" site="wrist"/><jointpos name="lift" joint="lift"/>'
+HELD = gripper("held box", arm=0.5, finger=(0.03, -0.06), damping=1, box=0.39, sensors=TORQUE_AND_LIFT)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import stepper
 from sections import Table
 
 from identification.followed import Followed, followed
-from identification.scenes import HARD, Scene, by_sensor, springy_finger
+from identification.scenes import HARD, Scene, by_sensor, gripper, springy_finger
 
 PERIOD = 0.02
 START_STD = (1e-4, 1e-3)
@@ -32,22 +32,8 @@ THROWN = """<mujoco model="thrown box"><option timestep="0.002"/><worldbody>
     <geom name="box" type="box" size=".04 .04 .04" mass="{0}" friction="{1}" contype="2" conaffinity="1"/></body></worldbody>
   <sensor><jointpos name="x" joint="x"/><jointpos name="z" joint="z"/><jointpos name="plate" joint="plate"/></sensor></mujoco>"""
 
-GRASPED = """<mujoco model="grasped box"><option timestep="0.002"/><worldbody>
-  <geom name="floor" type="plane" size="2 2 .1"/>
-  <body name="arm" pos="0 0 .3"><joint name="lift" type="slide" axis="0 0 1" damping="5"/>
-    <geom type="box" size=".03 .03 .03" mass="1" contype="0" conaffinity="0"/>
-    <body name="wrist" pos="0 0 -.05"><site name="wrist"/>
-      <geom type="box" size=".04 .02 .01" mass=".3" contype="0" conaffinity="0"/>
-      <body name="left" pos="-.04 0 -.19"><joint name="left" type="slide" axis="1 0 0" damping="20"/>
-        <geom name="left" type="box" size=".005 .02 .03" mass=".05" friction="{1}" contype="2" conaffinity="1"/></body>
-      <body name="right" pos=".04 0 -.19"><joint name="right" type="slide" axis="-1 0 0" damping="20"/>
-        <geom name="right" type="box" size=".005 .02 .03" mass=".05" friction="{1}" contype="2" conaffinity="1"/></body>
-    </body></body>
-  <body name="box" pos="0 0 .05"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
-    <geom name="box" type="box" size=".025 .02 .05" mass="{0}" friction="{1}" contype="1" conaffinity="3"/></body>
-  </worldbody>
-  <actuator><position joint="lift" kp="4000" kv="200"/><motor joint="left"/><motor joint="right"/></actuator>
-  <sensor><force name="wrist_force" site="wrist"/><jointpos name="height" joint="z"/></sensor></mujoco>"""
+FLOOR, HEIGHT = '<geom name="floor" type="plane" size="2 2 .1"/>', '<jointpos name="height" joint="z"/>'
+GRASPED = gripper("grasped box", arm=0.3, finger=(0.04, -0.19), damping=20, box=0.05, sensors=HEIGHT, floor=FLOOR)
 
 STOPPED = """<mujoco model="pendulum against a stop"><option timestep="0.002"/><worldbody>
   <body name="arm" pos="0 0 1"><joint name="swing" axis="0 -1 0" damping=".02"/>

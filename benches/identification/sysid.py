@@ -44,15 +44,16 @@ def readings(scene: Scene) -> Readings:
     mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     nstep = round(scene.period / model.opt.timestep)
     states, sensors = rollout.rollout(model, data, state[None], np.repeat(scene.ctrl, nstep, axis=0)[None])
-    out = {}
-    for name in scene.noise:
-        sensor = model.sensor(name)
-        rows = sensors[0, nstep - 1 :: nstep, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
-        if sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS:
-            # Position sensors lag by one step: the reading for the end of a period is in the next step.
-            rows = states[0, nstep - 1 :: nstep, 1 + model.jnt_qposadr[sensor.objid[0]]][:, None]
-        out[name] = rows
-    return out
+    return {name: _of_sensor(model, name, states[0], sensors[0])[nstep - 1 :: nstep] for name in scene.noise}
+
+
+def _of_sensor(model: Any, name: str, states: Any, sensors: Any) -> Any:
+    """Readings of a sensor, (steps, dim), from MuJoCo's states and from the readings of all sensors, a row for each step."""
+    sensor = model.sensor(name)
+    if sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS:
+        # Position sensors lag by one step: the reading for the end of a step is in the next step.
+        return states[:, 1 + model.jnt_qposadr[sensor.objid[0]]][:, None]
+    return sensors[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
 
 
 def identified(scene: Scene, start: tuple[float, float], given: Readings, settings: dict[str, Any]) -> Answer:
@@ -90,13 +91,7 @@ def identified(scene: Scene, start: tuple[float, float], given: Readings, settin
     measured = np.concatenate(list(given.values()), axis=1)
 
     def compare(_: Any, predicted: Any, _measured: Any, model: Any, *_args: Any, state: Any, **_more: Any) -> tuple[Any, Any, Any]:
-        columns = []
-        for name in given:
-            sensor = model.sensor(name)
-            if sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS:
-                columns.append(state[:, 1 + model.jnt_qposadr[sensor.objid[0]]][:, None])
-            else:
-                columns.append(predicted.data[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]])
+        columns = [_of_sensor(model, name, state, predicted.data) for name in given]
         rows = np.concatenate(columns, axis=1)[nstep - 1 :: nstep][: len(measured)]
         return (rows - measured[: len(rows)]) / sigma, predicted, predicted
 

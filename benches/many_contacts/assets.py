@@ -57,6 +57,15 @@ def bare(spec: Any) -> Any:
     return spec
 
 
+def add_servo(spec: Any, joint: str, stiffness: float, damping: float, torque: float) -> Any:
+    """Add a position servo to a joint of an `MjSpec`: stiffness, N m/rad; damping, N m s/rad; torque limit, N m. Returns the actuator."""
+    act = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    act.gaintype, act.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+    act.gainprm[0], act.biasprm[1], act.biasprm[2] = stiffness, -stiffness, -damping
+    act.forcelimited, act.forcerange = True, [-torque, torque]
+    return act
+
+
 def written(spec: Any, path: Path) -> Path:
     """Write a model specification (`MjSpec`) as an MJCF file that both engines read. Returns the path."""
     with warnings.catch_warnings():

@@ -32,8 +32,6 @@ LEAD = Options(tolerance=1e-3)
 """Options of stepper for the steps that lead to the initial states of an episode."""
 DROPPED = 0.02
 """Displacement relative to the holder above which an object counts as dropped, m."""
-PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
-"""Names of MuJoCo's two settings."""
 SETTINGS = ("default", "fine", "fast", "pgs", "law")
 """Names of stepper's settings, see `options`."""
 
@@ -244,7 +242,6 @@ def _figures(track: Track) -> dict[str, Any]:
         "microseconds": track.microseconds,
         "contacts": float(np.mean([s.contacts for s in track.samples])),
         "penetration": max(s.penetration for s in track.samples),
-        "penetration_typical": median(s.penetration for s in track.samples),
         "slip": track.slip,
     }
 

@@ -5,10 +5,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from comparison.throughput import PEERS
 from stepper.lab.study.document import markdown_table
 
 from many_contacts.episodes import Floors
-from many_contacts.measure import CHUNK, DROPPED, MEASURED_ENVS, PEERS
+from many_contacts.measure import CHUNK, DROPPED, MEASURED_ENVS
 from many_contacts.scene import Scene
 from many_contacts.targets import MEAN, UNSOLVED, Row, grouped_mean, lines, percent, scale, target_of
 

@@ -145,26 +145,24 @@ def _measured(
     for half, tosses in (("fitted", every[::2]), ("held out", every[1::2])):
         for substeps in REFINED:
             error, far, angle = experiment.errors(engine.poses(values, table, tosses, substeps), tosses)
-            whole = [values[:, : experiment.samples] for values in (error, far, angle)]
-            each = np.nanmean(whole[0], axis=1)
-            mean, median = bootstrap(each), bootstrap(each, np.median)
-            yield about | {
-                "half": half, "tosses": len(tosses), "timestep_s": PERIOD / substeps, "horizon_s": "",
-                "mean": each.mean(), "mean_low": mean[0], "mean_high": mean[1],
-                "median": np.median(each), "median_low": median[0], "median_high": median[1],
-                "distance_percent": 100.0 * np.nanmean(np.nanmean(whole[1], axis=1)) / (2.0 * experiment.size),
-                "angle_deg": np.degrees(np.nanmean(np.nanmean(whole[2], axis=1))), "parameters": text,
-            }  # fmt: skip
+            whole = [np.nanmean(values[:, : experiment.samples], axis=1) for values in (error, far, angle)]
+            at_step = about | {"half": half, "tosses": len(tosses), "timestep_s": PERIOD / substeps, "horizon_s": ""}
+            yield at_step | _statistics(whole, experiment.size) | {"parameters": text}
         for horizon in HORIZONS:
             at = np.array([toss.impact + round(horizon / PERIOD) for toss in tosses])
             inside = at < [len(toss.pose) for toss in tosses]
-            each = error[inside, at[inside]]
-            mean, median = bootstrap(each), bootstrap(each, np.median)
-            yield about | {
-                "half": half, "tosses": int(inside.sum()), "timestep_s": PERIOD / REFINED[-1], "horizon_s": horizon,
-                "mean": each.mean(), "mean_low": mean[0], "mean_high": mean[1],
-                "median": np.median(each), "median_low": median[0], "median_high": median[1],
-                "distance_percent": 100.0 * far[inside, at[inside]].mean() / (2.0 * experiment.size),
-                "angle_deg": np.degrees(angle[inside, at[inside]].mean()), "parameters": text,
-            }  # fmt: skip
+            then = [values[inside, at[inside]] for values in (error, far, angle)]
+            at_time = about | {"half": half, "tosses": int(inside.sum()), "timestep_s": PERIOD / REFINED[-1], "horizon_s": horizon}
+            yield at_time | _statistics(then, experiment.size) | {"parameters": text}
     return found.values if experiment.continued else None
+
+
+def _statistics(parts: Sequence[Array], size: float) -> Row:
+    """Columns of a row with the errors, distances (m) and angles (rad) of some tosses, (tosses,) each; `size` is half a body's width, m."""
+    error, distance, angle = parts
+    mean, median = bootstrap(error), bootstrap(error, np.median)
+    return {
+        "mean": error.mean(), "mean_low": mean[0], "mean_high": mean[1],
+        "median": np.median(error), "median_low": median[0], "median_high": median[1],
+        "distance_percent": 100.0 * distance.mean() / (2.0 * size), "angle_deg": np.degrees(angle.mean()),
+    }  # fmt: skip

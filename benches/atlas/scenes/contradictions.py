@@ -113,25 +113,18 @@ SCENES = (
         "0.1 % of the length of the arm",
         gap_left,
     ),
-    Scene(
-        "37",
-        "a hinge inside a ball",
-        "damped motion without gain of energy",
-        ENERGY,
-        "1",
-        lambda dt: max(2e-3, dt),
-        GAIN,
-        partial(pendulum_gain, joint=HINGE),
-    ),
-    Scene(
-        "37",
-        "a ball joint inside a ball",
-        "damped motion without gain of energy",
-        ENERGY,
-        "1",
-        lambda dt: max(2e-3, dt),
-        GAIN,
-        partial(pendulum_gain, joint=BALL),
+    *(
+        Scene(
+            "37",
+            f"a {name} inside a ball",
+            "damped motion without gain of energy",
+            ENERGY,
+            "1",
+            lambda dt: max(2e-3, dt),
+            GAIN,
+            partial(pendulum_gain, joint=joint),
+        )
+        for name, joint in (("hinge", HINGE), ("ball joint", BALL))
     ),
     Scene(
         "37",

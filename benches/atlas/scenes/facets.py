@@ -38,9 +38,9 @@ def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float],
     return engine.start(document(geom + free("ball", ball(RADIUS, 1.0), (*at, top + 1e-6)), friction=0.0, before=assets), dt)
 
 
-def _share(world: World, velocity: tuple[float, float], seconds: float) -> float:
+def _share(world: World, velocity: tuple[float, float, float], seconds: float) -> float:
     """Energy that a moving ball keeps, as a fraction: 1 plus the change of its total energy divided by its initial kinetic energy."""
-    world.set(qvel=[*velocity, 0, 0, 0, 0])
+    world.set(qvel=[*velocity, 0, 0, 0])
     before = float(world.energy()[0])
     kinetic = float(world.kinetic()[0])
     world.run(seconds)
@@ -53,17 +53,13 @@ def crest(engine: Engine, dt: float, kind: str) -> float:
     `kind` is the kind of surface: "hfield" or "mesh".
     """
     world = _start(engine, dt, lambda _x, y: -CREST * y**2, (-0.3, 0.0), kind)
-    return abs(_share(world, (SPEED, 0.0), 0.6) - 1.0)
+    return abs(_share(world, (SPEED, 0.0, 0.0), 0.6) - 1.0)
 
 
 def tent(engine: Engine, dt: float) -> float:
     """Relative change of the energy of a ball that glides over a convex edge. The ball is too slow to take off."""
     world = _start(engine, dt, lambda x, _y: -math.tan(TENT) * np.abs(x), (-0.1, 0.01), "hfield")
-    up = SPEED * math.cos(TENT), SPEED * math.sin(TENT)
-    world.set(qvel=[up[0], 0, up[1], 0, 0, 0])
-    before, kinetic = float(world.energy()[0]), float(world.kinetic()[0])
-    world.run(0.5)
-    return abs(float(world.energy()[0]) - before) / kinetic
+    return abs(_share(world, (SPEED * math.cos(TENT), 0.0, SPEED * math.sin(TENT)), 0.5) - 1.0)
 
 
 def valley(engine: Engine, dt: float) -> float:
@@ -73,7 +69,7 @@ def valley(engine: Engine, dt: float) -> float:
     distance of the simulated fraction from this range.
     """
     world = _start(engine, dt, lambda x, _y: math.tan(VALLEY) * np.maximum(x, 0.0), (-0.2, 0.01), "hfield")
-    left = _share(world, (2 * SPEED, 0.0), 0.3)
+    left = _share(world, (2 * SPEED, 0.0, 0.0), 0.3)
     return max(math.cos(VALLEY) ** 2 - left, left - 1.0, 0.0)
 
 

@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from atlas.mjcf import FLOOR, G, ball, document, free
+from atlas.mjcf import G, ball, document, free
 from atlas.scene import Engine, Scene
-from atlas.scenes.impacts import NEWTON
+from atlas.scenes.impacts import NEWTON, apexes
 
 # Scene 34: a billiard ball collides with an equal one at rest, without friction and elastically. In five environments it starts at
 # different distances, so that the collision is at five different times within a step.
@@ -39,33 +39,8 @@ def billiards(engine: Engine, dt: float) -> float:
 # Scene 35: a ball falls from twenty heights H, so that it hits the floor at twenty different times within a step. With restitution e, its
 # n-th apex is at e^(2n) H.
 
-RADIUS, HEIGHTS, BOUNCES = 0.1, 0.5 + 0.5 * np.arange(20) / 20, 2
-"""Radius of the ball, m; initial heights of its lowest point, m; number of apexes that are measured."""
-
-
-def apexes(engine: Engine, dt: float, e: float) -> float:
-    """Error of scene 35: balls that fall from twenty heights and bounce with restitution e.
-
-    The error is the largest error of the heights of the first two apexes, over all initial heights, m.
-    """
-    world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + 1.0))), dt, len(HEIGHTS), restitution=e)
-    qpos = world.qpos.copy()
-    qpos[:, 2] = RADIUS + HEIGHTS
-    world.set(qpos, np.zeros((len(HEIGHTS), 6)))
-    found, worst, before = np.zeros(len(HEIGHTS), int), 0.0, np.zeros(len(HEIGHTS))
-    for _ in range(round(2.0 / dt)):
-        world.step()
-        z, v = world.qpos[:, 2] - RADIUS, world.qvel[:, 2]
-        at = (before > 0) & (v <= 0) & (found < BOUNCES)
-        found[at] += 1
-        # Apex height from the energy, which is constant in flight.
-        errors = np.abs(z + v**2 / (2 * G) - e ** (2 * found) * HEIGHTS)
-        worst, before = max(worst, float(errors[at].max(initial=0.0))), v
-        if (found == BOUNCES).all():
-            return worst
-    return math.inf
-
-
+HEIGHTS = 0.5 + 0.5 * np.arange(20) / 20
+"""Initial heights of the ball's lowest point, m."""
 DTS = (1e-4, 5e-4, 2e-3, 5e-3, 1e-2)
 COEFFICIENTS = (0.3, 0.5, 0.8, 1.0)
 
@@ -91,7 +66,7 @@ SCENES = (
             "m",
             lambda dt: G * dt**2,
             "twice the motion of a step from rest: second order",
-            partial(apexes, e=e),
+            partial(apexes, e=e, heights=HEIGHTS, count=2),
             DTS,
             DTS,
         )

@@ -1,11 +1,13 @@
 """Scenes 1, 2, 7 and 26: impacts."""
 
 import math
+from functools import partial
 
 import numpy as np
 
 from atlas.mjcf import FLOOR, G, ball, document, free
 from atlas.scene import Engine, Scene, flat
+from atlas.world import Array
 
 # Scenes 1 and 2: a block on a vertical slide, which touches the floor at joint position 0.
 
@@ -57,22 +59,26 @@ def one_step(engine: Engine, dt: float) -> float:
 RADIUS, DROP, BOUNCE = 0.1, 0.9, 0.5
 
 
-def apexes(engine: Engine, dt: float) -> float:
-    """Error of scene 7, a bouncing ball: largest error of the heights of the first three apexes, m.
+def apexes(engine: Engine, dt: float, e: float, heights: Array, count: int) -> float:
+    """Error of scenes 7 and 35, balls that fall from some heights (m) and bounce with restitution e.
 
-    The height of an apex follows from the energy, which is constant in flight, after the step in which the ball passes it.
+    The error is the largest error of the heights of the first `count` apexes, over all initial heights, m. The height of an apex follows
+    from the energy, which is constant in flight, after the step in which the ball passes it.
     """
-    world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + DROP))), dt, restitution=BOUNCE)
-    found, before, worst = 0, 0.0, 0.0
+    world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + 1.0))), dt, len(heights), restitution=e)
+    qpos = world.qpos.copy()
+    qpos[:, 2] = RADIUS + heights
+    world.set(qpos, np.zeros((len(heights), 6)))
+    found, worst, before = np.zeros(len(heights), int), 0.0, np.zeros(len(heights))
     for _ in range(round(2.0 / dt)):
         world.step()
-        z, v = world.qpos[0, 2] - RADIUS, world.qvel[0, 2]
-        if before > 0.0 >= v:
-            found += 1
-            worst = max(worst, abs(z + v * v / (2 * G) - BOUNCE ** (2 * found) * DROP))
-            if found == 3:
-                return worst
-        before = v
+        z, v = world.qpos[:, 2] - RADIUS, world.qvel[:, 2]
+        at = (before > 0) & (v <= 0) & (found < count)
+        found[at] += 1
+        errors = np.abs(z + v**2 / (2 * G) - e ** (2 * found) * heights)
+        worst, before = max(worst, float(errors[at].max(initial=0.0))), v
+        if (found == count).all():
+            return worst
     return math.inf
 
 
@@ -149,7 +155,7 @@ SCENES = (
         "m",
         lambda dt: 2 * dt * math.sqrt(2 * G * DROP),
         "twice the motion of a step at impact speed, as the impact is up to a step early or late",
-        apexes,
+        partial(apexes, e=BOUNCE, heights=np.array([DROP]), count=3),
     ),
     Scene(
         "26",

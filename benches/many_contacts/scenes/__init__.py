@@ -3,12 +3,5 @@
 from many_contacts.scene import Scene
 from many_contacts.scenes import bodies, cells, grasps, hands, heaps, panda, unitree
 
-ALL: tuple[Scene, ...] = (
-    *unitree.SCENES,
-    *panda.SCENES,
-    *grasps.SCENES,
-    *hands.SCENES,
-    *heaps.SCENES,
-    *bodies.SCENES,
-    *cells.SCENES,
-)
+FAMILIES = (unitree, panda, grasps, hands, heaps, bodies, cells)
+ALL: tuple[Scene, ...] = tuple(scene for family in FAMILIES for scene in family.SCENES)

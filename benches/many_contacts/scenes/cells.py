@@ -130,13 +130,7 @@ def _place(model: mujoco.MjModel, body: str) -> slice:
 
 
 SCENES = (
-    Scene(
-        "drawer",
-        "metaworld's Sawyer opens a drawer by its handle, 2.5 ms",
-        sawyer,
-        open_drawer,
-        SAWYER,
-    ),
+    Scene("drawer", "metaworld's Sawyer opens a drawer by its handle, 2.5 ms", sawyer, open_drawer, SAWYER),
     Scene(
         "two arms",
         "gym-aloha's bimanual cell: two ViperX arms, dry friction in every joint, push a peg and a socket, 2 ms",

@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from many_contacts.assets import Assets, bare
+from many_contacts.assets import Assets, add_servo, bare
 from many_contacts.kinematics import downwards, eased, reach
 from many_contacts.scene import Array, Phase, Scene, Script
 
@@ -30,13 +30,7 @@ ABOVE, ASIDE = 0.12, 0.15
 HOLD = 5
 """Number of steps per target, 10 ms."""
 HELD = ("cube", "leftfinger")
-PHASES = (
-    Phase("approach", 250),
-    Phase("close", 150),
-    Phase("lift", 250, held=HELD),
-    Phase("carry", 250, held=HELD),
-    Phase("place", 250),
-)
+PHASES = (Phase("approach", 250), Phase("close", 150), Phase("lift", 250, held=HELD), Phase("carry", 250, held=HELD), Phase("place", 250))
 
 
 def spec(assets: Assets) -> Any:
@@ -53,10 +47,7 @@ def spec(assets: Assets) -> Any:
     for act in list(robot.actuators):
         robot.delete(act)
     for joint, (stiffness, damping), torque in zip(JOINTS, GAINS, TORQUE, strict=True):
-        act = robot.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        act.gaintype, act.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-        act.gainprm[0], act.biasprm[1], act.biasprm[2] = stiffness, -stiffness, -damping
-        act.forcelimited, act.forcerange = True, [-torque, torque]
+        add_servo(robot, joint, stiffness, damping, torque)
     robot.attach(gripper, prefix="", frame=robot.body("right_hand").add_frame())
     s.attach(robot, prefix="", frame=s.worldbody.add_frame(pos=BASE))
     s.option.timestep = 0.002
@@ -113,12 +104,4 @@ def _controls(way: Array, num_envs: int) -> Array:
     )
 
 
-SCENES = (
-    Scene(
-        "panda",
-        "robosuite's Panda with its gripper picks a cube of 42 mm and 74 g from a table, 2 ms",
-        spec,
-        script,
-        PHASES,
-    ),
-)
+SCENES = (Scene("panda", "robosuite's Panda with its gripper picks a cube of 42 mm and 74 g from a table, 2 ms", spec, script, PHASES),)

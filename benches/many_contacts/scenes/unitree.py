@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from many_contacts.assets import Assets
+from many_contacts.assets import Assets, add_servo
 from many_contacts.scene import Array, Phase, Scene, Script
 
 HOLD = 4
@@ -126,10 +126,7 @@ GO1 = Walker(
     xml="mjlab/asset_zoo/robots/unitree_go1/xmls/go1.xml",
     height=0.278,
     pose={".*thigh_joint": 0.9, ".*calf_joint": -1.8, ".*R_hip_joint": 0.1, ".*L_hip_joint": -0.1},
-    motors=(
-        Motor((".*_hip_joint", ".*_thigh_joint"), 0.000111842 * 6**2, 23.7),
-        Motor((".*_calf_joint",), 0.000111842 * 9**2, 35.55),
-    ),
+    motors=(Motor((".*_hip_joint", ".*_thigh_joint"), 0.000111842 * 6**2, 23.7), Motor((".*_calf_joint",), 0.000111842 * 9**2, 35.55)),
     colliding=r".*_collision\d*",
     feet=r"[FR][LR]_foot_collision",
     foot=(6, (1.0, 5e-3, 5e-4)),
@@ -157,17 +154,9 @@ def spec(walker: Walker, assets: Assets) -> Any:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
             motor = _motor(walker, joint.name)
             joint.armature = motor.armature
-            _servo(s, joint.name, motor)
+            add_servo(s, joint.name, motor.stiffness, motor.damping, motor.effort).ctrllimited = False
     s.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.01])
     return s
-
-
-def _servo(s: Any, joint: str, motor: Motor) -> None:
-    """Add a position servo with the gains of a motor to a joint of the `MjSpec` s."""
-    act = s.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    act.gaintype, act.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-    act.gainprm[0], act.biasprm[1], act.biasprm[2] = motor.stiffness, -motor.stiffness, -motor.damping
-    act.ctrllimited, act.forcelimited, act.forcerange = False, True, [-motor.effort, motor.effort]
 
 
 def home(walker: Walker, model: mujoco.MjModel) -> Array:
@@ -212,13 +201,7 @@ def fallen(qpos: Array) -> NDArray[np.bool_]:
 
 def _scene(name: str, walker: Walker, about: str) -> Scene:
     """Scene with a robot of mjlab's walking tasks."""
-    return Scene(
-        name,
-        about,
-        functools.partial(spec, walker),
-        functools.partial(script, walker),
-        (Phase("trained", STEPS),),
-    )
+    return Scene(name, about, functools.partial(spec, walker), functools.partial(script, walker), (Phase("trained", STEPS),))
 
 
 SCENES = (

@@ -59,7 +59,7 @@ farthest above its floor:
   (`pgs`) steps are up to 1.5 times as fast in f64.
 * Panda while it holds, and the drawer: collision detection. Hulls and boxes are processed pair by pair, one environment at a time.
 * Lifts: a step of ten contacts with torsional friction takes MuJoCo no longer than 10 to 14 us; here it takes four to six sweeps of
-  contacts with six rows, and in f64 one or two Newton steps.
+  contacts with four rows, and in f64 one or two Newton steps.
 * The heap of thirty and the wall at the impact: hundreds of coupled rows. Newton's method on the exact law
   factors matrices of that size for each environment, 20 to 70 times a step in f64; MuJoCo's soft problem is convex, and starts near its
   minimum.

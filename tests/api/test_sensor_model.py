@@ -189,6 +189,7 @@ def test_mjcf_declares_noise_and_cutoff(model):
     ('delay=".02" interval=".03" nsample="8" interp="linear"', "the previous sample"),
     ('interval=".03 -.01" nsample="8"', "at the reset"),
     ('delay=".04" interval=".015" nsample="2"', "a sample too late"),
+    ('delay=".04" interval=".015" nsample="2" interp="linear"', "a sample too late"),
 ])  # fmt: skip
 def test_what_mjcf_declares_and_is_read_otherwise_is_listed(history, what):
     loaded = stepper.load(f'<mujoco><option timestep=".01"/><sensor><clock name="watch" {history}/></sensor></mujoco>')

@@ -129,7 +129,7 @@ def test_a_second_mass_is_found_at_any_distance(factor):
 
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 2**20), factor=st.floats(1.0, 2.0))
-# Where start points reached 4.5 scales, these runs gave three finite intervals. Three of the eight searches end at the other centre.
+# Where start points reached 4.5 scales, these runs gave three finite intervals.
 @example(seed=9028, factor=3.25)
 @example(seed=9029, factor=3.25)
 def test_an_opposite_centre_of_mass_is_found(seed, factor):

@@ -145,3 +145,15 @@ def test_a_friction_of_zero_costs_no_rows_and_changes_no_bit():
         sim.step(nstep=300)
         found.append(np.concatenate([sim.qpos, sim.qvel]))
     assert np.array_equal(*found)
+
+
+def test_a_contact_without_torsional_friction_has_no_torque():
+    """Also if it had some before: coefficients can change between steps."""
+    ball = '<body pos="0 0 .1"><freejoint/><geom name="ball" size=".1" condim="4" friction="1 .05 0"/></body>'
+    sim = simulate(f'<mujoco><worldbody><geom type="plane" size="1 1 1" condim="1"/>{ball}</worldbody></mujoco>')
+    sim.set_state(qvel=[0, 0, 0, 0, 0, 50])
+    sim.step()
+    assert abs(sim.contacts()["torque"][0, 0]) > 0.1
+    sim.randomize({"geom_friction[ball][1]": 0.0, "geom_friction[0][1]": 0.0})
+    sim.step()
+    assert (sim.contacts()["torque"] == 0).all()

@@ -15,7 +15,7 @@ pub struct SearchLimits {
     pub max_distance: f64,
     /// Distance below which surfaces count as touching, m. Far points never replace the points of touching surfaces.
     pub touching: f64,
-    /// Contact normal of the pair of hulls in the previous step, from which the search starts. This normal saves time, and changes the
+    /// Contact normal of the pair in the previous step, from which the search starts. This normal saves time, and changes the
     /// result by rounding errors at most.
     pub cached: Option<CachedNormal>,
     /// Relative motion of the two solids within the step. If it is given, contacts that cannot push within the step may be absent.

@@ -46,8 +46,8 @@ enum Candidate {
 
 /// Separation of two hulls, the largest along any direction, if the search near the cached normal finds it.
 ///
-/// The result is `None` if it is uncertain whether another facet of the Minkowski difference A - B is nearer to the origin, and for shapes
-/// other than hulls. If `limits` exclude a contact, the result may be a lower bound.
+/// The result is `None` if it is uncertain whether another facet of the Minkowski difference A - B is nearer to the origin, and for pairs
+/// other than a hull or box and a hull. If `limits` exclude a contact, the result may be a lower bound.
 pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, limits: &SearchLimits) -> Option<Facing> {
     let solids = pair.polyhedra()?;
     let [a, b] = solids;
@@ -70,7 +70,7 @@ pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, li
 }
 
 /// Separation of two hulls along the normal of a facet of their Minkowski difference A - B: the facet whose normal is near `normal`. `None`
-/// if another facet may be nearer to the origin, and for shapes that are not hulls.
+/// if another facet may be nearer to the origin, and for pairs other than a hull or box and a hull.
 ///
 /// If `limits` exclude a contact, the result may be a lower bound.
 pub(super) fn facet(pair: &Pair<'_>, normal: V, limits: &SearchLimits) -> Option<Facing> {

@@ -96,7 +96,7 @@ impl Model {
         let (slick, turning) = (count(|p| p.condim == 1), count(|p| p.condim > 3));
         let [rough_text, turning_text] = [
             "pairs with sliding friction: 3 rows per contact, the exact circular Coulomb cone",
-            "pairs also with torsional or rolling friction: 6 rows per contact, one elliptic cone",
+            "pairs also with torsional friction (4 rows per contact) or rolling friction (6 rows): one elliptic cone",
         ];
         let sweeps = "noslip iterations at most with MuJoCo's contact law; hard contact ignores them";
         let missing_text = "more pairs would collide, but their shapes are left out (see below)";

@@ -65,7 +65,7 @@ pub struct CompiledPair<S> {
     pub geoms: [usize; 2],
     /// Function of the narrow phase for this pair of shapes.
     pub kernel: Kernel,
-    /// Dimension of the pair's contacts, as in MuJoCo: 1, 3, 4 or 6. Hard contact makes three rows for 1.
+    /// Dimension of the pair's contacts, as in MuJoCo: 1, 3, 4 or 6. Hard contact makes three rows for 1 and 3.
     pub condim: u8,
     /// Margin of the pair: distance at which its contacts begin to push, m.
     pub margin: S,
@@ -339,9 +339,9 @@ fn number_of_pairs(n: usize) -> usize {
     n * n.saturating_sub(1) / 2
 }
 
-/// Makes the listed pairs of the model: all pairs that can collide and are not dynamic pairs. Pairs with torsional or rolling friction come
-/// first; otherwise the order is that of the geoms. Contacts are stored in the order of the pairs. Contacts with torsional or rolling
-/// friction therefore fill the first slots of every lane.
+/// Makes the listed pairs of the model: all pairs that can collide and are not dynamic pairs. Pairs with rolling friction come first, then those
+/// with torsional friction; otherwise the order is that of the geoms. Contacts are stored in the order of the pairs. The contacts in a slot
+/// therefore mostly have the same number of rows in all lanes, and are one contact of the problem.
 ///
 /// `has_dynamic_pairs` marks the members of the dynamic pairs. Two members are nevertheless a listed pair if both are in `listed_moving`,
 /// or if they are an explicit pair.
@@ -351,7 +351,7 @@ fn listed_pairs(filter: &Filter, has_dynamic_pairs: &[bool], listed_moving: &[us
     let is_listed = |g| listed_moving.binary_search(&g).is_ok();
     let explicit = filter.explicit().filter(|&[a, b]| has_dynamic_pairs[a] && has_dynamic_pairs[b] && !(is_listed(a) && is_listed(b)));
     let mut pairs: Vec<Pair> = one_outside.chain(both_move).chain(explicit).filter_map(|g| filter.pair(filter.ordered(g))).collect();
-    pairs.sort_by_key(|p| (p.condim <= 3, p.geoms));
+    pairs.sort_by_key(|p| (std::cmp::Reverse(p.condim.max(3)), p.geoms));
     pairs
 }
 

@@ -1,7 +1,7 @@
 //! Constraint problem of a step. Stage 4 assembles it; stage 5 solves it for velocities, and stage 8 for positions.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
-use stepper_solve::{Capacity, Problem, System};
+use stepper_solve::{Capacity, MAX_CONTACT_ROWS, Problem, System};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::equality::active_equalities::ActiveEqualities;
@@ -94,7 +94,7 @@ pub(crate) struct DeferredContact<R: Real> {
     /// Bias of the normal row, m/s: the row's offset g minus the normal velocity without impulses.
     pub(crate) bias: R,
     /// Initial impulse of the rows when they are activated, N s and N m s.
-    pub(crate) impulse: [R; 6],
+    pub(crate) impulse: [R; MAX_CONTACT_ROWS],
 }
 
 /// Curvature terms in the offsets of one contact's friction rows. A curvature term is the change of the row's velocity by the motion of the

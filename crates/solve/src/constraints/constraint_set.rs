@@ -225,7 +225,7 @@ impl SavedConstraint {
             && self.columns.is_sorted_by(|a, b| a < b)
             && self.columns.last().is_none_or(|&last| (last as usize) < dimension)
             && numbers.copied().all(f64::is_finite)
-            && self.set[0] <= self.set[1]
+            && (self.set[0] <= self.set[1] && (rows == 1 || (0.0..f64::INFINITY).contains(&self.set[0])))
             && (0.0..f64::INFINITY).contains(&self.compliance)
             && (1.0..f64::INFINITY).contains(&self.mobility_ratio)
     }

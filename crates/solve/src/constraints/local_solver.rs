@@ -1,5 +1,5 @@
 //! Solution of one contact with friction, while all other impulses stay constant. This file has what does not depend on the number of
-//! rows; `sliding.rs` has the solver of three rows, and `rolling.rs` that of six.
+//! rows; `sliding.rs` has the solver of three rows, and `rolling.rs` that of four and six.
 
 use std::fmt::Debug;
 

@@ -140,8 +140,14 @@ impl ProximalStep {
 
     /// Adds to the matrix's kept sum the constraints that have come to be held, and subtracts those that no longer are. The part of a held
     /// constraint without compliance is proportional to kappa, and most constraints are held from one Newton step to the next.
+    ///
+    /// A part that is taken away leaves a rounding error, which kappa multiplies. Above [`MOST_KAPPA_OF_CHANGES`] the sum is made again.
     #[inline(always)]
     fn update_kept_sum(&mut self, rows: &Island) {
+        if self.kappa > MOST_KAPPA_OF_CHANGES {
+            self.matrix.clear_kept();
+            self.kept.fill(false);
+        }
         for (kept, block) in self.kept.iter_mut().zip(&rows.blocks) {
             let is_held = block.compliance == 0.0 && block.set.mode(&self.x[block.rows.clone()]) == Mode::Held;
             if is_held != *kept {
@@ -191,6 +197,9 @@ impl ProximalStep {
     }
 }
 
+/// Largest kappa at which the sum over held constraints is changed and not made again. Times the rounding error of the sum, it is far below
+/// [`LEAST_PIVOT`].
+const MOST_KAPPA_OF_CHANGES: f64 = 1e9;
 /// Largest number of coordinates of an island whose matrix is factorised with pivoting if the skyline factorisation fails.
 ///
 /// The skyline factorisation accepts pivots of either sign, and fails if a pivot is too small. Evidence, with an earlier Newton method:

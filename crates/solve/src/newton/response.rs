@@ -250,7 +250,8 @@ impl<R: Real> Response<R> {
                 let kind = if block.is_contact() { scalars..count } else { 0..scalars };
                 let is_it = |source: &usize| name(*source, l) == block.name;
                 let source = Some(block.source).filter(|s| kind.contains(s)).filter(is_it);
-                let first = source.or_else(|| kind.clone().find(is_it)).map(row_of);
+                let has_rows = |&source: &usize| !block.is_contact() || system.problem.contacts[source - scalars].rows().len() == block.dim;
+                let first = source.or_else(|| kind.clone().find(is_it)).filter(has_rows).map(row_of);
                 found.push(first);
                 let own = &lambda[block.rows()];
                 match first {

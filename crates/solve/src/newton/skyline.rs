@@ -4,7 +4,7 @@
 //! of the coordinates with a low skyline ([`crate::newton::ordering`]) uses the sparsity of the matrix. `A = L U` with a unit diagonal in
 //! U. L is stored by rows, U by columns, both below the same skyline, in tiles of four rows or columns. There is no pivoting, because the
 //! matrices are the identity plus a part that is positive semidefinite unless contacts slip. `factor` fails if a pivot is too small. A
-//! symmetric matrix takes half of the work: U is then L^T with its rows divided by the pivots.
+//! symmetric matrix takes half of the work, because U is then L^T with its rows divided by the pivots.
 
 use crate::vectors::{TILE, tile};
 
@@ -55,6 +55,11 @@ impl Skyline {
         self.upper.resize(next, [0.0; TILE]);
         self.kept.clear();
         self.kept.resize(next, [0.0; TILE]);
+    }
+
+    /// Sets the kept sum to zero.
+    pub(super) fn clear_kept(&mut self) {
+        self.kept.fill([0.0; TILE]);
     }
 
     /// Adds `sum_r a_r^T b_r` to the kept sum, with the arguments of [`Skyline::add_symmetric`].

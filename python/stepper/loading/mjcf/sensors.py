@@ -100,8 +100,8 @@ def _history(source: Source, i: int, word: str, name: str) -> Description:
     elif delay and between == CUBIC and not is_whole(delay, step):
         reason = "delayed readings are interpolated linearly, not with a cubic polynomial"
         source.leave_out(f"sensor {word} interpolation", name, reason, changes_motion=False)
-    elif delay < float(m.sensor_delay[i]) and not is_whole((samples - 1) * interval, step):
-        reason = "the buffer is shorter than the delay, and its age is no whole number of steps: a reading may be a sample too late"
+    if delay < float(m.sensor_delay[i]) and not is_whole((samples - 1) * interval, step):
+        reason = "the oldest sample in the buffer is younger than the delay and no whole number of steps old: readings may be a sample too late"
         source.leave_out(f"sensor {word} buffer", name, reason, changes_motion=False)
     if delay and between == PREVIOUS and not is_whole(delay, step):
         interval = interval or step

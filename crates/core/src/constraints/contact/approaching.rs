@@ -13,6 +13,7 @@
 //! its neighbours across flat or concave edges, because a ball cannot hit such an edge.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
+use stepper_solve::MAX_CONTACT_ROWS;
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::joint_path::{JointPath, MAX_STRAIGHT_ROTATION};
@@ -300,7 +301,7 @@ impl<R: Real> ConstraintProblem<R> {
     /// The function also stores the impulse in [`VelocitySolution::saved_impulses`]: the predictor may restore the saved impulses, and the
     /// saved impulses must include this one.
     #[inline(always)]
-    fn activate_contact(&mut self, velocity: &mut VelocitySolution<R>, i: usize, lanes: R::Mask, impulse: [R; 6]) {
+    fn activate_contact(&mut self, velocity: &mut VelocitySolution<R>, i: usize, lanes: R::Mask, impulse: [R; MAX_CONTACT_ROWS]) {
         if lanes.any() {
             let Self { deferred, rows, .. } = self;
             let deferred = &mut deferred[i];

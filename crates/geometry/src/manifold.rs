@@ -53,7 +53,8 @@ pub struct Manifold {
     /// Contact points, ascending by [`Point::feature`].
     pub points: Vec<Point>,
     /// Normal and features of a hull or box and a hull, from which the next step's search starts, and their separating plane if they are
-    /// apart. `None` for other shapes, and if the bounding balls of the two shapes are farther apart than the largest distance of a contact.
+    /// apart. `None` for other shapes, and if the bounding balls of the two shapes are farther apart than the largest distance of a
+    /// contact.
     pub separating_plane: Option<SeparatingPlane>,
 }
 

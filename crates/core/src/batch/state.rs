@@ -47,7 +47,8 @@ pub struct Group<S> {
     pub contact_data: Vec<S>,
     /// Angular impulses of the contacts, three per contact; empty when the scene has no torsional or rolling friction.
     pub contact_torque: Vec<S>,
-    /// Separating planes of the pairs of a hull or box and a hull that were close to each other in the last step. They speed up the next step.
+    /// Separating planes of the pairs of a hull or box and a hull that were close to each other in the last step. They speed up the next
+    /// step.
     pub separation_cache: SeparationCache,
     /// Simulated time, s, per lane.
     pub time: Vec<f64>,

@@ -339,9 +339,9 @@ fn number_of_pairs(n: usize) -> usize {
     n * n.saturating_sub(1) / 2
 }
 
-/// Makes the listed pairs of the model: all pairs that can collide and are not dynamic pairs. Pairs with rolling friction come first, then those
-/// with torsional friction; otherwise the order is that of the geoms. Contacts are stored in the order of the pairs. The contacts in a slot
-/// therefore mostly have the same number of rows in all lanes, and are one contact of the problem.
+/// Makes the listed pairs of the model: all pairs that can collide and are not dynamic pairs. Pairs with rolling friction come first, then
+/// those with torsional friction; otherwise the order is that of the geoms. Contacts are stored in the order of the pairs. The contacts in
+/// a slot therefore mostly have the same number of rows in all lanes, and are one contact of the problem.
 ///
 /// `has_dynamic_pairs` marks the members of the dynamic pairs. Two members are nevertheless a listed pair if both are in `listed_moving`,
 /// or if they are an explicit pair.

@@ -1,7 +1,7 @@
 """The constraint problem of one step, built again from MuJoCo's mass matrix and Jacobians: contact.md sections 1 and 2 in NumPy.
 
-Contacts of 3, 4 and 6 rows with their reported impulses; joint limits and equalities with the impulses that the change of velocity leaves to
-them. Euler's rule takes it all at the state before; the midpoint rule at q + h/2 v, which is done here for balls, on which no force
+Contacts of 3, 4 and 6 rows with their reported impulses; joint limits and equalities with the impulses that the change of velocity leaves
+to them. Euler's rule takes it all at the state before; the midpoint rule at q + h/2 v, which is done here for balls, on which no force
 depends on the velocity.
 """
 

@@ -73,7 +73,7 @@ def test_the_implicit_rule_is_flagged_before_a_chain_has_a_third_more_energy(sta
 
 
 def test_an_error_prevents_a_gain_that_is_too_slow_for_the_flag():
-    """A chain gains more than 5 % of the energy of its fall before the flag, with error=1e-3 less than 0.1 %: 40 links of 5 cm with 5 kg."""
+    """A chain of 40 links gains more than 5 % of the energy of its fall before the flag, with error=1e-3 less than 0.1 %."""
     gains = {}
     for error in (None, 1e-3):
         sim = simulate(chain(40, 0.05, 0.02, 5.0), timestep=3e-3, error=error)

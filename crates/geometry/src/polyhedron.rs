@@ -74,7 +74,7 @@ impl Polyhedron<'_> {
     pub(super) fn normal(self, face: usize) -> V {
         match self {
             Self::Hull(hull) => hull.faces[face].normal,
-            Self::Box(_) => along_axis(face / 2, if face % 2 == 0 { 1.0 } else { -1.0 }),
+            Self::Box(_) => along_axis(face / 2, if face.is_multiple_of(2) { 1.0 } else { -1.0 }),
         }
     }
 

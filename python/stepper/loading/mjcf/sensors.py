@@ -101,7 +101,7 @@ def _history(source: Source, i: int, word: str, name: str) -> Description:
         reason = "delayed readings are interpolated linearly, not with a cubic polynomial"
         source.leave_out(f"sensor {word} interpolation", name, reason, changes_motion=False)
     if delay < float(m.sensor_delay[i]) and not is_whole((samples - 1) * interval, step):
-        reason = "the oldest sample in the buffer is younger than the delay and no whole number of steps old: readings may be a sample too late"
+        reason = "the oldest sample in the buffer is younger than the delay, no whole number of steps: readings may be a sample too late"
         source.leave_out(f"sensor {word} buffer", name, reason, changes_motion=False)
     if delay and between == PREVIOUS and not is_whole(delay, step):
         interval = interval or step

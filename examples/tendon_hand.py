@@ -4,7 +4,7 @@
     python examples/tendon_hand.py out/hand.gif # the same, and a film of one ball; needs the extra `viewer`, and OpenGL
 
 Each finger has two joints and two tendons. A motor pulls the flexor, which runs through sites on the inner side. An elastic extensor wraps
-around the joints on the outer side, and opens the finger. No joint has a motor of its own: what a finger touches decides how it closes.
+around the joints on the outer side, and opens the finger. No motor drives a joint: what a finger touches decides how it closes.
 
 The ball lies on a table under the hand while the fingers close. Then the table sinks. At last the hand is shaken sideways. The balls of the
 environments differ in mass.

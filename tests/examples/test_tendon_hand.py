@@ -1,4 +1,4 @@
-"""The hand on tendons holds the balls that the page of the examples says."""
+"""The largest balls that the hand on tendons holds are those on the page of the examples."""
 
 from pathlib import Path
 

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from stepper.envs.suite.ball_in_cup import BallInCup
 from stepper.envs.suite.base import SuiteTask
 from stepper.envs.suite.dog import Dog
 from stepper.envs.suite.finger import Finger, FingerTurn, Reacher
@@ -18,6 +19,7 @@ from stepper.envs.suite.swimming import Fish, Swimmer
 SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "acrobot-swingup": (Acrobot, {}),
     "acrobot-swingup_sparse": (Acrobot, {"sparse": True}),
+    "ball_in_cup-catch": (BallInCup, {}),
     "cartpole-balance": (Cartpole, {}),
     "cartpole-balance_sparse": (Cartpole, {"sparse": True}),
     "cartpole-swingup": (Cartpole, {"swing_up": True}),

@@ -69,9 +69,8 @@ def starts_around(qmc: Any, residuals: Residuals, x: Array, count: int, seed: in
 def _drawn(qmc: Any, residuals: Residuals, x: Array, seed: int, *, count: int, first: bool) -> Array:
     """Points of a Sobol sequence around a point x, within the bounds, (count, n + starts).
 
-    Vectors such as a centre of mass are drawn around that of x, and then multiplied by a factor between 1/90 and 1: lengths have no natural
-    scale.
-    Those of the `first` searches are not shrunk.
+    Vectors such as a centre of mass are drawn around that of x, and then multiplied by a factor between 1/90 and 1, because
+    lengths have no natural scale. Those of the `first` searches are not shrunk.
     """
     points, begin = np.tile(x, (count, 1)), 0
     drawn = qmc.Sobol(residuals.n + len(residuals.blocks), seed=seed).random(count)

@@ -13,6 +13,7 @@ from envs.cases import kolmogorov_smirnov
 from stepper.envs import StepperEnv, StepperVectorEnv
 from stepper.envs.suite import SUITE
 from stepper.envs.suite.base import reading
+from stepper.envs.suite.quadruped import _Bowl
 
 suite = pytest.importorskip("dm_control.suite")
 
@@ -26,6 +27,16 @@ def fields_that_mujoco_has():
         fields = sizes.array_sizes[name]
         for gone in [field for field in fields if not hasattr(struct, field)]:
             del fields[gone]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_rendering():
+    """A new terrain makes dm_control's quadruped open a renderer, which needs OpenGL."""
+    from dm_control.suite.quadruped import Physics
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Physics, "contexts", None)
+        yield
 
 
 def named(name):
@@ -53,14 +64,17 @@ def pair(name):
     option.solver, option.tolerance, option.iterations = mujoco.mjtSolver.mjSOL_NEWTON, 1e-14, 200
     kind, arguments = SUITE[name]
     task = kind(**arguments)
+    if "terrain" in task.model().geom_names:
+        theirs.physics.elevation = stepper.sensors.HeightField(task.model(), "terrain").elevation
     return theirs, StepperEnv(task, options=replace(stepper.Options.from_model(task.model()), tolerance=1e-12, iterations=200))
 
 
 def follow(theirs, ours):
     """Gives ours the state of dm_control's, and its target."""
-    physics = theirs.physics
+    physics, model = theirs.physics, ours.sim.model
+    if "terrain" in model.geom_names:
+        copy_tile(physics, ours)
     physics.forward()
-    model = ours.sim.model
     if "target" in model.geom_names:
         target = model.geom("target").id
         places = np.array(model.geom_pos)[None].copy()
@@ -78,6 +92,16 @@ def follow(theirs, ours):
     ours.set_state(physics.data.qpos.copy(), physics.data.qvel.copy())
 
 
+def copy_tile(physics, ours):
+    """Gives dm_control's height field the tile of ours whose middle is at the origin."""
+    heights, place = physics.elevation, ours.sim.geom_xpos[0, ours.sim.model.geom("terrain").id]
+    side = physics.model.hfield_nrow[0]
+    column, row = (round(edge / 0.3) for edge in 120.0 - place[:2] - 30.0)
+    physics.model.hfield_size[0, 2:] = heights.max(), 0.5
+    physics.model.hfield_data[:] = (heights[row : row + side, column : column + side] / heights.max()).ravel()
+    physics.named.model.geom_pos["terrain", "z"] = place[2]
+
+
 OTHERWISE = {"dog": {"inertial_sensors": 3, "foot_forces": 12, "touch_sensors": 4}, "quadruped": {"accelerometer": 3, "force_torque": 24}}
 """How many of the first numbers of rows of observations are stepper's own, by domain: see `stepper.envs.suite.quadruped` and `dog`."""
 
@@ -89,13 +113,19 @@ def compared(name, structure):
 
 
 def has_other_points(theirs, action):
-    """Whether steps of an action have contacts whose points stepper chooses in its own way: of ellipsoids, of cylinders, of two boxes."""
+    """Whether steps of an action have contacts whose points stepper chooses in its own way.
+
+    Those are contacts of ellipsoids, of cylinders, of two boxes, and of a geom with several triangles of a height field.
+    """
     data, geom = copy.copy(theirs.physics.data.ptr), mujoco.mjtGeom
     data.ctrl[:] = action
     for _ in range(round(theirs.control_timestep() / theirs.physics.timestep())):
         mujoco.mj_step(data.model, data)
         types = data.model.geom_type[data.contact.geom]
         if np.isin(types, [geom.mjGEOM_ELLIPSOID, geom.mjGEOM_CYLINDER]).any() or (types == geom.mjGEOM_BOX).all(axis=1).any():
+            return True
+        over_field = data.contact.geom[(types == geom.mjGEOM_HFIELD).any(axis=1)]
+        if len(np.unique(over_field, axis=0)) < len(over_field):
             return True
     return False
 
@@ -118,6 +148,8 @@ def near_goal(physics, domain):
     if domain == "quadruped":
         data.qpos[:7] = [0.3, 0.1, 1.0, 1.0, 0.0, 0.0, 0.0]
         data.qvel[0] = 6.0
+        if hasattr(physics, "elevation"):
+            data.qpos[:3] = 18.0, 5.0, 5.0
     if domain == "manipulator":
         thing = "peg" if "peg" in physics.named.data.xpos.axes.row.names else "ball"
         # In a receptacle a peg touches boxes, whose contacts with capsules MuJoCo chooses in its own way.
@@ -169,7 +201,7 @@ def test_every_step_is_dm_controls(name):
             theirs.physics.data.qpos[1] = 0.3
         follow(theirs, ours)
         action = rng.uniform(low, high)
-        other_points = domain == "dog" and has_other_points(theirs, action)
+        other_points = (domain == "dog" or "escape" in name) and has_other_points(theirs, action)
         step = theirs.step(action)
         found, reward, terminated, truncated, _ = ours.step(action)
         if other_points:
@@ -257,3 +289,32 @@ def test_the_regulator_ends_at_rest():
 def test_wrong_arguments_are_named(name, arguments, message):
     with pytest.raises(ValueError, match=message):
         gymnasium.make(named(name), **arguments)
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_a_bowl_is_dm_controls(seed):
+    """Heights of a tile from dm_control's random numbers are dm_control's to 1e-6 m, because MuJoCo rounds heights of 5 m to 32 bits."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        theirs = suite.load("quadruped", "escape", task_kwargs={"random": seed})
+    theirs.reset()
+    line = np.linspace(-30.0, 30.0, 201)
+    heights = _Bowl().heights(line, line, 60.0, 0.0, np.random.RandomState(seed))
+    np.testing.assert_allclose(heights, 5.0 * theirs.physics.model.hfield_data.reshape(201, 201), atol=1e-6)
+
+
+def test_episodes_start_over_the_middles_of_all_bowls():
+    """The score counts from the middle of a bowl, so the ring of hills of 15 m is around the robot wherever the terrain is."""
+    ours = StepperVectorEnv(SUITE["quadruped-escape"][0], 200, escape=True)
+    ours.reset(seed=0)
+    np.testing.assert_array_equal(ours.sim.qpos[:, :2], 0.0)
+    places = ours.sim.geom_xpos[:, ours.sim.model.geom("terrain").id, :2]
+    assert len(np.unique(places, axis=0)) == 16
+    angles = np.linspace(0.0, 2.0 * np.pi, 50)
+    rings = np.stack([np.cos(angles), np.sin(angles)], axis=1) * [[[0.5]], [[15.0]], [[30.0]]]
+    ground = stepper.sensors.HeightField(ours.sim.model, "terrain")
+    middle, hills, border = np.split(ground.heights(ours.sim, rings.reshape(-1, 2)), 3, axis=1)
+    assert middle.max() < 0.2
+    assert hills.mean(axis=1).min() > 2.0
+    assert border.max() < 0.1
+    assert (ours.sim.qpos[:, 2] < 1.2).all()

@@ -55,6 +55,7 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "pendulum-swingup": (Pendulum, {}),
     "point_mass-easy": (PointMass, {}),
     "point_mass-hard": (PointMass, {"turned": True}),
+    "quadruped-escape": (Quadruped, {"escape": True}),
     "quadruped-fetch": (Quadruped, {"fetch": True}),
     "quadruped-run": (Quadruped, {"move_speed": 5.0}),
     "quadruped-walk": (Quadruped, {}),

@@ -57,13 +57,13 @@ farthest above its floor:
 * Feet, hands and grippers (g1, go1, panda, lift, hand): the solver. A group of lanes iterates until its slowest lane has converged. Each
   update of a contact depends on the one before. Lanes that do not converge go to Newton's method, one environment at a time. Without it
   (`pgs`) steps are up to 1.5 times as fast in f64.
-* Panda while it holds, and the drawer: collision detection. Hulls and boxes are processed pair by pair, one environment at a time.
-* Lifts: a step of ten contacts with torsional friction takes MuJoCo no longer than 10 to 14 us; here it takes four to six sweeps of
-  contacts with four rows, and in f64 one or two Newton steps.
+* Panda while it closes its gripper, and the drawer: collision detection. Hulls and boxes are processed pair by pair, one environment at a time.
+* Lifts: a step of ten contacts with torsional friction takes MuJoCo no longer than 10 to 14 us; here it takes four or five sweeps of
+  contacts with four rows, and in f64 half a Newton step.
 * The heap of thirty and the wall at the impact: hundreds of coupled rows. Newton's method on the exact law
-  factors matrices of that size for each environment, 20 to 70 times a step in f64; MuJoCo's soft problem is convex, and starts near its
+  factors matrices of that size for each environment, 7 to 16 times a step in f64; MuJoCo's soft problem is convex, and starts near its
   minimum.
-* Two arms: dry joint friction together with contacts; sweeps do not converge in 86 % of the steps, and Newton's method takes twenty steps.
+* Two arms: dry joint friction together with contacts; most sweeps do not converge, and Newton's method takes twelve steps.
 * Robots under random control: no single part is far above its floor. Lanes wait for the slowest of their group, latency adds up, and
   forces are computed twice, so that the next state depends on the visible state alone
   ([why](../development/decisions/visible_state.md))."""

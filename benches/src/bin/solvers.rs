@@ -55,8 +55,8 @@ const MEANING: &str = "
 * Sweeps carry a weight through one contact at a time. Their number grows with the height of a stack and with the ratio of masses that press on
   each other: a top box a hundred times heavier is beyond plain sweeps, a gram under a ton beyond accelerated ones. Anderson's acceleration
   saves a factor of 6 to 90 where plain sweeps converge at all.
-* Newton's method needs a few steps on every stack and pinch, whatever the masses, and some ten times as many in a wall, where many contacts
-  share the load and which of them slide has to be found. A step factorises a matrix, so it costs as much as ten to twenty sweeps.
+* Newton's method needs 5 to 30 steps on every stack and pinch, whatever the masses, and some three to six times as many in a wall, where many
+  contacts share the load and which of them slide has to be found. A step factorises a matrix, so it costs as much as three to ten sweeps.
 * So neither is enough alone: robots on legs and light contacts converge in a few warm-started sweeps, over eight environments at a time; stacks,
   pinches and mass ratios need Newton's method. `solver=\"auto\"`, the default, sweeps at most 25 times, and sends the environments whose
   residual is then above `tolerance` to Newton's method, one by one. `sim.residual` says what either left.

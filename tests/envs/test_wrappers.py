@@ -8,7 +8,7 @@ from stepper.envs import StepperVectorEnv
 
 
 def run(envs, steps=30):
-    """What some steps return."""
+    """Observations, rewards, flags and infos of some steps."""
     envs.reset(seed=0)
     rng = np.random.default_rng(0)
     said = [envs.step(rng.uniform(-1, 1, envs.action_space.shape)) for _ in range(steps)]

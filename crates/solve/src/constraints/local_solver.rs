@@ -24,8 +24,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Impulse by the weaker update, in the lanes `active`. The result has no meaning in other lanes. The weaker update changes the impulse
     /// less than [`LocalSolver::solve`], so that sweeps (Gauss-Seidel iterations) cycle less.
     ///
-    /// It updates the normal impulse at constant tangential impulse. Then it projects the tangential impulse on the disc of the new normal
-    /// impulse.
+    /// The update changes the normal impulse at constant tangential impulse. Then it projects the tangential impulse on the disc of the new
+    /// normal impulse.
     fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N];
 
     /// Directions of the tangential impulse, among the principal axes of the tangential problem, in which no impulse moves the contact.

@@ -8,7 +8,7 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.observations import Observation
-from stepper.envs.suite.base import SuiteTask, randomize_without_overlap
+from stepper.envs.suite.base import SLIDES, SuiteTask, randomize_without_overlap
 from stepper.envs.task import Array, Reset, TaskView
 from stepper.shared.streams import Rng
 
@@ -25,10 +25,7 @@ class BallInCup(SuiteTask):
 
     def observations(self) -> tuple[Observation, ...]:
         """Positions and velocities of cup and ball, (8,)."""
-        return (
-            Observation("position", func=lambda now: now.qpos, unit="m"),
-            Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
-        )
+        return SLIDES
 
     def score(self, now: TaskView) -> Array:
         """Score, (num_envs,): 1 with the ball in the cup, otherwise 0."""

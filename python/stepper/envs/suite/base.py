@@ -13,6 +13,7 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Joint, Model, Stepper
 from stepper.envs.assets import cache_model, cache_per_model, load_quietly, remove_elements
+from stepper.envs.observations import Observation
 from stepper.envs.task import Array, Reset, Task, TaskView, Terms
 from stepper.shared.machine import package_file
 from stepper.shared.rotations import matrices
@@ -45,6 +46,13 @@ class SuiteTask(Task):
     def score(self, now: TaskView) -> Array:
         """dm_control's reward, (num_envs,)."""
         raise NotImplementedError
+
+
+SLIDES = (
+    Observation("position", func=lambda now: now.qpos, unit="m"),
+    Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
+)
+"""Observations of models whose joints are slides: positions, (nq,), and velocities, (nv,)."""
 
 
 @cache_model

@@ -9,7 +9,7 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.observations import Observation
-from stepper.envs.suite.base import SuiteTask, norm, source_tree
+from stepper.envs.suite.base import SLIDES, SuiteTask, norm, source_tree
 from stepper.envs.task import Array, Reset, TaskView
 
 _STIFFNESS = (15.0, 25.0)
@@ -46,10 +46,7 @@ class LQR(SuiteTask):
 
     def observations(self) -> tuple[Observation, ...]:
         """Positions and velocities: (2 bodies,)."""
-        return (
-            Observation("position", func=lambda now: now.qpos, unit="m"),
-            Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
-        )
+        return SLIDES
 
     def score(self, now: TaskView) -> Array:
         """Score: 1 minus costs of positions and controls; velocities have no cost."""

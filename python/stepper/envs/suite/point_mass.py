@@ -9,7 +9,7 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.observations import Observation
-from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, small_control, source_tree, tolerance
+from stepper.envs.suite.base import SLIDES, SuiteTask, norm, randomize_joints, small_control, source_tree, tolerance
 from stepper.envs.task import Array, Reset, TaskView, Terms
 
 _PARALLEL = 0.9
@@ -42,10 +42,7 @@ class PointMass(SuiteTask):
 
     def observations(self) -> tuple[Observation, ...]:
         """Position and velocity: (4,)."""
-        return (
-            Observation("position", func=lambda now: now.qpos, unit="m"),
-            Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
-        )
+        return SLIDES
 
     def score(self, now: TaskView) -> Array:
         """Score: 1 with the mass in the target and without controls, decreasing with the distance and with the controls."""

@@ -149,9 +149,13 @@ impl Skyline {
         }
     }
 
-    /// Completes the upper triangle after the last sum. So far it has the difference between the two triangles.
+    /// Completes the upper triangle after the last sum. So far it has the difference between the two triangles. The factors of a symmetric
+    /// matrix do not read it.
     #[inline(always)]
     pub(super) fn complete(&mut self) {
+        if self.is_symmetric {
+            return;
+        }
         for (upper, lower) in self.upper.iter_mut().zip(&self.lower) {
             for r in 0..TILE {
                 upper[r] += lower[r];

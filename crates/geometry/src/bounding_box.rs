@@ -25,16 +25,11 @@ impl<R: Real> BoundingBox<R> {
     #[inline(always)]
     pub fn new(solid: &Solid, size: V3<R>) -> Option<Self> {
         let [radius, half_length, _] = size;
-        let between = |[least, most]: [[f64; 3]; 2]| {
-            let of = |x: [f64; 3]| [R::of(x[0]), R::of(x[1]), R::of(x[2])];
-            (of(scale(add(most, least), 0.5)), of(scale(sub(most, least), 0.5)))
-        };
         let shape = match solid {
             Solid::Convex(shape) => shape,
             Solid::Surface(surface) => match &**surface {
                 Surface::Mesh(mesh) => {
-                    let (centre, half) = between(mesh.extent);
-                    return Some(Self { centre, half });
+                    return Some(Self::between(mesh.extent));
                 }
                 // A height field is solid down to its base, so that a box around its triangles would not contain it.
                 Surface::Grid(_) => return None,
@@ -46,10 +41,18 @@ impl<R: Real> BoundingBox<R> {
             ConvexShape::Capsule { .. } => (zero(), [radius, radius, radius + half_length]),
             ConvexShape::Cylinder { .. } => (zero(), [radius, radius, half_length]),
             ConvexShape::Ellipsoid { .. } | ConvexShape::Box { .. } => (zero(), size),
-            ConvexShape::Hull(hull) => between(hull.extent()),
+            ConvexShape::Hull(hull) => return Some(Self::between(hull.extent())),
             ConvexShape::Triangle(_) => return None,
         };
         Some(Self { centre, half })
+    }
+
+    /// Box between two opposite corners, the same in every lane.
+    #[inline(always)]
+    fn between([least, most]: [[f64; 3]; 2]) -> Self {
+        let [x, y, z] = scale(add(most, least), 0.5);
+        let [width, depth, height] = scale(sub(most, least), 0.5);
+        Self { centre: [R::of(x), R::of(y), R::of(z)], half: [R::of(width), R::of(depth), R::of(height)] }
     }
 
     /// Bounding box of a convex solid along the axes of the world: centre relative to the origin of the solid's frame, and half sizes, m.

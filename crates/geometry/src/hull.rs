@@ -75,6 +75,8 @@ pub struct Hull {
     start: Vec<u32>,
     /// Vertices that are farthest along +x, -x, +y, -y, +z and -z.
     extreme: [usize; 6],
+    /// Smallest and largest coordinates of the vertices along each axis, m.
+    extent: [V; 2],
     /// Centre of the hull's volume, m.
     centre: V,
     /// Radius of the smallest ball around the hull's centre that contains the hull, m.
@@ -160,10 +162,13 @@ impl Hull {
         let (rings, first) = rings(&points, &triangles);
         let blocks: Vec<Block> = points.chunks(SIDE).map(Block::new).collect();
         let start = if points.len() > FEW { starts(&blocks) } else { vec![] };
-        let extreme = std::array::from_fn(|k| blocks::furthest(&blocks, along_axis(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })));
+        let extreme: [usize; 6] =
+            std::array::from_fn(|k| blocks::furthest(&blocks, along_axis(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })));
         let depth = |f: &Face| dot(f.normal, sub(points[f.vertices[0] as usize], centre));
         let least = faces.iter().map(depth).fold(f64::INFINITY, f64::min);
-        Ok(Self { corners, points, triangles, faces, around, rings, first, blocks, start, extreme, centre, bound, least })
+        let along = |k: usize, side: usize| points[extreme[2 * k + side]][k];
+        let extent = [std::array::from_fn(|k| along(k, 1)), std::array::from_fn(|k| along(k, 0))];
+        Ok(Self { corners, points, triangles, faces, around, rings, first, blocks, start, extreme, extent, centre, bound, least })
     }
 
     /// Vertices of the hull, m.
@@ -198,8 +203,7 @@ impl Hull {
 
     /// Smallest and largest coordinates of the hull's vertices along each axis, m.
     pub(super) fn extent(&self) -> [V; 2] {
-        let along = |k: usize, side: usize| self.points[self.extreme[2 * k + side]][k];
-        [std::array::from_fn(|k| along(k, 1)), std::array::from_fn(|k| along(k, 0))]
+        self.extent
     }
 
     /// Smallest q >= 0, m, for which the ball of radius q + e around p - q m contains all vertices.

@@ -49,6 +49,7 @@ impl<R: Real> Snapshot<R> {
     }
 
     /// Copies the impulses of an iterate in all lanes. Does nothing if `lanes`, the lanes that the caller may restore, is empty.
+    #[inline(always)]
     pub fn save(&mut self, iterate: &Iterate<R>, lanes: R::Mask) {
         if lanes.any() {
             self.w.clone_from(&iterate.w);

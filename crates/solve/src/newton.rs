@@ -33,7 +33,7 @@ use ordering::{Islands, Ordering};
 use proximal::ProximalPoint;
 pub use proximal::{STEPS_RATIO, Search};
 pub use response::{Response, Switch, SwitchDistance};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
 #[derive(Clone, Debug, Default)]
@@ -102,7 +102,7 @@ impl Newton {
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            self.lane.gather(system, iterate, lane);
+            kernel!(R, || self.lane.gather(system, iterate, lane));
             let Search { steps, tolerance, least_norm } = search;
             let result = self.solve_lane::<R>(Search { steps, tolerance: tolerance.lane(lane).to_f64(), least_norm });
             if result.better {

@@ -27,7 +27,14 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
 #[inline(always)]
 fn for_each_residual<R: Real>(system: System<'_, R>, iterate: &Iterate<R>, mut f: impl FnMut(R)) {
     let System { problem, scalars, contacts, .. } = system;
-    problem.scalars.for_each_residual(scalars, &iterate.scalars, &iterate.w, &mut f);
+    // A reference to `f` would not be inlined.
+    problem.scalars.for_each_residual(
+        scalars,
+        &iterate.scalars,
+        &iterate.w,
+        #[inline(always)]
+        |r| f(r),
+    );
     problem.contacts.for_each_residual(contacts, &iterate.contacts, &iterate.w, f);
 }
 

@@ -125,7 +125,10 @@ pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
 /// Lanes in which `x` is outside its range; no lanes if there is no range.
 #[inline(always)]
 pub(crate) fn exceeds_range<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
-    range.map_or(R::Mask::splat(false), |range| outside(x, range))
+    match range {
+        Some(range) => outside(x, range),
+        None => R::Mask::splat(false),
+    }
 }
 
 /// Lanes in which `x` is below the lower or above the upper end of the range. A number at an end is not outside.

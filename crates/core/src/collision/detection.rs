@@ -15,6 +15,7 @@ use crate::collision::separation_cache::SeparationCache;
 use crate::collision::static_search::{StaticSearch, merge};
 use crate::compile::{ADHESION_REACH, CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
+use crate::math::lanes::MAX_LANES;
 use crate::math::spatial::*;
 
 /// Workspace of collision detection for a group of environments: poses of the colliding geoms, pairs that can touch, and buffers of the
@@ -95,6 +96,8 @@ pub(crate) struct NarrowWorkspace {
     pub(crate) last_planes: SeparationCache,
     /// Separating planes that this step stores for the next step.
     pub(crate) new_planes: SeparationCache,
+    /// Entry of `last_planes` that was used last, in each lane.
+    pub(crate) last_entries: [usize; MAX_LANES],
 }
 
 impl NarrowWorkspace {
@@ -104,6 +107,7 @@ impl NarrowWorkspace {
             narrow: Narrow::for_solids(compiled.geoms.iter().filter_map(|g| g.solid.as_ref())),
             last_planes: SeparationCache::new(compiled, lanes),
             new_planes: SeparationCache::new(compiled, lanes),
+            last_entries: [0; MAX_LANES],
         }
     }
 

@@ -197,11 +197,11 @@ impl<R: Real> Scene<'_, R> {
         for lane in each_of(near.bits()) {
             let poses = [self.pose(a, lane), self.pose(b, lane)];
             let (first, second) = (self.solid_in(a, lane), self.solid_in(b, lane));
-            let NarrowWorkspace { narrow, last_planes, new_planes } = &mut *workspace;
+            let NarrowWorkspace { narrow, last_planes, new_planes, last_entries } = &mut *workspace;
             let mut limits = SearchLimits::from(reach.lane(lane).to_f64());
             limits.epsilon = R::Scalar::EPSILON.to_f64();
             limits.touching = (margin + self.slack).lane(lane).to_f64();
-            limits.cached = last_planes.of(lane, index).map(SeparatingPlane::cached_normal);
+            limits.cached = last_planes.of(lane, index, &mut last_entries[lane]).map(SeparatingPlane::cached_normal);
             if let Some(moving) = &approach {
                 limits.approach = Some(moving.lane(lane));
             }
@@ -266,17 +266,17 @@ impl<R: Real> Scene<'_, R> {
         workspace: &mut NarrowWorkspace,
     ) -> R::Mask {
         let [a, b] = pair.geoms;
-        let NarrowWorkspace { last_planes, new_planes, .. } = workspace;
+        let NarrowWorkspace { last_planes, new_planes, last_entries, .. } = workspace;
         let mut planes = SeparatingPlanes::none();
         for lane in each_of(near.bits()) {
-            if let Some(separating_plane) = last_planes.of(lane, index) {
+            if let Some(separating_plane) = last_planes.of(lane, index, &mut last_entries[lane]) {
                 planes.set_lane(lane, separating_plane);
             }
         }
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let separated = near.and(planes.separated_lanes(half, apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
         for lane in each_of(separated.bits()) {
-            if let Some(separating_plane) = last_planes.of(lane, index) {
+            if let Some(separating_plane) = last_planes.of(lane, index, &mut last_entries[lane]) {
                 new_planes.keep(lane, index, separating_plane);
             }
         }

@@ -66,9 +66,17 @@ impl SeparationCache {
     }
 
     /// Separating plane of the pair with index `pair` in lane `lane`; `None` if the cache does not have it.
+    ///
+    /// The search begins at the entry `last`, which becomes that of the pair. Pairs are tested in the order of the entries, so that it is
+    /// short.
     #[inline(always)]
-    pub(crate) fn of(&self, lane: usize, pair: usize) -> Option<&SeparatingPlane> {
-        self.held[self.used(lane)].iter().find(|h| h.pair == pair as u32).map(|h| &h.separating_plane)
+    pub(crate) fn of(&self, lane: usize, pair: usize, last: &mut usize) -> Option<&SeparatingPlane> {
+        let entries = &self.held[self.used(lane)];
+        let (before, after) = entries.split_at((*last).min(entries.len()));
+        let is_pair = |h: &Held| h.pair == pair as u32;
+        let place = after.iter().position(is_pair).map(|k| before.len() + k).or_else(|| before.iter().position(is_pair))?;
+        *last = place;
+        Some(&entries[place].separating_plane)
     }
 
     /// Adds the separating plane of a pair that is not in the cache yet, unless the cache is full.

@@ -122,10 +122,15 @@ impl<R: Real> ConstraintProblem<R> {
     }
 
     /// Index in the problem of the contact in slot `k` and lane `lane`. `None` if the problem does not have it.
+    #[inline(always)]
     pub(crate) fn contact_in_slot(&self, k: usize, lane: usize) -> Option<usize> {
         let first = self.contact_slots.partition_point(|contact| contact.slot < k);
         let mut same = self.contact_slots[first..].iter().take_while(|contact| contact.slot == k);
-        same.position(|contact| contact.lanes.bits() >> lane & 1 == 1).map(|i| first + i)
+        same.position(
+            #[inline(always)]
+            |contact| contact.lanes.bits() >> lane & 1 == 1,
+        )
+        .map(|i| first + i)
     }
 
     /// Appends the slot of a contact: its index `slot` in the contact set, and the lanes with the contact. `rotation_scale` are the lengths

@@ -243,8 +243,11 @@ impl<R: Real> Body<R> {
     #[inline(always)]
     fn is_round(&self) -> R::Mask {
         let [xx, yy, zz, rest @ ..] = self.inertia;
-        let zeros = rest.into_iter().chain(self.arm).map(|x| x.eq(R::zero()));
-        zeros.fold(xx.eq(yy).and(yy.eq(zz)), R::Mask::and)
+        let mut is_round = xx.eq(yy).and(yy.eq(zz));
+        for x in [rest, self.arm].as_flattened() {
+            is_round = is_round.and(x.eq(R::zero()));
+        }
+        is_round
     }
 
     /// Angular momentum I w in body axes, kg m^2/s.

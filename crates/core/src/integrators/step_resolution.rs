@@ -127,7 +127,11 @@ pub(crate) fn runs_away<R: Real>(compiled: &LaneModel<R>, v: &[R], v_next: &[R],
 /// Largest component of the angular velocity of any joint, rad/s.
 #[inline(always)]
 fn max_joint_rate<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
-    compiled.mechanisms.parts.iter().fold(R::zero(), |rate, part| rate.max(rate_of_part(part, v)))
+    let mut rate = R::zero();
+    for part in &compiled.mechanisms.parts {
+        rate = rate.max(rate_of_part(part, v));
+    }
+    rate
 }
 
 /// Largest component of the angular velocity of the joints in a part of a mechanism, rad/s.

@@ -133,24 +133,28 @@ fn find_contacts<R: Real>(
         }
         scene.test_packed(packed);
         let mut any = R::Mask::splat(false);
-        let mut mark = |geoms: [usize; 2], lanes: R::Mask| {
-            any = any.or(lanes);
-            for m in compiled.mechanisms_of(geoms) {
-                unreliable[m] = unreliable[m].or(lanes);
-            }
-        };
         for &(index, lanes) in near {
             let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
             let pair = &compiled.pairs[index];
             if let Some(lanes) = scene.collide(index, pair, lanes, packed, narrow_phase, contacts) {
-                mark(pair.geoms, lanes);
+                any = any.or(lanes);
+                mark(compiled, pair.geoms, lanes, unreliable);
             }
         }
         for (index, lanes, pair) in &*dynamic {
             if let Some(lanes) = scene.collide(*index, pair, *lanes, packed, narrow_phase, contacts) {
-                mark(pair.geoms, lanes);
+                any = any.or(lanes);
+                mark(compiled, pair.geoms, lanes, unreliable);
             }
         }
         any
     })
+}
+
+/// Marks the mechanisms of two geoms as unreliable in the lanes `lanes`.
+#[inline(always)]
+fn mark<R: Real>(compiled: &LaneModel<R>, geoms: [usize; 2], lanes: R::Mask, unreliable: &mut [R::Mask]) {
+    for mechanism in compiled.mechanisms_of(geoms) {
+        unreliable[mechanism] = unreliable[mechanism].or(lanes);
+    }
 }

@@ -559,6 +559,7 @@ pub(crate) fn multiply<R: Real, const N: usize>(columns: &[u32], y: &[[R; N]], w
 }
 
 /// Whether a mask has the lane `lane`.
+#[inline(always)]
 pub(crate) fn has_lane<R: Real>(mask: R::Mask, lane: usize) -> bool {
     mask.bits() >> lane & 1 == 1
 }

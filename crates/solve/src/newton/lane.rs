@@ -57,6 +57,7 @@ pub(super) struct Lane {
 
 impl Lane {
     /// Gathers the rows of lane `lane` from the problem of all lanes, the scalar rows first. Eliminated rows are left out.
+    #[inline(always)]
     pub(super) fn gather<R: Real>(&mut self, system: System<'_, R>, iterate: &Iterate<R>, lane: usize) {
         self.blocks.clear();
         self.columns.clear();
@@ -119,6 +120,7 @@ impl Lane {
 
     /// Gathers the constraints of one set that exist in lane `lane`. `before` is the number of constraints, and of their rows, in the sets
     /// before it.
+    #[inline(always)]
     fn gather_set<R: Real, T: ConstraintList<R>>(
         &mut self,
         set: &ConstraintSet<R, T>,

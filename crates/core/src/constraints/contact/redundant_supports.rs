@@ -69,9 +69,13 @@ struct ContactGroup {
 impl ContactGroup {
     /// Indices of the group's contacts in the problem, without those that are deferred in the group's lane. `members` is the list of
     /// members.
+    #[inline(always)]
     fn contacts<'a, R: Real>(&self, members: &'a [usize], problem: &'a ConstraintProblem<R>) -> impl Iterator<Item = usize> + 'a {
         let lane = self.lane;
-        members[self.members[0]..self.members[1]].iter().copied().filter(move |&i| problem.rows.contacts[i].active.bits() >> lane & 1 == 1)
+        members[self.members[0]..self.members[1]].iter().copied().filter(
+            #[inline(always)]
+            move |&i| problem.rows.contacts[i].active.bits() >> lane & 1 == 1,
+        )
     }
 }
 
@@ -281,42 +285,45 @@ impl<R: Real> ContactGroups<R> {
         if compiled.floating.is_empty() {
             return;
         }
-        for lane in (0..R::LANES).filter(|l| lanes >> l & 1 == 1 && contacts.count[*l] >= MIN_SHARED_CONTACTS) {
-            self.pairs.clear();
-            self.of_contact.clear();
-            for k in 0..contacts.count[lane] {
-                let pair = contacts.ids[k][lane].pair();
-                // Springs determine how the loads of this contact are shared.
-                if compiled.has_contact_springs && compiled.pair(pair).spring.is_some() {
-                    self.of_contact.push(usize::MAX);
-                    continue;
+        kernel!(R, || {
+            for lane in (0..R::LANES).filter(|l| lanes >> l & 1 == 1 && contacts.count[*l] >= MIN_SHARED_CONTACTS) {
+                self.pairs.clear();
+                self.of_contact.clear();
+                for k in 0..contacts.count[lane] {
+                    let pair = contacts.ids[k][lane].pair();
+                    // Springs determine how the loads of this contact are shared.
+                    if compiled.has_contact_springs && compiled.pair(pair).spring.is_some() {
+                        self.of_contact.push(usize::MAX);
+                        continue;
+                    }
+                    let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
+                    let frames = geoms.map(|g| compiled.geoms[g].frame);
+                    let known = self.pairs.iter().rposition(|(pair, _)| *pair == frames);
+                    let group = known.unwrap_or_else(|| {
+                        self.pairs.push((frames, 0));
+                        self.pairs.len() - 1
+                    });
+                    self.pairs[group].1 += 1;
+                    self.of_contact.push(group);
                 }
-                let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-                let frames = geoms.map(|g| compiled.geoms[g].frame);
-                let known = self.pairs.iter().rposition(|(pair, _)| *pair == frames);
-                let group = known.unwrap_or_else(|| {
-                    self.pairs.push((frames, 0));
-                    self.pairs.len() - 1
-                });
-                self.pairs[group].1 += 1;
-                self.of_contact.push(group);
-            }
-            let Self { members, groups, pairs, of_contact, .. } = &mut *self;
-            let contacts_of = |frame: &usize| pairs.iter().filter(|(pair, _)| pair.contains(frame)).map(|(_, count)| count).sum::<usize>();
-            for (group, (frames, count)) in pairs.iter().enumerate() {
-                let floats = |&f: &usize| f > 0 && compiled.floating.get(f - 1) == Some(&true);
-                let is_pair = *count == 2 && contacts.count[lane] <= MAX_NEW_CONTACTS;
-                let is_redundant =
-                    |f: &usize| floats(f) && (*count >= MIN_SHARED_CONTACTS || is_pair && contacts_of(f) >= MIN_SHARED_CONTACTS);
-                if frames.iter().any(is_redundant) {
-                    let start = members.len();
-                    let slots = (0..contacts.count[lane]).filter(|&k| of_contact[k] == group);
-                    members.extend(slots.filter_map(|k| problem.contact_in_slot(k, lane)));
-                    let cluster = groups.len();
-                    groups.push(ContactGroup { lane, members: [start, members.len()], cluster, slips: false });
+                let Self { members, groups, pairs, of_contact, .. } = &mut *self;
+                let contacts_of =
+                    |frame: &usize| pairs.iter().filter(|(pair, _)| pair.contains(frame)).map(|(_, count)| count).sum::<usize>();
+                for (group, (frames, count)) in pairs.iter().enumerate() {
+                    let floats = |&f: &usize| f > 0 && compiled.floating.get(f - 1) == Some(&true);
+                    let is_pair = *count == 2 && contacts.count[lane] <= MAX_NEW_CONTACTS;
+                    let is_redundant =
+                        |f: &usize| floats(f) && (*count >= MIN_SHARED_CONTACTS || is_pair && contacts_of(f) >= MIN_SHARED_CONTACTS);
+                    if frames.iter().any(is_redundant) {
+                        let start = members.len();
+                        let slots = (0..contacts.count[lane]).filter(|&k| of_contact[k] == group);
+                        members.extend(slots.filter_map(|k| problem.contact_in_slot(k, lane)));
+                        let cluster = groups.len();
+                        groups.push(ContactGroup { lane, members: [start, members.len()], cluster, slips: false });
+                    }
                 }
             }
-        }
+        });
     }
 
     /// Lanes with a contact group.
@@ -330,15 +337,17 @@ impl<R: Real> ContactGroups<R> {
     /// A hash of the normal impulses decides, like a random draw. Loads that stay the same to the last bit do not drift, so that they need
     /// no sharing. A count of steps would be one more number in the state.
     pub(crate) fn due_lanes(&self, problem: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
-        let (all, mut bits) = (lanes.bits(), [0_u64; MAX_LANES]);
-        for group in self.groups.iter().filter(|group| all >> group.lane & 1 == 1) {
-            for i in group.contacts(&self.members, problem) {
-                bits[group.lane] ^= iterate.contact_impulse(&problem.rows, i)[0].lane(group.lane).to_f64().to_bits();
+        kernel!(R, || {
+            let (all, mut bits) = (lanes.bits(), [0_u64; MAX_LANES]);
+            for group in self.groups.iter().filter(|group| all >> group.lane & 1 == 1) {
+                for i in group.contacts(&self.members, problem) {
+                    bits[group.lane] ^= iterate.contact_impulse(&problem.rows, i)[0].lane(group.lane).to_f64().to_bits();
+                }
             }
-        }
-        // The high bits of the product depend on all bits (multiplication by 2^64 divided by the golden ratio).
-        let is_due = |bits: u64| bits != 0 && bits.wrapping_mul(0x9E37_79B9_7F4A_7C15) < u64::MAX / STEPS_PER_SHARE;
-        R::Mask::from_bits(each_of(all).filter(|&lane| is_due(bits[lane])).fold(0, |due, lane| due | 1 << lane))
+            // The high bits of the product depend on all bits (multiplication by 2^64 divided by the golden ratio).
+            let is_due = |bits: u64| bits != 0 && bits.wrapping_mul(0x9E37_79B9_7F4A_7C15) < u64::MAX / STEPS_PER_SHARE;
+            R::Mask::from_bits(each_of(all).filter(|&lane| is_due(bits[lane])).fold(0, |due, lane| due | 1 << lane))
+        })
     }
 
     /// Newly loaded lanes: those with a contact group that has no normal impulses yet, and one of whose contacts has a normal velocity

@@ -124,5 +124,11 @@ impl<R: Real> ConstraintProblem<R> {
 /// Whether any contact is elastic (restitution above zero).
 #[inline(always)]
 pub(crate) fn any_elastic<R: Real>(contacts: &Contacts<R>) -> bool {
-    (0..contacts.slots()).any(|k| contacts.elastic(k).any())
+    kernel!(R, || {
+        let mut any = false;
+        for k in 0..contacts.slots() {
+            any |= contacts.elastic(k).any();
+        }
+        any
+    })
 }

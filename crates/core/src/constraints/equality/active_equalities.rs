@@ -1,6 +1,6 @@
 //! Active equalities of the model, in each lane.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::{CompiledEquality, ModelStructure};
 
@@ -26,19 +26,21 @@ impl<R: Real> ActiveEqualities<R> {
     /// Loads the user's `eq_active` for the environments `first..first + used`. `rows` is (num_envs, neq), and 0 disables an equality. An
     /// empty array selects the defaults of the model.
     pub(crate) fn load(&mut self, compiled: &ModelStructure<R::Scalar>, rows: &[f64], first: usize, used: usize) {
-        let count = self.lanes.len();
-        for (block, any) in compiled.equalities.iter().zip(&mut self.blocks) {
-            *any = false;
-            for CompiledEquality { index, active, .. } in &block.equalities {
-                let bits = if rows.is_empty() {
-                    if *active { u32::MAX } else { 0 }
-                } else {
-                    (0..used).fold(0, |bits, lane| bits | u32::from(rows[(first + lane) * count + index] != 0.0) << lane)
-                };
-                self.lanes[*index] = R::Mask::from_bits(bits);
-                *any |= bits != 0;
+        kernel!(R, || {
+            let count = self.lanes.len();
+            for (block, any) in compiled.equalities.iter().zip(&mut self.blocks) {
+                *any = false;
+                for CompiledEquality { index, active, .. } in &block.equalities {
+                    let bits = if rows.is_empty() {
+                        if *active { u32::MAX } else { 0 }
+                    } else {
+                        (0..used).fold(0, |bits, lane| bits | u32::from(rows[(first + lane) * count + index] != 0.0) << lane)
+                    };
+                    self.lanes[*index] = R::Mask::from_bits(bits);
+                    *any |= bits != 0;
+                }
             }
-        }
+        });
     }
 
     /// Lanes in which the equality is active.

@@ -425,16 +425,12 @@ impl<R: Real> Assembler<'_, R> {
             }
             if with_scales {
                 let (scales, inv_d) = (&self.builder.scales, &input.mass.inv_d);
-                self.builder.entry_scales.extend(block.dofs.iter().map(
-                    #[inline(always)]
-                    |&d| scales[d as usize][k] * inv_d[d as usize],
-                ));
+                for &d in &block.dofs {
+                    self.builder.entry_scales.push(scales[d as usize][k] * inv_d[d as usize]);
+                }
             }
             let terms = [rows.kappa[k] * h * R::of(0.5), before[k], correction[k]];
-            self.builder.velocity_terms.push(terms.map(
-                #[inline(always)]
-                |x| R::select(acts, x, R::zero()),
-            ));
+            self.builder.velocity_terms.push(array!(|i| R::select(acts, terms[i], R::zero())));
         }
     }
 

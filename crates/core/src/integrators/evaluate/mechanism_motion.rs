@@ -2,6 +2,8 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::tuning::{MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR};
+
 /// Largest velocities of a mechanism.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MechanismMotion<R> {
@@ -73,5 +75,17 @@ impl<R: Real> Jump<R> {
     #[inline(always)]
     pub(crate) fn velocity_error(&self) -> R {
         (self.error * self.fastest).max(self.pushed * self.pushed * R::of(0.25))
+    }
+
+    /// Lanes in which impulses changed the velocity far more than other forces did.
+    #[inline(always)]
+    pub(crate) fn is_sudden(&self) -> R::Mask {
+        self.pushed.gt(self.smooth * R::of(MIN_IMPACT_RATIO))
+    }
+
+    /// Lanes in which the error of inertial forces changes the velocity noticeably in a step of `h` seconds.
+    #[inline(always)]
+    pub(crate) fn matters(&self, h: R) -> R::Mask {
+        (h * self.velocity_error()).gt(R::of(MIN_VELOCITY_ERROR))
     }
 }

@@ -12,7 +12,7 @@ use crate::integrators::evaluate::free_motion::{FreeMotion, Scratch};
 use crate::integrators::evaluate::mechanism_motion::Jump;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::velocity::velocity_loop::VelocityLoop;
-use crate::tuning::{MAX_IMPACT_RESIDUAL, MAX_RESOLVED_MOTION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR};
+use crate::tuning::{MAX_IMPACT_RESIDUAL, MAX_RESOLVED_MOTION, MAX_TRUSTED_RESIDUAL};
 
 impl<R: Real> VelocityLoop<'_, R> {
     /// Makes those impacts inelastic for which Newton's law of restitution has no plausible solution. For example, friction would add more
@@ -80,9 +80,11 @@ impl<R: Real> VelocityLoop<'_, R> {
                 }
                 (jump.pushed, jump.smooth) = (pushed, smooth);
             }
-            let is_sudden = |jump: &Jump<R>| jump.pushed.gt(jump.smooth * R::of(MIN_IMPACT_RATIO));
             // Mechanisms in contact are compared by the largest of their changes below: one of them must have a sudden change.
-            let sudden = jumps.iter().fold(R::Mask::splat(false), |lanes, jump| lanes.or(is_sudden(jump)));
+            let mut sudden = R::Mask::splat(false);
+            for jump in &*jumps {
+                sudden = sudden.or(jump.is_sudden());
+            }
             let checked = checked.and(alive).and(sudden);
             if checked.none() {
                 return checked;
@@ -95,8 +97,7 @@ impl<R: Real> VelocityLoop<'_, R> {
                 }
                 all = all.max(jump);
             }
-            let matters = |jump: &Jump<R>| (scheme.h * jump.velocity_error()).gt(R::of(MIN_VELOCITY_ERROR));
-            let checked = checked.and(matters(&all));
+            let checked = checked.and(all.matters(scheme.h));
             if checked.none() {
                 return checked;
             }
@@ -120,10 +121,10 @@ impl<R: Real> VelocityLoop<'_, R> {
             );
             let mut any = R::Mask::splat(false);
             for ((impact, jump), &unresolved) in impacts.iter_mut().zip(&*jumps).zip(&*unresolved) {
-                let is_impact = is_sudden(jump).and((scheme.h * jump.pushed).lt(R::of(MAX_RESOLVED_MOTION)));
+                let is_impact = jump.is_sudden().and((scheme.h * jump.pushed).lt(R::of(MAX_RESOLVED_MOTION)));
                 // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
                 let touches = jump.touches.gt(R::zero());
-                *impact = checked.and_not(unresolved).and(is_impact).and(matters(jump)).and(touches);
+                *impact = checked.and_not(unresolved).and(is_impact).and(jump.matters(scheme.h)).and(touches);
                 any = any.or(*impact);
             }
             any

@@ -29,6 +29,7 @@ struct SolutionChecks<R: Real> {
 }
 
 impl<R: Real> Default for SolutionChecks<R> {
+    #[inline(always)]
     fn default() -> Self {
         Self { passes: R::zero(), unchecked: R::Mask::splat(true), inelastic: R::Mask::splat(false) }
     }

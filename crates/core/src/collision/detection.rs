@@ -430,7 +430,12 @@ impl<R: Real> Scene<'_, R> {
         }
         // Two geoms that move together, such as the limbs of a falling robot, have a small relative displacement. They cannot have passed
         // each other.
-        let displacement = self.relative_displacement(a, b).min(self.relative_displacement(b, a));
+        let of_b = self.relative_displacement(a, b);
+        let far = far.and(of_b.gt(distance));
+        if far.none() {
+            return None;
+        }
+        let displacement = of_b.min(self.relative_displacement(b, a));
         let far = far.and(displacement.gt(distance));
         // If the geoms passed through each other, their gap now is at most their displacement minus the part of it during which they
         // overlapped. The test assumes that this part is two tunnelling distances long, and misses grazing hits, for which it is shorter.

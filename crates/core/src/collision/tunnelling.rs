@@ -118,10 +118,14 @@ impl<R: Real> PathEnds<'_, R> {
     #[inline(always)]
     fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let (scene, [a, b]) = (&self.scene, pair.geoms);
-        let displacement = scene.relative_displacement(a, b).min(scene.relative_displacement(b, a))
-            + scene.poses.arc_deviation(scene.compiled, a, scene.h)
-            + scene.poses.arc_deviation(scene.compiled, b, scene.h);
-        displacement.gt(min_displacement(scene.compiled, pair).max(scene.gap(pair, lanes, displacement, narrow)))
+        let needed = min_displacement(scene.compiled, pair);
+        let deviations = scene.poses.arc_deviation(scene.compiled, a, scene.h) + scene.poses.arc_deviation(scene.compiled, b, scene.h);
+        let of_b = scene.relative_displacement(a, b);
+        if lanes.and((of_b + deviations).gt(needed)).none() {
+            return R::Mask::splat(false);
+        }
+        let displacement = of_b.min(scene.relative_displacement(b, a)) + deviations;
+        displacement.gt(needed.max(scene.gap(pair, lanes, displacement, narrow)))
     }
 
     /// Lanes of `suspected` in which the geoms `a` and `b` may pass through each other on their paths. The function tests lane after lane,

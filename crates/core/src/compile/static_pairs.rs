@@ -9,6 +9,10 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs, PairTable};
 
+/// Smallest number of static geoms for which the tree is searched, unless the model has dynamic pairs. Fewer static geoms are tested like
+/// moving ones.
+const MIN_STATIC_GEOMS: usize = 2;
+
 /// Mark for a missing index: of a row of the table of pairs, of a pair in it, of a member of the dynamic pairs, or of a leaf's geom.
 const NONE: u32 = u32::MAX;
 
@@ -111,7 +115,8 @@ impl StaticPairs {
                 moving.insert(m.geom);
             }
         }
-        if margins.is_empty() || moving.is_empty() {
+        let is_few = dynamic_pairs.is_none() && margins.len() < MIN_STATIC_GEOMS;
+        if is_few || margins.is_empty() || moving.is_empty() {
             return Self { listed: vec![false; pairs.len()], ..Self::default() };
         }
 

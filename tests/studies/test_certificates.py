@@ -26,8 +26,8 @@ FALSE_ALARM = 1e-4
 def test_published_certificates_hold_on_fresh_worlds(row: dict[str, str], tmp_path: Path) -> None:
     """No more fresh worlds exceed the margin than the bound of the certificate allows, and without measurements more do.
 
-    True certificates fail here with a probability below 1e-4, all together. The test finds a share of 25 % of worlds above the margin with
-    a probability of at least 0.98, and of 20 % with 0.8; a share of 10 % mostly remains unseen, which would take 1,000 worlds.
+    True certificates fail here with a probability below 1e-4, all together. If 25 % of worlds exceed the margin, the test finds it with a
+    probability of at least 0.98, and with 0.8 if 20 % do. A share of 10 % mostly remains unseen.
     """
     if row["study"] != "walker_transfer.py" and find_spec("robosuite") is None:
         pytest.skip("robosuite, whose arm this is, is not installed: make study-libraries")

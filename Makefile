@@ -114,7 +114,7 @@ studies: build
 
 # Policies as ONNX files, and studies with robots of packages. In the environment of `make adapters`, which has torch.
 study-libraries: build $(LIBRARIES)/study.stamp
-	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(wildcard tests/study_libraries/test_*.py)
+	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(wildcard tests/study_libraries/test_*.py) tests/studies/test_certificates.py
 
 # Environments in the libraries of others, beside those libraries: docs/reference/adapters.md. They are in an environment of their own, because they take eight
 # gigabytes and ask for other versions than the tests do. ADAPTERS=tests/adapters/test_sb3.py is some of it.

@@ -20,12 +20,16 @@ def main() -> None:
     parser.add_argument(
         "--update-docs", action="store_true", help="write the results in --out to docs/benchmarks/reality*.csv and reality.png"
     )
+    parser.add_argument("--pairs", action="store_true", help="compare engines with published parameters pairwise: reality_pairs.csv")
     given = parser.parse_args()
     if given.update_docs:
         report.update_docs(given.out)
         return
     if given.data is None:
         parser.error("no data: give the folder that has cube_toss/cube_toss.npz with --data (make reality DATA=FOLDER)")
+    if given.pairs:
+        print(report.update_pairs(given.data))
+        return
 
     runs: list[tuple[str, Any, Callable[[Any], list[Any]]]] = [
         ("cube_toss", engines.engines, lambda engine: list(cube.measured(engine, given.data))),

@@ -1,14 +1,21 @@
 """Results of `python -m reality`: a file per data set in docs/benchmarks, and the picture of docs/benchmarks/reality.md."""
 
 import csv
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+from stepper.lab.calibration.fit import bootstrap
 from stepper.shared.files import write_csv, write_figure
 from stepper.shared.machine import require
 
-from reality.cube import PUBLISHED_STEP
+from reality.cube import CUBE, PUBLISHED_STEP, REFINED, Experiment
+from reality.elbow import ELBOW
+from reality.elbow import engines as elbow_engines
+from reality.engines import TossEngine
+from reality.engines import engines as all_engines
 
 BENCHMARKS = Path(__file__).parents[2] / "docs/benchmarks"
 Row = dict[str, str]
@@ -100,3 +107,29 @@ def held_out(rows: Sequence[Row], nuisances: str, timestep: float = PUBLISHED_ST
         and row["nuisances"] == nuisances
         and abs(float(row["timestep_s"]) - timestep) < 1e-6
     ]
+
+
+def update_pairs(data: Path) -> Path:
+    """Write docs/benchmarks/reality_pairs.csv, with the parameters in the files of results and the tosses in the folder `data`."""
+    rows: list[dict[str, object]] = []
+    for experiment, engines in ((CUBE, all_engines()), (ELBOW, elbow_engines())):
+        with (BENCHMARKS / SETS[experiment.name]).open(encoding="utf-8") as stream:
+            rows += _pairs(list(csv.DictReader(stream)), engines, data, experiment)
+    return write_csv(BENCHMARKS / "reality_pairs.csv", [rows[0], *(row.values() for row in rows)])
+
+
+def _pairs(rows: Sequence[Row], engines: Sequence[TossEngine], data: Path, experiment: Experiment) -> Iterator[dict[str, object]]:
+    """Differences of the mean errors of two engines, paired over the held-out tosses. Engines whose packages are missing are left out."""
+    for nuisances in ("none", "fitted"):
+        errors = {}
+        for row, engine in itertools.product(held_out(rows, nuisances), engines):
+            if row["engine"] == engine.name:
+                values = {name: float(value) for name, value in (text.rsplit(" ", 1) for text in row["parameters"].split("; "))}
+                table = experiment.table(**{own.name: values.pop(own.name) for own in fields(experiment.table) if own.name in values})
+                tosses = experiment.tosses(data, table.gravity)[1::2]
+                error = experiment.errors(engine.poses(values, table, tosses, REFINED[-1]), tosses)[0]
+                errors[engine.name] = np.nanmean(error[:, : experiment.samples], axis=1)
+        for first, second in itertools.combinations(errors, 2):
+            more = errors[first] - errors[second]
+            about = {"data_set": experiment.name, "nuisances": nuisances, "engine": first, "other": second, "tosses": len(more)}
+            yield about | dict(zip(("more", "low", "high"), (f"{value:.4f}" for value in (more.mean(), *bootstrap(more))), strict=True))

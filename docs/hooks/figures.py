@@ -59,6 +59,8 @@ def figures() -> dict[str, str]:
     found["reality.elbow"] = cube_table(read_csv("reality_elbow.csv"))
     found["reality.elbow.parameters"] = parameter_table(read_csv("reality_elbow.csv"))
     found["reality.pendulum"] = pendulum_table(read_csv("reality_pendulum.csv"))
+    found["reality.pairs"] = pair_table(read_csv("reality_pairs.csv"))
+    found["calibration.certificates"] = certificate_table(read_csv("calibration.csv"))
     found["readme.cube"] = readme_cube(read_csv("reality.csv"))
     return found
 
@@ -190,6 +192,27 @@ def pendulum_table(rows: list[dict[str, str]]) -> str:
     for name, engine in dict.fromkeys((row["pendulum"], row["engine"]) for row in own):
         some = [row for row in own if (row["pendulum"], row["engine"]) == (name, engine)]
         cells = [name, engine, some[0]["predictions"], *(f"{float(row['median_rad']):.4f}" for row in some), some[0]["parameters"]]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def pair_table(rows: list[dict[str, str]]) -> str:
+    """Paired differences of engines in the mean error of held-out tosses."""
+    lines = ["| object | nuisances | engine | other engine | more error, 95 % |", "|---|---|---|---|---:|"]
+    for row in rows:
+        interval = "{:.3f} ({:.3f} to {:.3f})".format(*(float(row[name]) for name in ("more", "low", "high")))
+        cells = [row["data_set"].removesuffix("_toss"), row["nuisances"], row["engine"], row["other"], interval]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def certificate_table(rows: list[dict[str, str]]) -> str:
+    """Certificates of robots: tolerances, and worlds that exceed the margin."""
+    lines = ["| task | contact | margin | measured, to ± | worlds above the margin | confidence | without measurements |"]
+    lines.append("|---|---|---:|---|---:|---:|---:|")
+    for row in rows:
+        cells = [row["task"], row["law"], row["margin"], row["measured"], f"{row['violations']} of {row['worlds']}"]
+        cells += [f"{100 * float(row['confidence']):.1f} %", f"{row['unmeasured']} of {row['worlds']}"]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

@@ -248,6 +248,15 @@ def test_given_tolerances_are_certified_without_a_search(tmp_path: Path) -> None
             lab.calibrate(toy(), tmp_path, margin=0.3, samples=16, worlds=93, tolerances=tolerances)
 
 
+def test_parameters_that_do_not_vary_are_nominal(tmp_path: Path) -> None:
+    """A parameter that is left out of a calibration has its nominal value in worlds and models, not that of the model."""
+    outcome = lab.Outcome(name="climbed", measure=lambda now: now.parameters["slope"] + 2.0 * (now.parameters["colour"] != 0.5))
+    study = toy(name="left_out", outcomes=outcome)
+    found = lab.calibrate(study, tmp_path, margin=0.2, samples=16, worlds=59, parameters=["slope", "wind"], tolerances={"slope": 0.1})
+    assert found.holds
+    assert all(row["parameters"]["colour"] == 0.5 and row["outcomes"]["climbed"] <= 1.0 for row in found.table.rows)
+
+
 def test_calibrate_a_number(tmp_path: Path) -> None:
     """Without a condition of success, errors of episodes do not cancel: a parameter that acts with opposite signs must be measured."""
     outcome = lab.Outcome(name="drift", measure=lambda now: np.where(now.episodes % 2, 1.0, -0.9) * now.parameters["wind"])

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from stepper.lab.calibration.search import SHARE, UNMEASURED, Array, Certificate, Search, Space, Trial, confidence_of, worlds_for
-from stepper.lab.study.batches import USUAL, Point, run_points
+from stepper.lab.study.batches import USUAL, Point, nominal_of, run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.journal import Journal, Results, Row, Table
 from stepper.lab.study.parameters import Parameter, check_value_conflicts
@@ -131,8 +131,10 @@ class Comparison:
         return np.asarray(np.abs(world - model).mean(axis=1))
 
     def _values(self, row: Array) -> dict[str, float]:
-        """Values of the parameters by name; a NaN keeps the model's number."""
-        return {name: float(value) for name, value in zip(self._names, row, strict=True) if not math.isnan(value)}
+        """Values of the parameters by name; a NaN keeps the model's number, and parameters that do not vary are nominal."""
+        return nominal_of(self._study, self._setting) | {
+            name: float(value) for name, value in zip(self._names, row, strict=True) if not math.isnan(value)
+        }
 
 
 def calibrate(

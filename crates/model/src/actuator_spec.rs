@@ -20,6 +20,10 @@ pub struct ActuatorSpec {
     pub high: Vec<f64>,
     /// Dry friction, N or N m. The friction at the joint is this value times the absolute value of the actuator's gear.
     pub friction: Vec<f64>,
+    /// Additional dry friction at rest, N or N m. It decreases with the speed.
+    pub stribeck_friction: Vec<f64>,
+    /// Speed on the actuator's side of its gear at which the additional dry friction has decreased to 1/e, m/s or rad/s.
+    pub stribeck_velocity: Vec<f64>,
     /// Servo that replaces the actuator's affine force; `None` keeps the affine force.
     pub servo: Option<Servo>,
     /// Motor with its gear; `None` for an ideal motor.
@@ -90,8 +94,9 @@ impl ActuatorSpec {
     /// Spec of an ideal actuator: the control passes unchanged.
     pub fn ideal() -> Self {
         let [none, low, high] = [0.0, f64::NEG_INFINITY, f64::INFINITY].map(|x| vec![x]);
-        let (delay, delay_steps, lag) = (none.clone(), none.clone(), none.clone());
-        Self { delay, delay_steps, lag, low, high, friction: none, servo: None, motor: None }
+        let (delay, delay_steps, lag, friction) = (none.clone(), none.clone(), none.clone(), none.clone());
+        let (stribeck_friction, stribeck_velocity) = (none.clone(), none);
+        Self { delay, delay_steps, lag, low, high, friction, stribeck_friction, stribeck_velocity, servo: None, motor: None }
     }
 
     /// Delay of the control in environment `env`, in steps of `h` seconds.
@@ -127,9 +132,14 @@ impl ActuatorSpec {
         servo_has_memory || [&self.delay, &self.delay_steps, &self.lag].into_iter().any(|numbers| any_nonzero(numbers))
     }
 
+    /// Whether the actuator has dry friction, in any environment.
+    pub fn is_dry(&self) -> bool {
+        any_nonzero(&self.friction) || any_nonzero(&self.stribeck_friction)
+    }
+
     /// Whether dry friction or the gear's efficiency causes losses.
     pub fn loses(&self) -> bool {
-        any_nonzero(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
+        self.is_dry() || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
     /// Combines a model with the specs of its actuators. `specs` has one entry for each actuator, where `None` means an ideal actuator.
@@ -207,6 +217,8 @@ impl ActuatorSpec {
             ("limits", &self.low, Range::Any),
             ("limits", &self.high, Range::Any),
             ("friction", &self.friction, Range::FiniteAtLeastZero),
+            ("stribeck_friction", &self.stribeck_friction, Range::FiniteAtLeastZero),
+            ("stribeck_velocity", &self.stribeck_velocity, Range::FiniteAtLeastZero),
         ];
         if let Some(s) = &self.servo {
             lists.extend([
@@ -239,6 +251,9 @@ impl ActuatorSpec {
             let (low, high) = (each(&self.low, env), each(&self.high, env));
             if low > high {
                 return Err(DeviceError::Limits { low, high });
+            }
+            if each(&self.stribeck_friction, env) > 0.0 && each(&self.stribeck_velocity, env) == 0.0 {
+                return Err(DeviceError::StribeckWithoutVelocity);
             }
             let steps = self.steps(env, h);
             if steps > LONGEST {

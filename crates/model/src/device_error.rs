@@ -91,6 +91,9 @@ pub enum DeviceError {
     /// Dry friction or gear losses of an actuator that does not act on a joint.
     #[error("friction or efficiency is set, but the actuator acts on a tendon or site, and both need a joint; leave them out")]
     LossesWithoutJoint,
+    /// Friction that decreases with the speed, without the speed at which it does.
+    #[error("stribeck_friction is set and stribeck_velocity is 0; give the speed at which the additional friction has decreased to 1/e")]
+    StribeckWithoutVelocity,
     /// Rotor inertia that is not finite after multiplication by the squared gears.
     #[error("rotor_inertia {inertia} times the squared gears {gear:e} and {motor_gear:e} is not finite; give smaller gears")]
     InfiniteInertia {

@@ -25,9 +25,9 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
 
 /// Calls `f` with the residual of each constraint, m/s: the scalar rows first, then the contacts. See [`residual`].
 #[inline(always)]
+#[expect(clippy::redundant_closure, reason = "a reference to the function would not be inlined")]
 fn for_each_residual<R: Real>(system: System<'_, R>, iterate: &Iterate<R>, mut f: impl FnMut(R)) {
     let System { problem, scalars, contacts, .. } = system;
-    // A reference to `f` would not be inlined.
     problem.scalars.for_each_residual(
         scalars,
         &iterate.scalars,

@@ -133,6 +133,9 @@ class Drive:
         servo: Servo that replaces the affine force and the control range of the actuator.
         friction: Dry friction on the actuator's side of MJCF's gear, N or N m. The friction at the joint is this value times the absolute
             value of the gear.
+        stribeck_friction: Additional dry friction at rest, N or N m, on the same side. It decreases with the speed v of that side by the
+            factor exp(-(v / stribeck_velocity)**2), the Stribeck curve.
+        stribeck_velocity: Speed at which the additional friction has decreased to 1/e, m/s or rad/s; needed with `stribeck_friction`.
     """
 
     delay: Number = 0.0
@@ -142,6 +145,8 @@ class Drive:
     motor: DCMotor | None = None
     servo: PID | None = None
     friction: Number = 0.0
+    stribeck_friction: Number = 0.0
+    stribeck_velocity: Number = 0.0
 
     def __post_init__(self) -> None:
         for name, kind in (("motor", DCMotor), ("servo", PID)):
@@ -160,8 +165,9 @@ class Drive:
             envs: Mask (num_envs,) or indices of the environments whose numbers are returned; None selects all.
         """
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
+        names = ("delay", "delay_steps", "lag", "friction", "stribeck_friction", "stribeck_velocity")
         return {
-            **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("delay", "delay_steps", "lag", "friction")},
+            **{name: numbers(name, getattr(self, name), num_envs, envs) for name in names},
             "low": numbers("limits[0]", low, num_envs, envs),
             "high": numbers("limits[1]", high, num_envs, envs),
             "servo": None if self.servo is None else self.servo._row(num_envs, envs),

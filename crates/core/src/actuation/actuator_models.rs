@@ -113,7 +113,8 @@ impl ActuatorModels {
 
 /// All parameter lists of the spec, in an order that depends only on its components.
 fn numbers(spec: &mut ActuatorSpec) -> Vec<&mut Vec<f64>> {
-    let mut all = vec![&mut spec.delay, &mut spec.delay_steps, &mut spec.lag, &mut spec.low, &mut spec.high, &mut spec.friction];
+    let mut all = vec![&mut spec.delay, &mut spec.delay_steps, &mut spec.lag, &mut spec.low, &mut spec.high];
+    all.extend([&mut spec.friction, &mut spec.stribeck_friction, &mut spec.stribeck_velocity]);
     if let Some(s) = &mut spec.servo {
         all.extend([&mut s.kp, &mut s.ki, &mut s.kd, &mut s.integral_limit, &mut s.period]);
     }
@@ -181,7 +182,7 @@ fn check_fit(spec: &ActuatorSpec, compiled: &ActuatorSpec, n: usize, num_envs: u
             }
         }
     }
-    let friction = if any_nonzero(&spec.friction) { "friction" } else { "efficiency" };
+    let friction = if spec.is_dry() { "friction" } else { "efficiency" };
     for (name, here, there) in [
         ("lag", any_nonzero(&spec.lag), any_nonzero(&compiled.lag)),
         ("limits", spec.is_limited(), compiled.is_limited()),

@@ -24,6 +24,10 @@ pub struct ActuatorDynamics<R> {
     pub efficiency: R,
     /// Dry friction of the gear, N or N m.
     pub friction: R,
+    /// Additional dry friction of the gear at rest, N or N m.
+    pub stribeck_friction: R,
+    /// Speed at which the additional dry friction has decreased to 1/e, in units of the actuator's velocity.
+    pub stribeck_velocity: R,
 }
 
 /// Force of an actuator as an affine function: level + slope * length + rate * velocity.

@@ -43,10 +43,12 @@ enum PipelineParameter {
     BackEmf,
     Efficiency,
     Friction,
+    StribeckFriction,
+    StribeckVelocity,
 }
 
 /// Number of variants of [`PipelineParameter`].
-const PARAMETERS: usize = 16;
+const PARAMETERS: usize = 18;
 
 /// Kind of servo in an actuator's pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -285,6 +287,8 @@ fn dynamics_of<T>([slope, rate]: [T; 2], number: impl Fn(PipelineParameter) -> T
         back_emf: number(PipelineParameter::BackEmf),
         efficiency: number(PipelineParameter::Efficiency),
         friction: number(PipelineParameter::Friction),
+        stribeck_friction: number(PipelineParameter::StribeckFriction),
+        stribeck_velocity: number(PipelineParameter::StribeckVelocity),
     }
 }
 
@@ -312,6 +316,8 @@ fn parameters_of(t: &ActuatorSpec, k: usize, h: f64) -> [f64; PARAMETERS] {
     set(PipelineParameter::MinForce, low);
     set(PipelineParameter::MaxForce, high);
     set(PipelineParameter::Friction, of(&t.friction));
+    set(PipelineParameter::StribeckFriction, of(&t.stribeck_friction));
+    set(PipelineParameter::StribeckVelocity, of(&t.stribeck_velocity));
     let (mut least, mut most) = (low, high);
     set(PipelineParameter::Efficiency, t.motor.as_ref().map_or(1.0, |m| of(&m.efficiency)));
     if let Some(m) = t.motor.as_ref().filter(|m| !m.stall_torque.is_empty()) {

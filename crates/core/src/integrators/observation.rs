@@ -59,11 +59,11 @@ pub(crate) fn read_actuator_forces<R: Real>(
         set_adhesive_arms(compiled, kinematics, &state.contacts, forces.adhesive_arms());
     }
     let dynamics = &inputs.actuator_dynamics;
-    let state = [&state.q[..], &state.v, &state.act];
-    actuate(compiled, &ForceState::state(state, R::of(options.timestep), &inputs.ctrl, dynamics), None, forces);
+    let numbers = [&state.q[..], &state.v, &state.act];
+    actuate(compiled, &ForceState::state(numbers, R::of(options.timestep), &inputs.ctrl, dynamics), None, forces);
     if compiled.lossy {
-        forces.compute_losses(compiled, dynamics, None);
-        forces.subtract_losses(compiled, dynamics, scalar_impulse, R::of(options.timestep));
+        forces.compute_losses(compiled, dynamics, &state.v, None);
+        forces.subtract_losses(compiled, dynamics, &state.v, scalar_impulse, R::of(options.timestep));
     }
 }
 

@@ -172,7 +172,7 @@ pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &m
     if compiled.lossy {
         let FreeMotion { smooth, actuator_forces, .. } = free;
         let expected = Some((scheme.implicit_servos(), &smooth.acc[..]));
-        span!(probe, Actuate, || actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, expected));
+        span!(probe, Actuate, || actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, &state.v, expected));
     }
     span!(probe, Acceleration, || {
         advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);

@@ -124,7 +124,7 @@ impl<R: Real> Acceleration<'_, R> {
         set_adhesive_arms(compiled, kinematics, contacts, free.actuator_forces.adhesive_arms());
         actuate(compiled, &stage.forces(inputs, R::of(options.timestep)), None, &mut free.actuator_forces);
         if compiled.lossy {
-            free.actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, None);
+            free.actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, &stage.v, None);
         }
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
         add_tendon_springs(compiled, &kinematics.paths, &stage.q, &stage.v, &mut free.applied);

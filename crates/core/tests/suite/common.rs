@@ -156,6 +156,8 @@ pub(crate) fn trains(model: &Model) -> Vec<Option<ActuatorSpec>> {
         low: vec![-6.0],
         high: vec![7.0],
         friction: vec![if lag > 0.05 { 0.0 } else { 0.02 }],
+        stribeck_friction: vec![if lag > 0.05 { 0.0 } else { 0.01 }],
+        stribeck_velocity: vec![0.3],
         servo,
         motor,
     };

@@ -1,10 +1,13 @@
 """Stable-Baselines3: the bits of its own vector environment, its checker, its wrappers, and PPO that learns."""
 
+import csv
+
 import gymnasium
 import numpy as np
 import pytest
 import stepper.envs  # names for Gymnasium
-from envs.test_observation_groups import Grouped
+import train_sb3
+from envs.test_hooks import Grouped
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -12,6 +15,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecCheckNan, VecFrameStack, VecMonitor, VecNormalize
 from stepper.adapters.sb3 import StepperVecEnv
 from stepper.envs import StepperVectorEnv
+from stepper.policies import evaluate, load
 
 NUM_ENVS = 5
 
@@ -175,3 +179,36 @@ def test_observation_groups_are_a_dictionary():
         for k in np.flatnonzero(over):
             same(infos[k]["terminal_observation"], theirs["final_obs"][k])
     PPO("MultiInputPolicy", ours, n_steps=8, batch_size=12, n_epochs=1, device="cpu").learn(24)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sb3")
+    return train_sb3.train("stepper/InvertedPendulum-v5", folder, steps=120_000, num_envs=64, precision="f32"), folder
+
+
+def test_it_learns(run):
+    """To balance a pole, from some 6 to hundreds of 1000 actions."""
+    with (run[1] / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]["return"]) > 5.0 * float(rows[0]["return"])
+    assert [int(row["steps"]) for row in rows] == [64 * 64 * (k + 1) for k in range(len(rows))]
+
+
+def test_the_policy_that_is_kept_acts_alike(run):
+    model, folder = run
+    policy = load(folder / "policy.npz")
+    envs = model.get_env()
+    observation = envs.obs_rms.mean + 30.0 * np.random.default_rng(0).normal(size=(50, 4))
+    expected, _ = model.predict(envs.normalize_obs(observation.astype(np.float32)), deterministic=True)
+    np.testing.assert_allclose(policy(observation), expected, atol=1e-4)
+    # The pendulum's actions have bounds of 3, to which a policy stretches what lies within -1 and 1.
+    assert np.abs(expected).max() > 1.5
+
+
+def test_both_evaluate_alike(run):
+    model, folder = run
+    theirs = train_sb3.evaluate(model, "stepper/InvertedPendulum-v5", episodes=10, precision="f32")
+    ours = evaluate(load(folder / "policy.npz"), "stepper/InvertedPendulum-v5", episodes=10, seed=train_sb3.FRESH, precision="f32")
+    assert np.mean(theirs) == pytest.approx(ours.mean, rel=0.2)
+    assert load(folder / "policy.npz").environment["engine"] == "stepper"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from envs.test_observation_groups import Grouped
+from envs.test_hooks import Grouped
 from stepper.adapters.torchrl import StepperTorchRLEnv
 from stepper.envs import StepperVectorEnv
 from tensordict.nn import TensorDictModule

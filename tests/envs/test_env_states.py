@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import stepper
 from envs.cases import same
-from envs.test_hooks import Levels
-from envs.test_observation_groups import Grouped
+from envs.test_hooks import Grouped, Levels
 from envs.test_terms import Robot
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,17 +1,21 @@
-"""Environments obey Gymnasium's interface, alone and in batches, and say what is wrong with a call."""
+"""Environments obey Gymnasium's interface, alone and in batches, within its wrappers, and say what is wrong with a call."""
 
 import subprocess
 import sys
 from dataclasses import dataclass, fields
+from pathlib import Path
 from types import MappingProxyType
 
 import gymnasium
 import numpy as np
 import pytest
 import stepper
+import stepper.adapters
 from envs.cases import same
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import vector
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.sensors import SensorModel, Transfer
@@ -276,3 +280,80 @@ def test_a_batch_whose_constructor_raised_can_be_closed():
     unmade = StepperVectorEnv.__new__(StepperVectorEnv)
     unmade.close()
     assert unmade.closed
+
+
+def run(envs, steps=30):
+    """Observations, rewards, flags and infos of some steps."""
+    envs.reset(seed=0)
+    rng = np.random.default_rng(0)
+    said = [envs.step(rng.uniform(-1, 1, envs.action_space.shape)) for _ in range(steps)]
+    return said
+
+
+def test_a_mask_reaches_wrappers():
+    envs = RecordEpisodeStatistics(StepperVectorEnv("Hopper", 4, autoreset_mode="Disabled"))
+    envs.reset(seed=0)
+    for _ in range(3):
+        envs.step(np.zeros((4, 3)))
+    envs.reset(options={"reset_mask": np.arange(4) == 2})
+    np.testing.assert_array_equal(envs.episode_lengths, [3, 3, 0, 3])
+
+
+WRAPPERS = {
+    "ClipAction": {},
+    "RecordEpisodeStatistics": {},
+    "NormalizeReward": {},
+    "TransformReward": {"func": lambda reward: reward},
+    "NormalizeObservation": {"refused": ("SAME_STEP", "DISABLED")},
+    "TransformObservation": {"func": lambda observation: observation, "refused": ("SAME_STEP",)},
+    "DtypeObservation": {"dtype": np.float32, "refused": ("SAME_STEP",)},
+    "FlattenObservation": {"refused": ("SAME_STEP",)},
+}
+
+
+@pytest.mark.parametrize("mode", ["NEXT_STEP", "SAME_STEP", "DISABLED"])
+@pytest.mark.parametrize("name", WRAPPERS)
+def test_wrappers_refuse_the_modes_that_the_page_of_adapters_names(name, mode):
+    """By a ValueError in Gymnasium 1.4, by an AssertionError in 1.2."""
+    arguments = dict(WRAPPERS[name])
+    refused = mode in arguments.pop("refused", ())
+    envs = StepperVectorEnv("Hopper", 2, autoreset_mode=mode)
+    if not refused:
+        assert len(run(getattr(vector, name)(envs, **arguments), 5)) == 5
+        return
+    with pytest.raises((ValueError, AssertionError)):
+        getattr(vector, name)(envs, **arguments)
+
+
+MODULES = sorted(path.stem for path in Path(stepper.adapters.__file__).parent.glob("[a-z]*.py"))
+LIBRARIES = {
+    "jax_rollout": ("jax", "pip install jax"),
+    "ray": ("ray", "pip install ray"),
+    "rllib": ("ray.rllib", 'pip install "ray[rllib]"'),
+    "rsl_rl": ("rsl_rl", "pip install rsl-rl-lib"),
+    "sb3": ("stable_baselines3", "pip install stable-baselines3"),
+    "torch_rollout": ("torch", "pip install torch"),
+    "torchrl": ("torchrl", "pip install torchrl"),
+}
+"""Library of each adapter, and the command that installs it."""
+
+
+def test_every_adapter_is_here():
+    assert set(MODULES) == LIBRARIES.keys() | {"native"}
+
+
+@pytest.mark.parametrize("module", LIBRARIES)
+def test_a_library_that_is_missing_is_named_with_its_remedy(module):
+    library, remedy = LIBRARIES[module]
+    code = f"import sys; sys.modules[{library!r}] = None; import stepper.adapters.{module}"
+    ended = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=False)
+    error = ended.stderr.splitlines()[-1]
+    assert "MissingPackageError" in error
+    assert f"{library.partition('.')[0]}" in error
+    assert f"for stepper.adapters.{module}" in error
+    assert remedy in error
+
+
+def test_the_package_needs_no_library():
+    code = "import sys, stepper.adapters.native; assert not {'torch', 'ray'} & sys.modules.keys()"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -163,7 +163,7 @@ def test_it_learns(tmp_path):
 
 def test_the_critic_sees_its_group_and_the_policy_the_other(tmp_path):
     """A run with an asymmetric critic continues to the same curve, and its policy acts on the group "policy" alone."""
-    from envs.test_observation_groups import Grouped
+    from envs.test_hooks import Grouped
 
     gymnasium.register(
         "test/Grouped-v0", vector_entry_point="stepper.envs:StepperVectorEnv", kwargs={"task": Grouped}, max_episode_steps=20

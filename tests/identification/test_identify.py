@@ -1,13 +1,15 @@
 """`stepper.sysid.identify`: right, sure, and not silent where data say nothing."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 import stepper
-from identification.repetitions import noisy
+from identification.repetitions import Kept, Row, noisy
 from identification.scenes import HARD, by_sensor, held, pushed
 from models import stepper_model
+from sections import section_of
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import parse, places
 from stepper.sysid import parameters
@@ -293,3 +295,46 @@ def test_one_sided_differences_have_the_derivatives_of_central_ones():
         assert simulated[1] == 5 * 40 * 4 < simulated[0]
         # One-sided differences have an error of half the step times the second derivative, which is about the first one.
         np.testing.assert_allclose(jacobians[1], jacobians[0], rtol=0, atol=1e-4 * np.abs(jacobians[0]).max())
+
+
+# `benches/identification`: repetitions that are kept, and the tables that they fill.
+
+PAGE = Path(__file__).parents[2] / "docs/benchmarks/identification.md"
+
+
+def answer(seed):
+    return np.array([1.0 + seed, 2.0]), np.array([0.5, 1.5]), np.array([1.5, 2.5])
+
+
+def refused(seed):
+    raise AssertionError(f"repetition {seed} is kept")
+
+
+def test_a_run_that_was_killed_in_a_line_goes_on(tmp_path):
+    path = tmp_path / "own.jsonl"
+    kept = Kept(path, resume=False)
+    for seed in (0, 1):
+        kept.of(Row("box", (1.0, 2.0), answer, 2), seed)
+    path.write_text(path.read_text()[:-20])
+    again = Kept(path, resume=True)
+    np.testing.assert_array_equal(again.of(Row("box", (1.0, 2.0), refused, 2), 0)[0][0], [1.0, 2.0])
+    # The second was cut, and is made again, in a line of its own.
+    again.of(Row("box", (1.0, 2.0), answer, 2), 1)
+    last = Kept(path, resume=True)
+    np.testing.assert_array_equal(last.of(Row("box", (1.0, 2.0), refused, 2), 1)[0][0], [2.0, 2.0])
+
+
+def test_repetitions_of_another_version_are_refused(tmp_path):
+    path = tmp_path / "own.jsonl"
+    path.write_text('{"version": 0}\n')
+    with pytest.raises(ValueError, match="run without --resume"):
+        Kept(path, resume=True)
+    assert path.read_text() == '{"version": 0}\n'
+
+
+@pytest.mark.parametrize("name", ["online", "impacts", "matched", "own", "coloured", "determined", "peer"])
+def test_tables_have_rows(name):
+    """A heading, a rule and a row or more between the marks."""
+    lines = section_of(PAGE, name).splitlines()
+    assert len(lines) > 2
+    assert len({line.count("|") for line in lines}) == 1

@@ -1,4 +1,4 @@
-"""Steps of the integrator `euler` against MuJoCo's Euler, where both are the same mathematics: motion without contact.
+"""Motion without contacts: steps of `euler` are those of MuJoCo's Euler, and every integrator converges with its order.
 
 MuJoCo takes joints' damping implicitly, `eulerdamp="disable"` takes it explicitly.
 """
@@ -6,7 +6,10 @@ MuJoCo takes joints' damping implicitly, `eulerdamp="disable"` takes it explicit
 import mujoco
 import numpy as np
 import pytest
+import stepper
+from flights import SCENES, converged, run, scene
 from models import SOURCES, afloat, random_state, simulate
+from numerics import slope, state_error
 
 ROBOTS = ["gymnasium/humanoid", "gymnasium/half_cheetah", "dm_control/walker", "dm_control/quadruped"]
 STEPS = 20
@@ -80,3 +83,87 @@ def test_springs_of_fixed_tendons_are_implicit(timestep):
     # Velocities are of the order of 1 to 5; rounding times the condition of the mass matrix.
     assert without < 1e-11
     assert with_spring > 1e-6
+
+
+MECHANISM = """<mujoco><option timestep="0.002" integrator="Euler"/><default><geom contype="0" conaffinity="0"/></default><worldbody>
+  <body pos="0 0 1">
+    <joint name="slide" type="slide" axis="1 0 0" damping="2" stiffness="10" springref=".1"/>
+    <joint name="hinge" type="hinge" axis="0 1 .3" pos="0 .02 .1" armature=".1" stiffness="3" damping=".2"/>
+    <geom type="capsule" size=".05 .2"/>
+    <body pos=".3 0 0" euler="10 20 30"><joint type="ball" damping=".1" stiffness="2"/><geom type="box" size=".1 .05 .2" pos=".1 0 0"/>
+      <body pos="0 .3 0"><joint name="yaw" axis="0 0 1" ref=".2"/><joint name="roll" axis="1 0 0"/>
+        <geom type="ellipsoid" size=".1 .05 .03"/>
+      </body></body></body></worldbody>
+  <tendon><fixed name="tendon"><joint joint="hinge" coef="1.5"/><joint joint="yaw" coef="-.7"/></fixed></tendon>
+  <actuator>
+    <motor joint="slide" gear="20" ctrlrange="-1 1"/>
+    <position joint="hinge" kp="30" kv="1" forcerange="-5 5"/>
+    <velocity joint="yaw" kv=".5"/>
+    <general tendon="tendon" gear="2" dyntype="filter" dynprm=".05" gainprm="3" biastype="affine" biasprm=".1 -.5 -.05"/>
+    <general joint="roll" dyntype="integrator" gainprm="1" actlimited="true" actrange="-.2 .2"/>
+    <general joint="roll" dyntype="filterexact" dynprm=".03" gainprm="0.3"/>
+  </actuator></mujoco>"""
+
+
+def test_euler_is_mujocos():
+    """The mathematics is the same, joint damping implicit in both: what differs is rounding, times some 1e3 by chaos in 0.6 s."""
+    model = mujoco.MjModel.from_xml_string(MECHANISM)
+    data = mujoco.MjData(model)
+    sim = stepper.Stepper(stepper.load(model), options=stepper.Options(integrator="euler"))
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        data.ctrl[:] = rng.uniform(-1.5, 1.5, model.nu)
+        mujoco.mj_step(model, data, 50)
+        sim.step(data.ctrl, nstep=50)
+    assert np.abs(data.qpos).max() > 0.3
+    assert sim.qpos == pytest.approx(data.qpos, abs=1e-10)
+    assert sim.qvel == pytest.approx(data.qvel, abs=1e-9)
+    assert sim.act == pytest.approx(data.act, abs=1e-12)
+
+
+# Contact-free motion against a converged reference, the orders of convergence, and energy.
+#
+# The reference is DOP853 at tolerance 1e-13 on MuJoCo's accelerations with dq/dt = q (0, omega) / 2: it shares nothing with the engine.
+
+BOUND = 1e-8  # Of issue 2. Measured: 2e-13 to 3e-12.
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_one_second_of_rk4_is_the_converged_motion(name):
+    assert state_error(scene(name)[0], run(name, 1.0, "rk4", 1e-4), converged(name, 1.0)) < BOUND
+
+
+ORDERS = {"euler": (1, [4e-4, 2e-4, 1e-4]), "midpoint": (2, [2e-3, 1e-3, 5e-4]), "rk4": (4, [8e-3, 4e-3, 2e-3])}
+STIFF = {("humanoid", "rk4"): [2e-3, 1e-3, 5e-4]}
+"""Where damping over armature gives rates of 200/s, steps must be shorter than 5 ms for the order to show."""
+
+
+@pytest.mark.parametrize("integrator", ORDERS)
+@pytest.mark.parametrize("name", SCENES)
+def test_order_of_convergence(name, integrator):
+    """The humanoid has springs, dampers and a constant control.
+
+    Within 0.2 of the order: the next term of the error is h times a rate of the motion smaller, which bends a line over a factor of 4 in h
+    by a tenth, while the next order is 1 away.
+    """
+    order, steps = ORDERS[integrator]
+    steps = STIFF.get((name, integrator), steps)
+    errors = [state_error(scene(name)[0], run(name, 0.4, integrator, dt), converged(name, 0.4)) for dt in steps]
+    assert abs(slope(steps, errors) - order) < 0.2
+
+
+@pytest.mark.parametrize("integrator", ORDERS)
+@pytest.mark.parametrize("name", ["double pendulum", "5-link chain"])
+def test_energy_is_constant_to_the_order_of_the_rule(name, integrator):
+    """In two seconds of swinging at the time steps that a user may choose: within 0.2 of the order or better, as above."""
+    model, qpos, qvel, _ = scene(name)
+    steps, errors = [4e-3, 2e-3, 1e-3], []
+    for dt in steps:
+        sim = simulate(model, integrator=integrator, timestep=dt)
+        sim.set_state(qpos, qvel)
+        start, worst = sum(sim.energy()), 0.0
+        for _ in range(100):
+            sim.step(nstep=round(0.02 / dt))
+            worst = max(worst, abs(sum(sim.energy()) - start))
+        errors.append(worst)
+    assert slope(steps, errors) > ORDERS[integrator][0] - 0.2

@@ -1,11 +1,19 @@
-"""A study is checked when it is made: outcomes, parameters, and the names in them."""
+"""Definitions of studies: outcomes, parameters and names are checked, copies share a model, and policies and views of tasks are taken."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import stepper
+import stepper.policies
+from envs.test_terms import ROBOT, made
+from servo_arm import ARM as SERVO_ARM
+from servo_arm import angles
+from stepper.envs import BatchView
+from stepper.envs.quantities import base_height, base_linvel, gravity, joint_pos
 from stepper.lab import Outcome, Parameter, Study, chart, rank, sweep, tune
+from stepper.lab.study.batches import USUAL, begin, run_episodes, world_of
+from stepper.lab.study.controllers import digest_of
 
 ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0"/><geom name="rod" size=".02" pos=".3 0 0"/>
   <site name="tip" pos=".3 0 0"/></body></worldbody><actuator><position name="servo" joint="hinge" kp="5"/></actuator>
@@ -145,3 +153,133 @@ def test_a_model_is_no_study(tmp_path):
     (tmp_path / "arm.xml").write_text(ARM)
     with pytest.raises(ValueError, match=r"arm.xml is no study: give a study's file, whose name ends in .toml or .py"):
         Study.from_file(tmp_path / "arm.xml")
+
+
+MJCF = "<mujoco><worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+
+
+def test_a_study_and_its_copies_load_the_model_once():
+    loads = []
+
+    def model():
+        loads.append(1)
+        return stepper.load(MJCF)
+
+    mass = {"m": Parameter("body_mass[b]", low=1.0, high=2.0)}
+    study = Study(model=model, parameters=mass, outcomes=Outcome(name="z", measure="body b z"))
+    copies = [replace(study, seed=1), study.at({"m": 1.5}), replace(study, parameters={}, settings={"f32": {"precision": "f32"}})]
+    assert all(copy.loaded[0] == study.loaded[0] for copy in copies)
+    assert len(loads) == 1
+
+
+def test_another_model_is_loaded():
+    study = Study(model=MJCF, parameters={"m": Parameter("body_mass[b]", low=1.0, high=2.0)})
+    other = replace(study, model=MJCF.replace(".1", ".2"))
+    assert other.loaded[0] != study.loaded[0]
+
+
+# Policies of studies: files of `stepper.policies`, functions and objects with a memory.
+
+
+def network(gain=-2.0):
+    """tanh(gain (angle - 0.5) - rate / 2): a servo."""
+    layer = (np.array([[gain], [-0.5]], np.float32), np.array([-0.5 * gain], np.float32))
+    last = (np.ones((1, 1), np.float32), np.zeros(1, np.float32))
+    one = np.ones(1)
+    return stepper.policies.Policy(
+        mean=np.zeros(2), std=np.ones(2), clip=10.0, layers=[layer, last], activation="tanh", low=-one, high=one, environment={}
+    )
+
+
+STUDY = """
+model = "arm.xml"
+policy = "servo.npz"
+seconds = 0.2
+episodes = 2
+qpos_noise = 0.1
+[[outcomes]]
+name = "angle"
+measure = "joint hinge"
+"""
+
+
+def test_a_policy_of_stepper_drives_a_study(tmp_path):
+    (tmp_path / "arm.xml").write_text(SERVO_ARM)
+    (tmp_path / "reach.toml").write_text(STUDY)
+    network().save(tmp_path / "servo.npz")
+    study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
+    found = stepper.lab.sweep(study, tmp_path / "out").sweep
+    same = replace(study, controller=stepper.lab.PolicyController(network()))
+    other = stepper.lab.sweep(same, tmp_path / "other").sweep
+    assert [row["outcomes"] for row in found.table.rows] == [row["outcomes"] for row in other.table.rows]
+    # What the file holds is what rows follow from, not where it is.
+    (tmp_path / "copy").mkdir()
+    network().save(tmp_path / "copy/servo.npz")
+    again = stepper.lab.PolicyController(stepper.policies.load(tmp_path / "copy/servo.npz"))
+    changed = stepper.lab.PolicyController(network(-3.0))
+    assert digest_of(again) == digest_of(study.controller) != digest_of(changed)
+
+
+class Integrator:
+    """Controls that grow from one to the next."""
+
+    def begin(self, now):
+        self._sum = np.zeros((now.num_envs, 1))
+
+    def __call__(self, seen):
+        self._sum += 0.1 * (0.5 - seen[:, :1])
+        return self._sum
+
+
+def test_a_memory_is_of_one_batch(tmp_path):
+    policy = stepper.lab.PolicyController(Integrator())
+    assert angles(policy, tmp_path, 1) == angles(policy, tmp_path, 4)
+
+
+def test_a_class_of_a_file_is_told_of_starts(tmp_path):
+    (tmp_path / "arm.xml").write_text(SERVO_ARM)
+    (tmp_path / "memory.py").write_text("""
+class Count:
+    def begin(self, now):
+        self._count = 0
+
+    def __call__(self, seen):
+        self._count += 1
+        return 0.01 * self._count + 0.0 * seen[:, :1]
+""")
+    (tmp_path / "reach.toml").write_text(STUDY.replace("servo.npz", "memory.py:Count"))
+    study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
+    one, all_ = (stepper.lab.sweep(replace(study, batch=n), tmp_path / f"{n}").sweep.table.rows for n in (1, 2))
+    assert [row["outcomes"] for row in one] == [row["outcomes"] for row in all_]
+
+
+def world(engine, **given):
+    study = Study(model=ROBOT, outcomes=[Outcome(name="height", measure=base_height)], keyframe="stance", seconds=0.1, **given)
+    found = world_of(study, USUAL, [{}, {}], engine=engine)
+    begin(study, found, [0, 1])
+    return study, found
+
+
+@pytest.mark.parametrize("engine", ["stepper", "mujoco"])
+def test_quantities_of_a_robot_take_the_view_of_a_study(engine):
+    """They equal those of a task in the same state bit for bit, because positions and velocities are the same numbers."""
+    _, found = world(engine)
+    assert isinstance(found, BatchView)
+    np.testing.assert_allclose(joint_pos(found), 0.0, atol=1e-15)  # the stance, rounded once
+    found.advance(np.zeros((2, 2)), 5)
+    envs = made(2)
+    envs.reset(seed=0)
+    envs.set_state(qpos=found.qpos, qvel=found.qvel)
+    for quantity in (base_height, base_linvel, gravity, joint_pos):
+        np.testing.assert_array_equal(quantity(found), quantity(envs.now))
+    assert base_linvel(found) is base_linvel(found)
+    before = base_linvel(found)
+    found.advance(None, 1)
+    assert not np.array_equal(base_linvel(found), before)
+
+
+def test_a_study_measures_the_height_of_a_base():
+    """The trunk of 7 kg stays between 0.1 and 1 m for 0.1 s, because the servos hold the stance at 0.35 m."""
+    study, _ = world("stepper")
+    (row,) = run_episodes(study, USUAL, [{}], [0])
+    assert 0.1 < row["outcomes"]["height"] < 1.0

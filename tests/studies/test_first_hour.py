@@ -1,6 +1,7 @@
 """Studies as newcomers write them: modules side by side, functions named by text, misspelt names."""
 
 import csv
+import json
 import re
 from dataclasses import replace
 from functools import partial
@@ -9,10 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from stepper.cli import app, main
+from stepper.cli.app import COMMANDS, application
 from stepper.lab import Outcome, Parameter, PolicyController, Study, sweep
+from stepper.lab.demo import Plan, demo
 from stepper.lab.study.batches import USUAL, running, world_of
 from stepper.lab.study.controllers import digest_of, load_file
 from stepper.policies import evaluate
+from study_keys import PARTS, attributes, keys
+from typer.testing import CliRunner
 
 FURNITURE = """<mujoco><worldbody>
   <body name="shelf" pos="0 0 2"><geom type="box" size=".1 .1 .1" mass="3"/></body>
@@ -295,3 +300,36 @@ def test_the_command_sweeps_two_parameters_at_other_values_of_the_others(reach, 
     # Two episodes at the nominal point and at five values of each.
     assert len(rows) == 2 * (1 + 5 + 5)
     assert len({row["parameters.lost"] for row in rows}) == len({row["parameters.body_mass[arm]"] for row in rows}) == 6
+
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_paths_in_help_exist(name):
+    told = CliRunner().invoke(application(), [name, "--help"], env={"COLUMNS": "4000", "TERM": "dumb"})
+    assert told.exit_code == 0, told.output
+    paths = set(re.findall(r"(?<![\w/])((?:examples|docs|benches|python|tests)/[\w./-]*\w)", told.output))
+    assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize("kind", [kind for _, kind in PARTS])
+def test_each_key_has_a_description(kind):
+    assert [field.name for field in keys(kind)] == list(attributes(kind))
+
+
+pytest.importorskip("dm_control")
+
+
+def test_the_demo_prints_the_table_of_all_engines(tmp_path, capsys):
+    demo(Plan(num_envs=8, steps=2, rest=1, chunk=1), tmp_path)
+    lines = capsys.readouterr().out.splitlines()
+    assert [cell.strip() for cell in lines[0].split("|")[2:-1]] == [
+        "stepper f64",
+        "stepper f32",
+        "MuJoCo implicitfast, elliptic",
+        "MuJoCo defaults",
+    ]
+    assert next(line for line in lines if line.startswith("| environments")).split("|")[2:-1] == [" 8 ", " 8 ", " 2 ", " 2 "]
+    figures = json.loads((tmp_path / "demo.json").read_text())
+    assert figures["engines"]["stepper f64"]["solver_statistics"]["rest"]["env_steps"] == 8

@@ -1,5 +1,6 @@
 """Pictures of environments by MuJoCo's renderer: Gymnasium's own, pixel for pixel, and films."""
 
+import film
 import gymnasium
 import imageio.v3 as imageio
 import numpy as np
@@ -138,3 +139,15 @@ def test_gymnasium_films_it(tmp_path):
 
 def test_gymnasiums_checker_accepts_what_it_draws():
     check_env(gymnasium.make("stepper/Hopper-v5", render_mode="rgb_array").unwrapped)
+
+
+def test_its_policies_are_there():
+    assert [name for name in film.ROBOTS if not (film.POLICIES / f"{name}.npz").exists()] == []
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_its_pictures_move():
+    name, camera = film.ROBOTS["half_cheetah"]
+    first, second = film.pictures(film.POLICIES / "half_cheetah.npz", name, camera, seconds=2 / film.RATE)
+    assert first.shape == (film.HEIGHT, film.WIDTH, 3)
+    assert np.any(first != second)

@@ -13,6 +13,7 @@ from corpus.measure import measure
 from corpus.packages import PACKAGES, Package
 from corpus.report import write_markdown
 from corpus.row import FRAGMENT, MEASURED, SAME, STILL, Episode, Motion, Row
+from refusals import raises
 from rows import read_csv, write_csv
 
 WELL = Episode(steps=500, ours=Motion(1.0, 2.0), theirs=Motion(1.0, 2.0))
@@ -79,8 +80,7 @@ def test_meshes_of_urdf_are_found_beside_it_and_above(tmp_path):
     urdf.parent.mkdir()
     for reference in ("package://arm_description/meshes/link.stl", "package://another_name/meshes/link.stl", "../meshes/link.stl"):
         assert resolve(reference, tmp_path, urdf) == mesh
-    with pytest.raises(FragmentError, match=r"missing\.stl"):
-        resolve("package://arm_description/missing.stl", tmp_path, urdf)
+    raises(FragmentError, r"missing\.stl", resolve, "package://arm_description/missing.stl", tmp_path, urdf)
 
 
 PENDULUM = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".1" pos="0 0 -1"/></body></worldbody>
@@ -123,5 +123,4 @@ def test_a_package_that_cannot_be_had_is_named(tmp_path):
     folder = tmp_path / "archives/robots-1.0"
     folder.mkdir(parents=True)
     (folder / "robots-1.0-py3-none-any.whl").write_text("damaged")
-    with pytest.raises(DownloadError, match="not a wheel"):
-        unpacked(Package("robots", "1.0", "a test"), tmp_path)
+    raises(DownloadError, "not a wheel", lambda: unpacked(Package("robots", "1.0", "a test"), tmp_path))

@@ -20,6 +20,7 @@ import stepper.envs
 import typer
 from atlas import scenes
 from generated import SECTIONS
+from refusals import raises
 from sections import section_of, write_section
 from stepper.cli.app import application
 from stepper.derivatives import Linearization
@@ -174,8 +175,7 @@ def test_figures_of_pages_are_those_of_the_result_files():
 
 def test_figures_have_names_that_exist():
     module = figures()
-    with pytest.raises(KeyError, match="page has the figure no, which docs/hooks/figures"):
-        module.with_figures("<!-- figure no -->1<!-- end -->", {}, "page")
+    raises(KeyError, "page has the figure no, which docs/hooks/figures", module.with_figures, "<!-- figure no -->1<!-- end -->", {}, "page")
     assert module.with_figures("a <!-- figure x.y -->1<!-- end --> b", {"x.y": "2"}, "page") == "a <!-- figure x.y -->2<!-- end --> b"
 
 
@@ -207,8 +207,7 @@ def test_a_section_is_written_between_its_marks(tmp_path):
     assert before.startswith("a\n<!-- one: made by `make one` -->\n\nnew")
     write_section(page, "one", section_of(page, "one"))
     assert page.read_text() == before
-    with pytest.raises(ValueError, match=r"page\.md has no section 'two': it begins with '<!-- two -->' and ends with"):
-        write_section(page, "two", "")
+    raises(ValueError, r"page\.md has no section 'two': it begins with '<!-- two -->' and ends with", write_section, page, "two", "")
 
 
 def test_only_update_docs_writes_documentation():

@@ -8,6 +8,7 @@ import pytest
 import stepper.envs  # names for Gymnasium
 import train_sb3
 from envs.test_hooks import Grouped
+from refusals import raises
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -109,15 +110,11 @@ def test_calls_that_a_batch_has_no_answer_to_are_named():
     assert envs.envs.label == "hopper"
     qpos = np.tile(envs.envs.sim.model.qpos0, (3, 1))
     assert envs.env_method("set_state", qpos, np.zeros((3, 6)))[2].shape == (3, 11)
-    with pytest.raises(ValueError, match="omit indices"):
-        envs.env_method("set_state", qpos, np.zeros((3, 6)), indices=[0])
-    with pytest.raises(RuntimeError, match="step_async"):
-        envs.step_wait()
+    raises(ValueError, "omit indices", envs.env_method, "set_state", qpos, np.zeros((3, 6)), indices=[0])
+    raises(RuntimeError, "step_async", envs.step_wait)
     envs.set_options({"mass": 2})
-    with pytest.raises(ValueError, match="have no options"):
-        envs.reset()
-    with pytest.raises(ValueError, match='"all" or "ended"'):
-        StepperVecEnv("stepper/Hopper-v5", 3, infos="none")
+    raises(ValueError, "have no options", envs.reset)
+    raises(ValueError, '"all" or "ended"', StepperVecEnv, "stepper/Hopper-v5", 3, infos="none")
 
 
 def test_pictures_are_those_of_the_environments(monkeypatch):
@@ -159,8 +156,7 @@ def test_a_seed_of_the_constructor_is_that_of_seed():
 
 
 def test_names_of_make_vec_env_and_another_mode_are_named():
-    with pytest.raises(TypeError, match="takes no 'n_envs'; did you mean num_envs"):
-        StepperVecEnv("stepper/Hopper-v5", n_envs=3)
+    raises(TypeError, "takes no 'n_envs'; did you mean num_envs", StepperVecEnv, "stepper/Hopper-v5", n_envs=3)
     with pytest.raises(TypeError, match=r"the task is an object of type gymnasium.*: give the name of the environment"):
         StepperVecEnv(gymnasium.make("stepper/Hopper-v5"))
     with pytest.raises(ValueError, match="autoreset_mode is NEXT_STEP, must be SAME_STEP for Stable-Baselines3: leave it out"):

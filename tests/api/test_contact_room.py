@@ -32,8 +32,7 @@ def many_feet(height: float, keyframe: str = "", friction: float = 0.001) -> ste
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 @pytest.mark.parametrize("num_envs", [None, 3])
 def test_all_contacts_of_the_reset_state_fit(num_envs, precision):
-    sim = stepper.Stepper(many_feet(0.01), num_envs, precision=precision)
-    sim.step(nstep=20)
+    sim = simulate(many_feet(0.01), num_envs, precision=precision, steps=20)
     assert not (np.atleast_1d(sim.status) & stepper.Status.CONTACTS_FULL).any()
     assert len(sim.contacts(0) if num_envs else sim.contacts()) == FEET
 
@@ -48,15 +47,13 @@ def test_all_contacts_of_a_keyframe_fit():
 
 
 def test_feet_that_others_make_redundant_have_room():
-    sim = stepper.Stepper(many_feet(0.01, friction=0.0))
-    sim.step(nstep=20)
+    sim = simulate(many_feet(0.01, friction=0.0), steps=20)
     assert not sim.status & stepper.Status.CONTACTS_FULL
     assert len(sim.contacts()) == 4, "the corners of the tray"
 
 
 def test_a_pickle_has_the_same_room():
-    sim = stepper.Stepper(many_feet(0.01))
-    sim.step(nstep=5)
+    sim = simulate(many_feet(0.01), steps=5)
     other = pickle.loads(pickle.dumps(sim))
     for each in (sim, other):
         each.step(nstep=5)
@@ -79,8 +76,7 @@ def test_a_ball_rests_on_one_of_many_fixed_boxes(count):
     places = 0.1 * np.stack(np.unravel_index(np.arange(count), (300, 300)), axis=1)
     under = places[count // 2]
     boxes = [box | {"pos": [x - under[0], y - under[1], 0.0]} for x, y in places.tolist()]
-    sim = stepper.Stepper(Model.from_description(description | {"geoms": [*boxes, ball]}, True), options=stepper.Options(timestep=5e-3))
-    sim.step(nstep=200)
+    sim = simulate(Model.from_description(description | {"geoms": [*boxes, ball]}, True), timestep=5e-3, steps=200)
     (contact,) = sim.contacts()
     assert sorted(contact["geom"].tolist()) == [count // 2, count]
     # The slop, by which contacts overlap at rest.
@@ -108,9 +104,7 @@ TURNED = [np.cos(0.4), np.sin(0.4), 0, 0]
     ([0, 1, 0, 0, 0, 0.2], 0.1),
 ])  # fmt: skip
 def test_max_limit_violation_is_how_far_the_farthest_joint_or_tendon_is_out(qpos, overshoot):
-    sim = simulate(HINGE, 2, stabilization="none")
-    sim.set_state(np.array([qpos, [0, 1, 0, 0, 0, 0]], float))
-    sim.step()
+    sim = simulate(HINGE, 2, stabilization="none", qpos=np.array([qpos, [0, 1, 0, 0, 0, 0]], float), steps=1)
     assert sim.max_limit_violation == pytest.approx([overshoot, 0.0], abs=1e-12)
     assert bool(sim.status[0] & stepper.Status.OVER_LIMIT) == (overshoot > 0.01)
     assert sim.status[1] == stepper.Status.OK
@@ -118,9 +112,7 @@ def test_max_limit_violation_is_how_far_the_farthest_joint_or_tendon_is_out(qpos
 
 def test_overshoot_and_depth_are_the_largest_of_the_call():
     """A joint beyond its range and a ball in the floor come back: the call that began so says how far they were, the next does not."""
-    sim = simulate(HINGE, stabilization="split")
-    sim.set_state(qpos=[1.5, 1, 0, 0, 0, 0])
-    sim.step()
+    sim = simulate(HINGE, stabilization="split", qpos=[1.5, 1, 0, 0, 0, 0], steps=1)
     first = sim.max_limit_violation
     sim.set_state(qpos=[1.5, 1, 0, 0, 0, 0])
     sim.step(nstep=400)
@@ -129,8 +121,7 @@ def test_overshoot_and_depth_are_the_largest_of_the_call():
     sim.step()
     assert sim.max_limit_violation < 1e-3
     assert sim.status == stepper.Status.OK
-    ball = simulate(BALL.format(z=0.09), 2, stabilization="split")
-    ball.step(nstep=300)
+    ball = simulate(BALL.format(z=0.09), 2, stabilization="split", steps=300)
     assert ball.max_penetration == pytest.approx([0.01, 0.01], rel=0.05)
     assert (ball.status & stepper.Status.DEEP).all()
     ball.step()
@@ -157,8 +148,7 @@ def test_robots_at_rest_are_neither_deep_nor_over_a_limit():
     """The sizes of the flags are not those of contacts that are solved: standing robots stay below them."""
     for name in ("gymnasium/ant", "dm_control/quadruped"):
         assert name in SOURCES
-        sim = stepper.Stepper(stepper_model(name))
-        sim.step(nstep=2000)
+        sim = simulate(stepper_model(name), steps=2000)
         sim.step(nstep=100)
         assert not sim.status & (stepper.Status.DEEP | stepper.Status.OVER_LIMIT), name
         assert sim.max_penetration < 1e-4

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import stepper
 from models import STATE, simulate, stepper_model
+from refusals import raises
 
 ROBOT = "dm_control/humanoid"
 
@@ -24,8 +25,7 @@ def sim():
 ])  # fmt: skip
 def test_a_write_to_a_copy_is_an_error(sim, write):
     sim.randomize(body_mass=np.tile(sim.model.body_mass, (3, 1)))
-    with pytest.raises(ValueError, match="read-only"):
-        write(sim)
+    raises(ValueError, "read-only", write, sim)
 
 
 @pytest.mark.parametrize(("name", "remedy"), [
@@ -33,8 +33,7 @@ def test_a_write_to_a_copy_is_an_error(sim, write):
     ("step", "it is a method"),
 ])  # fmt: skip
 def test_an_assignment_that_nothing_takes_names_the_call_to_use(sim, name, remedy):
-    with pytest.raises(AttributeError, match=f"{name} of a stepper.Stepper cannot be assigned: .*{remedy}"):
-        setattr(sim, name, 0.5)
+    raises(AttributeError, f"{name} of a stepper.Stepper cannot be assigned: .*{remedy}", setattr, sim, name, 0.5)
 
 
 def test_every_attribute_of_a_model_names_what_sets_it(sim):
@@ -47,15 +46,13 @@ def test_every_attribute_of_a_model_names_what_sets_it(sim):
         assert reason.startswith(known) or name == "sensors", reason
         assert "simulation" not in reason
     for name, remedy in (("nq", "the model's file: change the file"), ("sensors", r"model\.with_sensors\("), ("replace", "it is a method")):
-        with pytest.raises(AttributeError, match=f"{name} of a stepper.Model cannot be assigned: .*{remedy}"):
-            setattr(sim.model, name, 3)
+        raises(AttributeError, f"{name} of a stepper.Model cannot be assigned: .*{remedy}", setattr, sim.model, name, 3)
 
 
 @pytest.mark.parametrize("name", STATE)
 def test_copies_cannot_be_made_writable(sim, name):
     array = getattr(sim, name)
-    with pytest.raises(ValueError, match="WRITEABLE"):
-        array.flags.writeable = True
+    raises(ValueError, "WRITEABLE", setattr, array.flags, "writeable", True)
 
 
 # Array arguments of a stepper and a model: masks, complex numbers, objects and texts are refused, and so are negative environments.
@@ -91,8 +88,7 @@ CALLS = {
 @pytest.mark.parametrize("call", CALLS)
 def test_arrays_that_are_no_real_numbers_are_refused(call, kind):
     sim = stepper.Stepper(MODEL, 2)
-    with pytest.raises(TypeError, match=r"masked array|complex numbers|must be an array of numbers"):
-        CALLS[call](sim, WRONG[kind])
+    raises(TypeError, r"masked array|complex numbers|must be an array of numbers", lambda: CALLS[call](sim, WRONG[kind]))
     assert not sim.time.any()
 
 

@@ -16,6 +16,7 @@ from file_sizes import disk_of
 from hypothesis import given
 from hypothesis import strategies as st
 from recordings import PENDULUM, edit_file, edit_header
+from refusals import raises
 from stepper.recording import RecordingError, RecordingWarning, recorder
 from stepper.recording.format import KINDS, ROWS, find_blocks, read_header
 from stepper.shared.files import LOCK
@@ -67,8 +68,7 @@ def test_a_recording_whose_process_is_killed_keeps_the_rows_that_were_written(mo
     command = [sys.executable, "-c", RECORD, str(tmp_path / "model.stepper"), str(tmp_path / "run")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": paths}) as process:
         lines = [int(process.stdout.readline()) for _ in range(40)]
-        with pytest.raises(BlockingIOError, match="another run writes to this folder"):
-            stepper.Stepper(model).record(tmp_path / "run")
+        raises(BlockingIOError, "another run writes to this folder", lambda: stepper.Stepper(model).record(tmp_path / "run"))
         process.send_signal(signal.SIGKILL)
         lines += [int(line) for line in process.stdout if line.endswith("\n")]
     assert process.returncode == -signal.SIGKILL
@@ -79,8 +79,7 @@ def test_a_recording_whose_process_is_killed_keeps_the_rows_that_were_written(mo
     assert "not closed" in str(result)
     with pytest.warns(RecordingWarning, match=rf"run was not closed: it ends after {result.rows} rows"):
         assert sum(len(segment.ctrl) for segment in stepper.recording.segments(tmp_path / "run")) == result.steps
-    with pytest.raises(FileExistsError, match="is not empty"):
-        stepper.Stepper(model).record(tmp_path / "run")
+    raises(FileExistsError, "is not empty", lambda: stepper.Stepper(model).record(tmp_path / "run"))
 
 
 def test_rows_are_written_within_a_second_and_in_blocks(model, tmp_path, monkeypatch):
@@ -120,8 +119,7 @@ def test_a_recording_that_lost_what_its_header_counts_is_refused(unclosed):
     counted = read_header(unclosed)["size"]
     for content in (whole[: counted - 1], b"", bytes(len(whole)), whole[:counted].replace(b"\0\0", b"\0\1") + whole[counted:]):
         (unclosed / ROWS).write_bytes(content)
-        with pytest.raises(RecordingError, match=ROWS):
-            stepper.recording.verify(unclosed)
+        raises(RecordingError, ROWS, stepper.recording.verify, unclosed)
 
 
 def test_a_full_disk_ends_a_recording_that_is_read_up_to_there(model, tmp_path):
@@ -185,8 +183,7 @@ def run(model, tmp_path):
 def test_a_row_cannot_make_a_replay_endless(run, row, said):
     """Behind checksums that are right: the recorded time says how many steps there were."""
     edit_file(run, lambda arrays: arrays.update({name: np.array(value) for name, value in row.items()}))
-    with pytest.raises(RecordingError, match=said):
-        stepper.recording.verify(run)
+    raises(RecordingError, said, stepper.recording.verify, run)
 
 
 def test_rejected_steps_are_replayed_though_they_take_no_time(model, tmp_path):
@@ -208,8 +205,7 @@ def test_rejected_steps_are_replayed_though_they_take_no_time(model, tmp_path):
 ])  # fmt: skip
 def test_counts_in_a_header_are_those_of_the_rows(run, change, said):
     edit_header(run, lambda head: head.update(change))
-    with pytest.raises(RecordingError, match=said):
-        stepper.recording.verify(run)
+    raises(RecordingError, said, stepper.recording.verify, run)
 
 
 def test_threads_in_a_header_are_no_more_than_the_machine_has(run):

@@ -9,6 +9,7 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as hypothesis
 from models import STATE, simulate, stepper_model
+from refusals import raises
 from stepper import ActuatorModel, Drive, Stepper
 from stepper.envs import StepperVectorEnv
 from stepper.viewer.frames import shown_envs
@@ -112,8 +113,7 @@ def test_a_mask_moves_the_mocap_bodies_of_its_environments(tmp_path):
     twin.recorder = None
     assert sim.qpos[0, 2] > sim.qpos[1, 2] + 0.02
     twin.step(envs=mask)
-    with pytest.raises(ValueError, match="envs has shape"):
-        sim.step(envs=mask[:3])
+    raises(ValueError, "envs has shape", sim.step, envs=mask[:3])
 
 
 def test_a_rollout_begins_where_it_is_told_to():
@@ -146,8 +146,7 @@ def test_a_rollout_begins_where_it_is_told_to():
 def test_what_is_wrong_is_said(call, error, said):
     sim = simulate(stepper_model(HOPPER), 7)
     before = sim.get_state()
-    with pytest.raises(error, match=said):
-        call(sim)
+    raises(error, said, call, sim)
     assert sim.get_state() == before
 
 
@@ -157,8 +156,7 @@ def test_nothing_changes_where_a_state_is_of_another_model():
     assert not np.array_equal(sim.qpos[0], sim.qpos[2])
     before = sim.get_state()
     other = simulate(stepper_model("dm_control/walker"), 3)
-    with pytest.raises(ValueError, match=r"state 1, of environment 1: .*another"):
-        sim.set_state([sim.get_state(2), other.get_state(0)], envs=[0, 1])
+    raises(ValueError, r"state 1, of environment 1: .*another", lambda: sim.set_state([sim.get_state(2), other.get_state(0)], envs=[0, 1]))
     assert sim.get_state() == before
 
 
@@ -189,8 +187,7 @@ TAKERS = {
 def test_wrong_environments_are_named_by_every_call(call, envs, error, said):
     sim = batch(steps=2)
     before = sim.get_state()
-    with pytest.raises(error, match=said):
-        TAKERS[call](sim, envs)
+    raises(error, said, lambda: TAKERS[call](sim, envs))
     assert sim.get_state() == before
 
 
@@ -335,5 +332,4 @@ def test_a_view_shows_the_environments_of_a_mask():
     assert shown_envs(sim, [2, 0], 16).tolist() == [2, 0]
     assert shown_envs(sim, 2, 16).tolist() == [0, 1]
     for envs in EMPTY.values():
-        with pytest.raises(ValueError, match="envs selects no environment"):
-            shown_envs(sim, envs, 16)
+        raises(ValueError, "envs selects no environment", shown_envs, sim, envs, 16)

@@ -20,6 +20,7 @@ from file_sizes import disk_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import joint, link, robot
+from refusals import raises
 from stepper.cli.app import COMMANDS, application, main
 from stepper.lab import Outcome, Parameter, Study
 from stepper.lab.study.journal import rows_of
@@ -241,8 +242,7 @@ def forged(name, header, data, method=zipfile.ZIP_STORED):
 @pytest.mark.parametrize("shape", [(10**12,), (10**6, 10**6), (2**62, 4), (3,), (0,)])
 def test_a_shape_takes_no_more_memory_than_the_file_has_numbers(tmp_path, shape):
     (tmp_path / "c.npz").write_bytes(forged("ctrl", {"shape": shape}, bytes(16)))
-    with pytest.raises(ValueError, match=r"c\.npz: the array 'ctrl' has the shape .*, but another number of bytes"):
-        read_arrays(tmp_path / "c.npz", "log")
+    raises(ValueError, r"c\.npz: the array 'ctrl' has the shape .*, but another number of bytes", read_arrays, tmp_path / "c.npz", "log")
 
 
 def test_a_size_takes_no_more_memory_than_compression_allows(tmp_path):
@@ -251,8 +251,7 @@ def test_a_size_takes_no_more_memory_than_compression_allows(tmp_path):
     for place in (i for i in range(len(data) - 4) if data[i : i + 4] == b"PK\x01\x02"):
         data[place + 24 : place + 28] = b"\xfe\xff\xff\xff"
     (tmp_path / "c.npz").write_bytes(data)
-    with pytest.raises(ValueError, match=r"c\.npz: the array 'ctrl' has more bytes than a file of \d+ bytes can have"):
-        read_arrays(tmp_path / "c.npz", "log")
+    raises(ValueError, r"c\.npz: the array 'ctrl' has more bytes than a file of \d+ bytes can have", read_arrays, tmp_path / "c.npz", "log")
 
 
 def test_the_mesh_of_a_urdf_may_have_a_name_that_no_file_system_takes(tmp_path):
@@ -374,12 +373,10 @@ ESCAPES = ["../../../escaped", "..", ".", "...", "a/b", "/a", "a\\b", "C:", "C:a
 
 @pytest.mark.parametrize("name", ESCAPES)
 def test_a_study_stays_in_its_output_folder(model, tmp_path, name):
-    with pytest.raises(ValueError, match=r"name (is|has) .*the folder of the results: choose"):
-        Study(model=model, name=name)
+    raises(ValueError, r"name (is|has) .*the folder of the results: choose", Study, model=model, name=name)
     if name.isprintable():
         (tmp_path / "study.toml").write_text(f'name = {json.dumps(name)}\nmodel = "m.xml"\n')
-        with pytest.raises(ValueError, match=r"study\.toml: name (is|has) .*the folder of the results"):
-            Study.from_file(tmp_path / "study.toml")
+        raises(ValueError, r"study\.toml: name (is|has) .*the folder of the results", Study.from_file, tmp_path / "study.toml")
 
 
 @given(st.text(max_size=20))
@@ -449,8 +446,7 @@ def test_helpers_keep_errors_that_name_the_file_and_explain_others(tmp_path):
     (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbfa,b\r\n1,2\r\n")
     assert read_csv(tmp_path / "a.csv", "log") == [["a", "b"], ["1", "2"]]
     assert read_text(tmp_path / "a.csv", "log").startswith("a,b")
-    with pytest.raises(FileNotFoundError, match="there is no log file"):
-        existing(tmp_path / ("x" * 300), "log")
+    raises(FileNotFoundError, "there is no log file", existing, tmp_path / ("x" * 300), "log")
     with atomic_write(tmp_path / "new/folder/file") as stream:
         stream.write(b"x")
     assert (tmp_path / "new/folder/file").read_bytes() == b"x"
@@ -465,8 +461,7 @@ def test_a_cut_archive_is_refused(tmp_path):
     check_archive(file)
     for content in (b"", whole[:100], whole[:-1], whole[:500] + b"\xff" + whole[501:]):
         file.write_bytes(content)
-        with pytest.raises(ValueError, match=r"it is (cut off or )?damaged"):
-            check_archive(file)
+        raises(ValueError, r"it is (cut off or )?damaged", check_archive, file)
 
 
 def test_a_journal_is_read_while_its_folder_is_locked(work):

@@ -12,7 +12,8 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import joint, link, robot, sphere
-from models import SOURCES, stepper_model
+from models import SOURCES, simulate, stepper_model
+from refusals import raises
 from stepper.loading import origin_of
 from stepper.loading.mjcf import describe, requested
 from stepper.viewer.looks import looks_of
@@ -74,16 +75,14 @@ def test_a_free_base_starts_on_the_floor(shape, size, pose, floor, tmp_path_fact
     model = stepper.load(file, floor=floor, free_base=True)
     qpos = model.qpos0.copy()
     qpos[2] -= 1e-4
-    sim = stepper.Stepper(model)
-    sim.set_state(qpos=qpos)
+    sim = simulate(model, qpos=qpos)
     assert sim.contacts()["distance"].min() == pytest.approx(-1e-4, abs=1e-6)
 
 
 @pytest.mark.parametrize("height", [True, 0, 0.0, -0.25, np.float32(0.5)])
 def test_a_ball_falls_on_the_floor(height):
     model = stepper.load(BALL, floor=height)
-    sim = stepper.Stepper(model)
-    sim.step(nstep=2000)
+    sim = simulate(model, steps=2000)
     expected = 0.0 if height is True else float(height)
     assert sim.qpos[2] == pytest.approx(expected + 0.1, abs=2e-5)  # The position correction leaves up to 1e-5 m.
     assert model.geom("floor").type == "plane"
@@ -135,8 +134,7 @@ def test_a_spec_is_a_source():
     assert looks_of(model).ngeom == 1
     assert stepper.load(spec).geom_names == ["mark", "ball"]
     spec.worldbody.add_geom(size=[0, 0, 0])
-    with pytest.raises(stepper.ModelError, match=r"mujoco\.MjSpec: MuJoCo's compiler cannot read it: .*size"):
-        stepper.load(spec)
+    raises(stepper.ModelError, r"mujoco\.MjSpec: MuJoCo's compiler cannot read it: .*size", stepper.load, spec)
 
 
 PLANE = "<geom {} type='plane' size='1 1 1'/>"
@@ -152,8 +150,7 @@ PLANE = "<geom {} type='plane' size='1 1 1'/>"
     ({"free_base": 1}, "", TypeError, "free_base is 1"),
 ])  # fmt: skip
 def test_a_floor_that_cannot_be_added_is_an_error(arguments, more, error, said):
-    with pytest.raises(error, match=said):
-        stepper.load(BALL.replace("<worldbody>", f"<worldbody>{more}"), **arguments)
+    raises(error, said, lambda: stepper.load(BALL.replace("<worldbody>", f"<worldbody>{more}"), **arguments))
 
 
 def test_a_wall_is_no_floor():
@@ -166,8 +163,7 @@ def test_compiled_and_saved_models_get_no_floor(tmp_path):
     m = mujoco.MjModel.from_xml_string(BALL)
     mujoco.mj_saveModel(m, str(tmp_path / "ball.mjb"))
     for source in (tmp_path / "saved", m, tmp_path / "ball.mjb"):
-        with pytest.raises(ValueError, match=r"floor is True, which needs MJCF, URDF or a mujoco\.MjSpec"):
-            stepper.load(source, floor=True)
+        raises(ValueError, r"floor is True, which needs MJCF, URDF or a mujoco\.MjSpec", stepper.load, source, floor=True)
 
 
 @pytest.mark.parametrize(("text", "said"), [
@@ -177,8 +173,7 @@ def test_compiled_and_saved_models_get_no_floor(tmp_path):
      "links on the world are: a, b"),
 ])  # fmt: skip
 def test_a_base_that_cannot_be_freed_is_an_error(text, said):
-    with pytest.raises(stepper.ModelError, match=f"XML text: free_base is True, .*{said}.*omit free_base"):
-        stepper.load(text, free_base=True)
+    raises(stepper.ModelError, f"XML text: free_base is True, .*{said}.*omit free_base", stepper.load, text, free_base=True)
 
 
 def test_a_base_that_is_fixed_to_the_link_world_is_freed():

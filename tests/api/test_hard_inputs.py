@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import stepper
 from models import simulate, stepper_model
+from refusals import raises
 
 HOPPER, ANT = "dm_control/hopper", "gymnasium/ant"
 SCENE = """
@@ -58,20 +59,15 @@ def test_every_cut_and_every_flipped_byte_of_a_state_is_refused():
     assert stepper.State(data) == state
     assert len(data) == state.nbytes
     for at in {*range(0, len(data), 7), len(data) - 1}:
-        with pytest.raises(ValueError, match=r"not a state: (the bytes do not begin|cut off|damaged)"):
-            stepper.State(data[:at])
+        raises(ValueError, r"not a state: (the bytes do not begin|cut off|damaged)", stepper.State, data[:at])
         wrong = bytearray(data)
         wrong[at] ^= 0x10
         with pytest.raises(ValueError, match=r"not a state: (the bytes do not begin|format version|damaged)"):
             stepper.State(bytes(wrong))
-    with pytest.raises(ValueError, match="damaged"):
-        stepper.State(data + b"\0")
-    with pytest.raises(ValueError, match=r"format version 9, this stepper reads \d+"):
-        stepper.State(data[:8] + struct.pack("<I", 9) + data[12:])
-    with pytest.raises(ValueError, match="do not begin as those of a state"):
-        stepper.State(sim.model.to_bytes())
-    with pytest.raises(stepper.ModelError, match="not a saved stepper model"):
-        stepper.Model.from_bytes(data)
+    raises(ValueError, "damaged", stepper.State, data + b"\0")
+    raises(ValueError, r"format version 9, this stepper reads \d+", lambda: stepper.State(data[:8] + struct.pack("<I", 9) + data[12:]))
+    raises(ValueError, "do not begin as those of a state", lambda: stepper.State(sim.model.to_bytes()))
+    raises(stepper.ModelError, "not a saved stepper model", stepper.Model.from_bytes, data)
     assert np.array_equal(sim.qpos, before)
 
 
@@ -88,8 +84,7 @@ def test_a_state_says_which_model_it_belongs_to_and_another_one_refuses_it():
     with pytest.raises(ValueError, match=f"belongs to another model, {sim.model.digest[:12]}; this one is .*{other.model.digest[:12]}"):
         other.set_state(state)
     narrow = simulate(sim.model, precision="f32")
-    with pytest.raises(ValueError, match="numbers in F64, this stepper in F32"):
-        narrow.set_state(state)
+    raises(ValueError, "numbers in F64, this stepper in F32", narrow.set_state, state)
 
 
 def test_states_with_a_true_checksum_and_nonsense_in_them_are_refused_or_taken_but_never_crash():
@@ -138,11 +133,9 @@ def test_a_crafted_pickle_is_refused_in_words(model, name, value, what):
     sim = simulate(model, 2)
     state = sim.__getstate__()
     sim.__setstate__(state)
-    with pytest.raises((TypeError, ValueError), match=f"(?s){what}"):
-        sim.__setstate__(state | {name: value})
+    raises((TypeError, ValueError), f"(?s){what}", sim.__setstate__, state | {name: value})
     del state[name]
-    with pytest.raises(ValueError, match=f"{name} is missing"):
-        sim.__setstate__(state)
+    raises(ValueError, f"{name} is missing", sim.__setstate__, state)
     sim.step()
 
 
@@ -200,12 +193,10 @@ def test_whatever_is_asked_of_a_stepper_at_work_says_so():
 
 
 def test_threads_are_no_more_than_there_is_to_do():
-    sim = stepper.Stepper(stepper_model(HOPPER), 20, threads=10**18)
-    sim.step(nstep=3)
+    sim = simulate(stepper_model(HOPPER), 20, threads=10**18, steps=3)
     assert sim.threads == 10**18
     assert sim.memory()["threads"] <= 3
-    once = stepper.Stepper(stepper_model(HOPPER), 20)
-    once.step(nstep=3)
+    once = simulate(stepper_model(HOPPER), 20, steps=3)
     assert np.array_equal(sim.qpos, once.qpos)
 
 
@@ -335,8 +326,7 @@ def test_a_state_beyond_the_numbers_of_the_lanes_is_refused():
 
 def test_a_model_beyond_the_numbers_of_the_lanes_is_refused(model):
     far = model.replace(qpos0=np.where(np.arange(model.nq) == 1, 1e200, model.qpos0))
-    with pytest.raises(stepper.ModelError, match='field "qpos0": number 1 is 1e200, which is too large for 32 bits'):
-        simulate(far, precision="f32")
+    raises(stepper.ModelError, 'field "qpos0": number 1 is 1e200, which is too large for 32 bits', simulate, far, precision="f32")
     simulate(far).step()
     with pytest.raises(ValueError, match="body_mass has 1e200, which 32 bits cannot hold"):
         simulate(model, 1, precision="f32").randomize(body_mass=[[0, 1e200, 1, 1, 1]])
@@ -346,8 +336,7 @@ def test_a_model_beyond_the_numbers_of_the_lanes_is_refused(model):
 def test_an_environment_that_is_not_there_is_an_index_error(env):
     sim = simulate(stepper_model(HOPPER), 2)
     for call, said in ((sim.get_state, "must be below 2"), (sim.worst_row, "must be below 2"), (sim.contacts, "environments 0 to 1")):
-        with pytest.raises(IndexError, match=said):
-            call(env)
+        raises(IndexError, said, call, env)
 
 
 # Arrays
@@ -391,8 +380,7 @@ def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(model
         lambda: sim.xpos,
         lambda: setattr(sim, "xfrc_applied", np.inf),
     ):
-        with pytest.raises(ValueError, match=r"xfrc_applied was changed in place to .*, must stay a float64 array \(2, 5, 6\)"):
-            call()
+        raises(ValueError, r"xfrc_applied was changed in place to .*, must stay a float64 array \(2, 5, 6\)", call)
 
 
 def test_a_rollout_too_large_for_memory_is_a_memory_error():

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
-from models import stepper_model
+from models import simulate, stepper_model
 from stepper.shared.files import atomic_write
 from stepper.sysid import fit
 
@@ -125,8 +125,7 @@ MOCAP = """<mujoco><worldbody><body name="hand" mocap="true" pos="0 0 1"><geom s
 
 
 def test_mocap_bodies_are_where_the_longer_way_has_brought_them():
-    sim = stepper.Stepper(stepper.load(MOCAP), options=stepper.Options(timestep=1e-3))
-    sim.step(nstep=2)
+    sim = simulate(MOCAP, timestep=1e-3, steps=2)
     sim.mocap_pos[0] = [1e3, 0, 1]
     with pytest.raises(KeyboardInterrupt) as caught, interrupted():
         sim.step(nstep=10**7)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, mujoco_model, stepper_model
+from refusals import raises
 from stepper.loading.mjcf import source
 from stepper.loading.mjcf.omissions import FLAGS
 
@@ -215,10 +216,8 @@ def test_what_mujoco_refuses_is_said_in_its_words() -> None:
 
 
 def test_missing_files_and_strange_sources() -> None:
-    with pytest.raises(FileNotFoundError, match=r"no_such\.xml"):
-        stepper.load("no_such.xml")
-    with pytest.raises(TypeError, match="int"):
-        stepper.load(3)
+    raises(FileNotFoundError, r"no_such\.xml", stepper.load, "no_such.xml")
+    raises(TypeError, "int", stepper.load, 3)
 
 
 def test_without_mujoco_the_message_says_how_to_install_it(tmp_path: Path) -> None:
@@ -324,23 +323,17 @@ def test_equalities_and_tendons_can_be_replaced() -> None:
     loose = model.replace(eq_active0=[0.0], tendon_stiffness=[3.0], tendon_range=[[-2.0, 2.0]])
     assert "inactive equalities: grip" in loose.explain()
     assert loose.tendon_stiffness == [3.0]
-    with pytest.raises(stepper.ModelError, match="would store as"):
-        model.replace(eq_data=np.ones((1, 11)))
+    raises(stepper.ModelError, "would store as", model.replace, eq_data=np.ones((1, 11)))
 
 
 def test_replace_refuses_what_a_model_cannot_have() -> None:
     model = stepper.load(PENDULUM)
-    with pytest.raises(stepper.ModelError, match=r"no field .colour.*help"):
-        model.replace(colour=[1.0])
-    with pytest.raises(stepper.ModelError, match='body "arm": mass is -1 kg'):
-        model.replace(body_mass=[0.0, -1.0])
-    with pytest.raises(stepper.ModelError, match="whole numbers"):
-        model.replace(geom_condim=[3.0, 2.5])
-    with pytest.raises(stepper.ModelError, match="condim is 5"):
-        model.replace(geom_condim=[3.0, 5.0])
+    raises(stepper.ModelError, r"no field .colour.*help", model.replace, colour=[1.0])
+    raises(stepper.ModelError, 'body "arm": mass is -1 kg', model.replace, body_mass=[0.0, -1.0])
+    raises(stepper.ModelError, "whole numbers", model.replace, geom_condim=[3.0, 2.5])
+    raises(stepper.ModelError, "condim is 5", model.replace, geom_condim=[3.0, 5.0])
     free = stepper.load('<mujoco><worldbody><body><freejoint name="root"/><geom size="0.1"/></body></worldbody></mujoco>')
-    with pytest.raises(stepper.ModelError, match="same value"):
-        free.replace(dof_damping=[1.0, 0, 0, 0, 0, 0])
+    raises(stepper.ModelError, "same value", free.replace, dof_damping=[1.0, 0, 0, 0, 0, 0])
 
 
 # MuJoCo's types and defaults in the loader.
@@ -442,8 +435,7 @@ def test_gravity_compensation_by_actuators_is_listed_and_is_an_error_only_where_
     scene = f"""<mujoco><worldbody><body gravcomp="1"><joint name="j" axis="0 1 0" actuatorgravcomp="true" {limit}/>
     <geom size=".1" mass="1" pos=".5 0 0"/></body></worldbody></mujoco>"""
     if limit:
-        with pytest.raises(stepper.ModelError, match="joint gravity compensation j"):
-            stepper.load(scene)
+        raises(stepper.ModelError, "joint gravity compensation j", stepper.load, scene)
     else:
         ((kind, name, reason),) = stepper.load(scene).omitted
         assert (kind, name) == ("joint gravity compensation", "j")

@@ -11,6 +11,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import arm, joint, link, robot, sheet, sphere
+from models import simulate
 from stepper.cli.studies import explain
 
 SLOP = 1e-5
@@ -32,9 +33,7 @@ def load(source, **arguments):
 
 def contacts_of(model, qpos=None):
     """Contacts at a pose, or the reference pose: those of a step in which nothing moves."""
-    sim = stepper.Stepper(model, options=stepper.Options(timestep=1e-9, stabilization="none"))
-    sim.set_state(qpos=model.qpos0 if qpos is None else qpos)
-    sim.step()
+    sim = simulate(model, timestep=1e-9, stabilization="none", qpos=model.qpos0 if qpos is None else qpos, steps=1)
     return sim.contacts()
 
 
@@ -55,8 +54,7 @@ def test_links_that_overlap_do_not_collide_and_are_listed():
     assert depth == pytest.approx(0.05, abs=1e-12)  # 0.3 + 0.15 - 0.4, rounded
     assert "ga and gc by 50.00 mm" in message
     assert "ga and gc overlap by 50.00 mm" in model.explain().split("Excluded from contact")[1]
-    sim = stepper.Stepper(model)
-    sim.step(nstep=20)
+    sim = simulate(model, steps=20)
     assert not stepper.Status(int(sim.status)) & (stepper.Status.INFEASIBLE | stepper.Status.DEEP)
 
 
@@ -291,14 +289,12 @@ def test_a_ball_rests_above_a_valley_and_the_warning_says_why():
     assert "ground: more than 100 times" in message
     assert "geom_concave" in message
     assert "ground collides as the convex hull of its mesh" in model.explain()
-    sim = stepper.Stepper(model)
-    sim.step(nstep=1000)
+    sim = simulate(model, steps=1000)
     assert sim.qpos[2] == pytest.approx(1.2, abs=1e-3)  # On the lid: 1 m and the radius; the slop is 1e-5 m.
     concave = model.replace(geom_concave=[1, 0])
     assert concave.wide_hulls == []
     assert "geom_concave=" not in concave.explain().split("Convex hulls larger than their mesh")[1]
-    sim = stepper.Stepper(concave)
-    sim.step(nstep=1000)
+    sim = simulate(concave, steps=1000)
     assert sim.qpos[2] < 0.5  # In the valley: 0.2 sqrt(2) = 0.28 m at rest.
 
 

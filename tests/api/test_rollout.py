@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import stepper
 from models import stepper_model
+from parametrized import every
+from refusals import raises
 from stepper import Status
 
 ROBOT = "dm_control/humanoid"
@@ -43,9 +45,7 @@ def step_by_step(sim, ctrl, nstep):
     return {name: np.array(values) for name, values in rows.items()}
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("threads", [1, 3])
-@pytest.mark.parametrize("num_envs", [ENVS, 1, None])
+@every(precision=["f64", "f32"], threads=[1, 3], num_envs=[ENVS, 1, None])
 def test_the_bits_of_that_many_steps(precision, threads, num_envs):
     lead = (T,) if num_envs is None else (T, num_envs)
     ctrl = controls(lead)
@@ -161,16 +161,14 @@ def test_wrong_outputs_are_named(change, error, message):
     change(out)
     sim = stepper_of()
     before = sim.get_state()
-    with pytest.raises(error, match=message):
-        sim.rollout(controls(), out=out)
+    raises(error, message, lambda: sim.rollout(controls(), out=out))
     assert sim.get_state() == before
 
 
 @pytest.mark.parametrize("shape", [(), (21,), (T, ENVS, 20), (T, 3, 21), (ENVS, T, 21)])
 def test_wrong_controls_show_both_shapes(shape):
     sim = stepper_of()
-    with pytest.raises(ValueError, match=r"must be \(T, 19, 21\) or \(T, 21\) for T controls"):
-        sim.rollout(np.zeros(shape))
+    raises(ValueError, r"must be \(T, 19, 21\) or \(T, 21\) for T controls", sim.rollout, np.zeros(shape))
 
 
 def test_memory():

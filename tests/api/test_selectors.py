@@ -7,6 +7,7 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from models import SOURCES, stepper_model
+from refusals import raises
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 from stepper.shared.selectors import Selector, numbers_of, parse, places, rows_of
 
@@ -151,8 +152,7 @@ def test_a_part_of_a_field_is_set_as_the_whole(part, how):
 @pytest.mark.parametrize("part", ["elements", "columns"])
 def test_a_selector_of_nothing_is_refused(part):
     """Without brackets it would be written as the whole field."""
-    with pytest.raises(ValueError, match=f"{part} of a selector of 'geom_friction' is empty"):
-        Selector("geom_friction", **{part: ()})
+    raises(ValueError, f"{part} of a selector of 'geom_friction' is empty", Selector, "geom_friction", **{part: ()})
 
 
 def test_values_are_for_all_selected_one_for_each_environment_or_one():
@@ -288,8 +288,7 @@ def test_a_wrong_shape_of_a_pattern_lists_what_the_pattern_selects():
         sim.randomize({"dof_damping[*_joint]": np.ones((4, 2))})
     with pytest.raises(ValueError, match=r"; '\*_joint' selects floating_base_joint, FL_joint, FR_joint$"):
         sim.randomize({"jnt_range[*_joint]": np.ones((4, 2, 2))})
-    with pytest.raises(ValueError, match=r"; '\*' selects g, 1, 2$"):
-        sim.model.replace({"geom_friction[*]": np.ones((2, 3))})
+    raises(ValueError, r"; '\*' selects g, 1, 2$", sim.model.replace, {"geom_friction[*]": np.ones((2, 3))})
     with pytest.raises(ValueError, match=r"'dof_damping\[\*_joint\]\[2\]', joint 'FL_joint': there is no column 2; columns are 0 to 0"):
         sim.randomize({"dof_damping[*_joint][2]": 1.0})
     with pytest.raises(ValueError, match="must be") as error:
@@ -378,8 +377,7 @@ def test_names_find_what_indices_find():
     (lambda model: model.joint(""), KeyError, "no joint ''"),
 ])  # fmt: skip
 def test_what_is_not_there_is_answered_with_what_is(ask, error, text):
-    with pytest.raises(error, match=text):
-        ask(stepper_model("gymnasium/humanoid"))
+    raises(error, text, lambda: ask(stepper_model("gymnasium/humanoid")))
 
 
 def test_rows_cannot_be_written():
@@ -400,5 +398,4 @@ def test_rows_cannot_be_written():
 ])  # fmt: skip
 def test_configurations_that_are_none_are_refused(call, text):
     model = stepper_model("gymnasium/humanoid")
-    with pytest.raises(ValueError, match=text):
-        call(model, model.qpos0)
+    raises(ValueError, text, call, model, model.qpos0)

@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 import stepper
+from models import simulate
+from refusals import raises
 from stepper import SensorModel, Transfer
 from stepper.sensors import Combination, RayFan, SensorSpec, devices
 
@@ -90,8 +92,7 @@ def test_observe_fills_an_array(model):
     np.testing.assert_array_equal(out, sim.sensordata)
     single = np.empty((4, model.nsensordata), dtype=np.float32)
     np.testing.assert_array_equal(sim.observe(out=single), sim.sensordata.astype(np.float32))
-    with pytest.raises(ValueError, match=r"out has shape \(4,\), must be \(4, 13\)"):
-        sim.observe(out=np.empty(4))
+    raises(ValueError, r"out has shape \(4,\), must be \(4, 13\)", sim.observe, out=np.empty(4))
 
 
 def test_seeds_episodes_and_environments_differ(model):
@@ -156,14 +157,12 @@ def observing(sensors=None):
     (lambda: devices.find([]), ValueError, r"there is no device \[\]; the devices are: adis16470_accelerometer"),
 ])  # fmt: skip
 def test_what_is_refused_is_named(call, error, match):
-    with pytest.raises(error, match=match):
-        call()
+    raises(error, match, call)
 
 
 def test_numbers_may_differ_between_environments(model):
     delay = np.array([0.0, 0.002, 0.006, 0.008])
-    sim = stepper.Stepper(model, 4, sensors=SensorModel({"clock": Transfer(delay=delay, scale=[1, 2, 3, 4])}))
-    sim.step(nstep=10)
+    sim = simulate(model, 4, sensors=SensorModel({"clock": Transfer(delay=delay, scale=[1, 2, 3, 4])}), steps=10)
     np.testing.assert_allclose(sim.sensordata[:, 12], (0.02 - delay) * [1, 2, 3, 4], rtol=1e-12)
 
 
@@ -217,8 +216,7 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
     assert grown.sensor_names == ["angle", "gyro", "feel", "fan", "down", "mixed", "twice"]
     grown.save(tmp_path / "grown.stepper")
     assert stepper.load(tmp_path / "grown.stepper") == grown
-    sim = stepper.Stepper(grown, 9, sensors=SensorModel({"fan": Transfer(delay=0.01)}))
-    sim.step(nstep=3)
+    sim = simulate(grown, 9, sensors=SensorModel({"fan": Transfer(delay=0.01)}), steps=3)
     x = sim.sensordata_ideal
     sim.reset(qvel=np.full((9, 1), 0.3))
     x = sim.sensordata_ideal
@@ -253,8 +251,7 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
     ([Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
 ])  # fmt: skip
 def test_what_cannot_be_added_is_named(sensors, error, match):
-    with pytest.raises(error, match=match):
-        stepper.load(SEEN).with_sensors(sensors)
+    raises(error, match, lambda: stepper.load(SEEN).with_sensors(sensors))
 
 
 def test_files(model, tmp_path):
@@ -271,20 +268,16 @@ def test_files(model, tmp_path):
     file.write_text(json.dumps(read.to_dict()))
     assert SensorModel.from_file(file) == read
     file.write_text("[]")
-    with pytest.raises(ValueError, match=r"sensors.json holds a list, must hold tables by name"):
-        SensorModel.from_file(file)
+    raises(ValueError, r"sensors.json holds a list, must hold tables by name", SensorModel.from_file, file)
     toml.write_text("[sensors.gyro]\nnoize = 1\n")
-    with pytest.raises(ValueError, match=r"sensors.toml: sensor 'gyro': unknown entries \['noize'\]"):
-        SensorModel.from_file(toml)
+    raises(ValueError, r"sensors.toml: sensor 'gyro': unknown entries \['noize'\]", SensorModel.from_file, toml)
     toml.write_text('[sensors.gyro]\ndevice = "abacus"\n')
-    with pytest.raises(ValueError, match=r"sensor 'gyro': there is no device 'abacus'; the devices are: .*hg1700_gyro"):
-        SensorModel.from_file(toml)
+    raises(ValueError, r"sensor 'gyro': there is no device 'abacus'; the devices are: .*hg1700_gyro", SensorModel.from_file, toml)
 
 
 @pytest.mark.parametrize("name", sorted(devices.DEVICES))
 def test_every_device_works(model, name):
-    sim = stepper.Stepper(model, 2, sensors=SensorModel({"gyro": devices.find(name)}))
-    sim.step(nstep=3)
+    sim = simulate(model, 2, sensors=SensorModel({"gyro": devices.find(name)}), steps=3)
     assert np.all(np.isfinite(sim.sensordata))
 
 
@@ -315,8 +308,7 @@ def test_each_environment_has_the_seed_that_it_was_given(model):
 def test_a_wrong_seed_is_named_and_nothing_starts(model, seed, error, words):
     sim = noisy(model, 5, seed=1)
     sim.step(nstep=3)
-    with pytest.raises(error, match=words):
-        sim.reset(seed=seed)
+    raises(error, words, sim.reset, seed=seed)
     assert (sim.time > 0).all()
 
 

@@ -12,6 +12,7 @@ import stepper
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import simulate, stepper_model
+from refusals import raises
 from stepper._hints import _guesses
 from stepper.derivatives import rollout
 from stepper.lab.study.parameters import Parameter, check
@@ -93,8 +94,7 @@ def test_a_rollout_names_the_argument_that_it_was_given(parameters, error, messa
     (("qpos[x]",), ValueError, r"^wrt has 'qpos\[x\]', but qpos has no named elements: write 'qpos' alone"),
 ])  # fmt: skip
 def test_names_of_linearize(wrt, error, message):
-    with pytest.raises(error, match=message):
-        SIM.linearize(wrt)
+    raises(error, message, SIM.linearize, wrt)
 
 
 @pytest.mark.parametrize(("text", "hint"), [
@@ -126,8 +126,7 @@ TWO = stepper.Stepper(
     (lambda: MODEL.replace(body_mass=[2.0]), r"^body_mass has shape \(1,\), must be \(2,\)$"),
 ])  # fmt: skip
 def test_a_single_number_for_an_array_is_named_as_one(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
+    raises(ValueError, message, call)
 
 
 @example("geom_restitution", 0.5)  # One geom: a number has the shape of the model's array once it is an array.
@@ -186,8 +185,7 @@ def test_attributes_of_one_class_are_hints_of_the_other():
 def test_fields_of_randomize_are_hints_of_a_stepper(field):
     """Reading and assigning: the values of an environment are not those of the model."""
     for attempt in (lambda: getattr(SIM, field), lambda: setattr(SIM, field, 1.0)):
-        with pytest.raises(AttributeError, match=rf"sim\.model\.{field}"):
-            attempt()
+        raises(AttributeError, rf"sim\.model\.{field}", attempt)
 
 
 ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="arm" pos="1 0 1"><joint name="hip" axis="0 1 0"/>
@@ -263,8 +261,7 @@ def test_a_method_without_parentheses_is_an_error_with_the_call(name):
         *(bool, float, iter, len, np.asarray, np.sum, "{:.3f}".format),
         *(lambda x: x == 0.0, lambda x: x != 0.0, lambda x: x > 0.0, lambda x: x[0], lambda x: 2 * x, lambda x: x + 1, lambda x: 1 - x),
     ):
-        with pytest.raises(TypeError, match=rf"^sim\.{name} is a method: write sim\.{name}\(\)$"):
-            use(method)
+        raises(TypeError, rf"^sim\.{name} is a method: write sim\.{name}\(\)$", use, method)
     assert f"sim.{name}() calls it" in repr(method)
     assert inspect.signature(method) == inspect.signature(method.__wrapped__)
     assert method.__doc__ == getattr(stepper.Stepper, name).__doc__
@@ -333,8 +330,7 @@ def sim():
     (lambda _: stepper.policies.evaluate(np.zeros_like, "x", episodes="8"), TypeError, "episodes is '8', must be a whole number"),
 ])  # fmt: skip
 def test_a_mistake_is_told_what_to_do(sim, mistake, kind, message):
-    with pytest.raises(kind, match=message):
-        mistake(sim)
+    raises(kind, message, mistake, sim)
 
 
 def test_contacts_of_all_environments_are_one_array(sim):
@@ -365,8 +361,7 @@ def test_sensordata_ideal_is_made_once():
         first, second = sim.sensordata_ideal, sim.sensordata_ideal
         assert first is not second
         assert np.array_equal(first, second)
-        other = stepper.Stepper(sim.model, 2)
-        other.set_state(sim.get_state())
+        other = simulate(sim.model, 2, qpos=sim.get_state())
         other.mocap_pos, other.qfrc_applied = sim.mocap_pos, sim.qfrc_applied
         if "gravity" in sim.randomized:
             other.randomize(gravity=sim.randomized["gravity"])

@@ -8,6 +8,8 @@ import pytest
 import stepper
 from golden import scenes
 from jams import OVERLAP, SLOT
+from models import simulate
+from refusals import raises
 
 STACK = """
 <mujoco>
@@ -43,8 +45,7 @@ def test_an_unsolved_step_names_its_worst_row():
         'contact of geom "floor" and geom "low"', 'contact of geom "low" and geom "floor"',
         'contact of geom "low" and geom "high"', 'contact of geom "high" and geom "low"',
     }  # fmt: skip
-    with pytest.raises(IndexError, match="must be below 1"):
-        sim.worst_row(1)
+    raises(IndexError, "must be below 1", sim.worst_row, 1)
 
 
 def test_a_solved_step_has_no_worst_row():
@@ -73,8 +74,7 @@ OUT_OF_REACH = """
 @pytest.mark.parametrize(("scene", "stabilization"), [(SQUEEZED, "split"), (BLOCKED, "split"), (BLOCKED, "baumgarte")])
 def test_an_infeasible_step_has_a_residual_and_names_its_row(scene, stabilization):
     """The residual is at least the smallest unmet target that counts as infeasible, 1 cm/s, and at most the largest target, 1 m/s."""
-    sim = stepper.Stepper(stepper.load(scene), options=stepper.Options(stabilization=stabilization))
-    sim.step()
+    sim = simulate(scene, stabilization=stabilization, steps=1)
     assert sim.status & stepper.Status.INFEASIBLE and not sim.status & stepper.Status.NOT_CONVERGED
     assert 1e-2 < sim.residual <= 1.0 + 1e-9
     assert re.fullmatch(r'contact of geom "\w+" and geom "\w+"', sim.worst_row())
@@ -82,8 +82,7 @@ def test_an_infeasible_step_has_a_residual_and_names_its_row(scene, stabilizatio
 
 def test_an_equality_out_of_reach_is_named():
     model = stepper.load(OUT_OF_REACH)
-    sim = stepper.Stepper(model.replace(eq_data=far_anchor(model)))
-    sim.step(nstep=3)
+    sim = simulate(model.replace(eq_data=far_anchor(model)), steps=3)
     assert sim.status & stepper.Status.INFEASIBLE
     assert sim.worst_row() == 'equality "pin"' and sim.residual > 1e-2
 
@@ -176,8 +175,7 @@ def test_a_problem_is_left_as_a_file_and_nothing_changes(tmp_path: Path):
 
 def test_the_problem_of_an_environment_is_that_of_its_controls(tmp_path: Path):
     driven = HINGE.replace("</mujoco>", '<actuator><motor joint="elbow"/></actuator></mujoco>')
-    sim = stepper.Stepper(stepper.load(driven), num_envs=3)
-    sim.set_state(qpos=np.array([[0.0], [1.0], [1.0]]))
+    sim = simulate(driven, num_envs=3, qpos=np.array([[0.0], [1.0], [1.0]]))
 
     def problem(env: int, ctrl=None) -> bytes:
         sim.save_problem(tmp_path / "hinge.problem", env, ctrl=ctrl)
@@ -187,8 +185,7 @@ def test_the_problem_of_an_environment_is_that_of_its_controls(tmp_path: Path):
     assert problem(0) != problem(1)
     assert problem(1, np.ones(1)) != problem(1)
     assert problem(1, np.array([[0.0], [1.0], [0.0]])) == problem(2, np.ones((3, 1)))
-    with pytest.raises(IndexError, match="must be below 3"):
-        problem(3)
+    raises(IndexError, "must be below 3", problem, 3)
 
 
 def test_a_file_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path):

@@ -10,6 +10,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import LIMIT, arm, joint, link, robot, sphere
+from refusals import raises
 from stepper.loading.urdf import VARIABLES
 from stepper.loading.urdf_actuators import POSITION_FREQUENCY, VELOCITY_FREQUENCY
 from stepper.loading.urdf_elements import LEFT_OUT, READ
@@ -103,8 +104,7 @@ def test_a_mesh_beside_the_file_that_is_missing_is_named_too(package):
 @pytest.mark.parametrize("variable", VARIABLES)
 def test_packages_are_found_by_the_environment(package, tmp_path_factory, monkeypatch, scheme, variable):
     away, name = tmp_path_factory.mktemp("away"), f"{scheme}://robot/meshes/left/hand.obj"
-    with pytest.raises(stepper.ModelError, match=r"hand\.obj not found; searched"):
-        load(away, urdf(name))
+    raises(stepper.ModelError, r"hand\.obj not found; searched", lambda: load(away, urdf(name)))
     folder = package.parent
     if inner := VARIABLES[variable]:
         (folder / inner).symlink_to(folder)
@@ -211,10 +211,8 @@ def test_controls_without_bounds_have_a_line(kind, said):
 
 
 def test_errors_say_what_to_do():
-    with pytest.raises(ValueError, match="actuators is 'servo', must be None or one of 'position'"):
-        stepper.load(arm(), actuators="servo")
-    with pytest.raises(ValueError, match="needs a URDF, and the source is not one"):
-        stepper.load("<mujoco/>", actuators="torque")
+    raises(ValueError, "actuators is 'servo', must be None or one of 'position'", lambda: stepper.load(arm(), actuators="servo"))
+    raises(ValueError, "needs a URDF, and the source is not one", stepper.load, "<mujoco/>", actuators="torque")
     with pytest.raises(stepper.ModelError, match="has no revolute, continuous or prismatic joint; omit the argument actuators"):
         stepper.load(robot('<link name="world"/>', link("a"), joint("f", "world", "a", kind="floating")), actuators="torque")
 
@@ -342,16 +340,14 @@ def test_limits_and_attributes_that_are_not_what_they_seem_have_a_line(more, kin
     (revolute_arm(arm_more="<collision><geometry><cone/></geometry></collision>"), "geometry"),
 ])  # fmt: skip
 def test_what_cannot_be_read_is_an_error(text, said):
-    with pytest.raises(stepper.ModelError, match=said):
-        stepper.load(text)
+    raises(stepper.ModelError, said, stepper.load, text)
 
 
 def test_text_that_is_not_well_formed_says_that_it_lists_nothing():
     text = revolute_arm().replace("</robot>", "<!-- -- --></robot>")  # XML allows no -- in a comment.
     compiled = stepper.load(text)
     assert lines(compiled, "not well-formed")
-    with pytest.raises(stepper.ModelError, match="the XML is not well-formed"):
-        stepper.load(text, actuators="position")
+    raises(stepper.ModelError, "the XML is not well-formed", stepper.load, text, actuators="position")
 
 
 def test_prefixes_without_a_namespace_are_read():

@@ -13,6 +13,8 @@ import stepper.cli.view
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import SOURCES
+from parametrized import every
+from refusals import raises
 from rotations import matrix
 from stepper.cli import main
 from stepper.viewer import shapes
@@ -239,15 +241,12 @@ def test_contacts_of_a_recording_bear_the_weight(tmp_path):
 
 def test_what_is_wrong_with_a_view_is_said(tmp_path):
     sim = stepper.Stepper(stepper.load(BALL), 3)
-    with pytest.raises(ValueError, match=r"envs is 4, must be a number of environments up to 3"):
-        shown_envs(sim, 4, 16)
-    with pytest.raises(IndexError, match="envs has 3, there are environments 0 to 2"):
-        shown_envs(sim, [3], 16)
+    raises(ValueError, r"envs is 4, must be a number of environments up to 3", shown_envs, sim, 4, 16)
+    raises(IndexError, "envs has 3, there are environments 0 to 2", shown_envs, sim, [3], 16)
     np.testing.assert_array_equal(shown_envs(sim, None, 2), [0, 1])
     with sim.record(tmp_path / "empty"):
         pass
-    with pytest.raises(stepper.recording.RecordingError, match="the recording contains no step to show"):
-        RecordedRun(tmp_path / "empty")
+    raises(stepper.recording.RecordingError, "the recording contains no step to show", RecordedRun, tmp_path / "empty")
 
 
 def test_the_mass_that_is_felt_is_that_of_a_free_body():
@@ -264,8 +263,7 @@ def test_the_mass_that_is_felt_is_that_of_a_free_body():
     assert Drag.begin(sim, 1, 3, np.array([2.0, 0, 0])) is None
 
 
-@pytest.mark.parametrize("num_envs", [None, 2])
-@pytest.mark.parametrize("strength", [1.0, 30.0])
+@every(num_envs=[None, 2], strength=[1.0, 30.0])
 def test_a_dragged_body_comes_to_the_pointer(num_envs, strength):
     model = stepper.load(SOURCES["dm_control/humanoid"], strict=False).replace(gravity=[0, 0, 0])
     sim = stepper.Stepper(model, num_envs)
@@ -305,8 +303,7 @@ def test_a_pull_leaves_nothing_behind(num_envs):
     np.testing.assert_array_equal(sim.xfrc_applied, 0.1)
 
 
-@pytest.mark.parametrize("steps", [0, 1])
-@pytest.mark.parametrize("mask", [None, np.array([False, True])])
+@every(steps=[0, 1], mask=[None, np.array([False, True])])
 def test_a_pull_ends_with_a_reset(steps, mask):
     sim = stepper.Stepper(stepper.load(BALL), 2)
     view, _ = dragging(sim)

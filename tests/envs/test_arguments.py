@@ -18,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from loading_scenes import arm
+from refusals import raises
 from stepper._arrays import array_of
 from stepper.adapters.native import make_native, with_autoreset
 from stepper.envs import Observation, StepperEnv, StepperVectorEnv, Task
@@ -39,8 +40,7 @@ def test_modes_are_members_names_and_values(mode, form):
 def test_another_mode_is_an_error_with_all_names(text):
     known = {word for mode in AutoresetMode for word in (mode.name.lower(), mode.value.lower())}
     if not isinstance(text, str) or text.lower() not in known:
-        with pytest.raises(ValueError, match=r"autoreset_mode is .*, must be 'NEXT_STEP', 'SAME_STEP', 'DISABLED', or a member of"):
-            autoreset(text)
+        raises(ValueError, r"autoreset_mode is .*, must be 'NEXT_STEP', 'SAME_STEP', 'DISABLED', or a member of", autoreset, text)
 
 
 def test_environments_take_the_mode_by_name():
@@ -63,8 +63,7 @@ def test_precisions_are_also_types_of_numpy(value):
 def test_another_precision_is_an_error_with_the_remedy(value):
     with pytest.raises(ValueError, match=r'precision is .*, must be "f64" or "f32", or np\.float64 or np\.float32'):
         StepperEnv("InvertedPendulum", precision=value)
-    with pytest.raises(ValueError, match=r"dtype is .*, must be np\.float64 or np\.float32"):
-        StepperEnv("InvertedPendulum", dtype=value)
+    raises(ValueError, r"dtype is .*, must be np\.float64 or np\.float32", StepperEnv, "InvertedPendulum", dtype=value)
 
 
 @pytest.mark.parametrize(("seed", "message"), [
@@ -75,8 +74,7 @@ def test_another_precision_is_an_error_with_the_remedy(value):
     ("12", "seed is '12', must be a whole number, or a sequence"),
 ])  # fmt: skip
 def test_every_seed_is_checked(seed, message):
-    with pytest.raises(TypeError, match=message):
-        StepperVectorEnv("InvertedPendulum", 2).reset(seed=seed)
+    raises(TypeError, message, lambda: StepperVectorEnv("InvertedPendulum", 2).reset(seed=seed))
 
 
 def test_a_library_has_the_mode_that_it_needs():
@@ -107,8 +105,7 @@ def test_an_unknown_argument_has_similar_names_or_all(call, name, hint):
 def test_arguments_with_a_task_that_exists():
     with pytest.raises(TypeError, match=r"Hopper exists already: give \['frame_skip'\] to its constructor, as Hopper\(frame_skip=\.\.\.\)"):
         StepperEnv(TASKS["Hopper"](), frame_skip=2)
-    with pytest.raises(TypeError, match="takes no 'frame_skp'; did you mean frame_skip"):
-        StepperVectorEnv(TASKS["Hopper"](), 2, frame_skp=2)
+    raises(TypeError, "takes no 'frame_skp'; did you mean frame_skip", lambda: StepperVectorEnv(TASKS["Hopper"](), 2, frame_skp=2))
 
 
 @pytest.mark.parametrize(("given", "said"), [
@@ -158,10 +155,8 @@ def test_actions_that_are_no_real_numbers_are_refused(kind):
     single, batch = StepperEnv(Slide()), StepperVectorEnv(Slide(), 1)
     single.reset(seed=0)
     batch.reset(seed=0)
-    with pytest.raises(TypeError, match=r"^action is "):
-        single.step(WRONG[kind] if kind in ("nothing", "ragged") else WRONG[kind][0])
-    with pytest.raises(TypeError, match=r"^actions is "):
-        batch.step(WRONG[kind])
+    raises(TypeError, r"^action is ", single.step, WRONG[kind] if kind in ("nothing", "ragged") else WRONG[kind][0])
+    raises(TypeError, r"^actions is ", batch.step, WRONG[kind])
     assert batch.sim.time[0] == 0.0
 
 
@@ -171,8 +166,7 @@ def test_an_array_is_converted_without_a_change_or_refused(values):
     if values.dtype.kind in "fiub":
         np.testing.assert_array_equal(array_of("x", values), values.astype(np.float64))
     else:
-        with pytest.raises(TypeError, match=r"^x is "):
-            array_of("x", values)
+        raises(TypeError, r"^x is ", array_of, "x", values)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,8 +190,7 @@ def test_an_action_of_an_infinite_range_that_is_nan_has_its_cause():
         envs.step(action)
     bounded = StepperVectorEnv(Slide(), 2)
     bounded.reset(seed=0)
-    with pytest.raises(ValueError, match="Check the policy's weights"):
-        bounded.step(np.full((2, 1), np.nan))
+    raises(ValueError, "Check the policy's weights", bounded.step, np.full((2, 1), np.nan))
 
 
 def test_a_training_with_infinite_bounds_ends_before_it_starts():
@@ -226,8 +219,7 @@ def test_a_closed_environment_refuses_calls(make, call):
     ENV_CALLS[call](env)
     env.close()
     env.close()
-    with pytest.raises(ClosedEnvironmentError, match=f"^{call} was called after close: "):
-        ENV_CALLS[call](env)
+    raises(ClosedEnvironmentError, f"^{call} was called after close: ", lambda: ENV_CALLS[call](env))
     assert len(env.sim.qpos) == env.sim.num_envs
 
 
@@ -257,8 +249,7 @@ def test_an_absent_attribute_of_a_view_or_a_reset_has_similar_names():
     envs.reset(seed=0)
     with pytest.raises(AttributeError, match=r"^a stepper.envs.TaskView has no attribute 'qpso'; did you mean qpos\?$"):
         envs.now.qpso  # noqa: B018
-    with pytest.raises(TypeError, match=r"now\['qpos'\] is not defined: quantities are attributes, as now\.qpos, and now\.read"):
-        envs.now["qpos"]
+    raises(TypeError, r"now\['qpos'\] is not defined: quantities are attributes, as now\.qpos, and now\.read", lambda: envs.now["qpos"])
     own = type("Own", (Slide,), {"reset": lambda self, reset: reset.qpso})()
     with pytest.raises(AttributeError, match=r"^a stepper.envs.Reset has no attribute 'qpso'; did you mean qpos"):
         StepperVectorEnv(own, 2).reset(seed=0)

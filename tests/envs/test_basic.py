@@ -13,6 +13,7 @@ from envs.cases import Strong, same
 from gymnasium.vector import AutoresetMode
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import raises
 from stepper.envs import Observation, Rng, StepperEnv, StepperVectorEnv, normal, seeds
 from stepper.envs.basic import FallingBlock, Grasp
 from stepper.envs.basic.grasp import FORCE, FRICTION, GRAVITY, MASS, OPTIONS
@@ -103,8 +104,7 @@ def test_spread_runs_share_no_start_and_gymnasiums_share_nearly_all():
     ("run", "num_envs", "text"), [(-1, 3, "the seed of a run is -1"), (1.5, 3, "1.5"), ((1, "a"), 3, "'a'"), (1, -1, "num_envs")]
 )
 def test_wrong_seeds_are_named(run, num_envs, text):
-    with pytest.raises((TypeError, ValueError), match=text):
-        stepper.envs.seeds(run, num_envs)
+    raises((TypeError, ValueError), text, stepper.envs.seeds, run, num_envs)
 
 
 def generator(num_envs=3):
@@ -125,14 +125,12 @@ def test_a_tuple_gives_the_numbers_of_its_product(num_envs, shape):
 @given(st.floats() | st.text() | st.none() | st.tuples(st.floats()))
 def test_another_size_is_an_error(size):
     for draw in (lambda: generator().uniform(0.0, 1.0, size), lambda: generator().normal(size)):
-        with pytest.raises(TypeError, match=r"^size is .*, must be a whole number or a tuple of them"):
-            draw()
+        raises(TypeError, r"^size is .*, must be a whole number or a tuple of them", draw)
 
 
 @given(st.integers(max_value=-1))
 def test_a_negative_size_is_an_error(size):
-    with pytest.raises(ValueError, match=r"^size is \(3, -\d+\), must be at least 0"):
-        generator().normal((3, size))
+    raises(ValueError, r"^size is \(3, -\d+\), must be at least 0", lambda: generator().normal((3, size)))
 
 
 def test_generators_are_copied():
@@ -190,12 +188,10 @@ def test_an_action_that_is_not_finite_is_refused_and_nothing_is_stepped(bad):
     envs.reset(seed=0), env.reset(seed=0)
     before, action = envs.sim.get_state(), np.zeros((3, 6))
     action[1:, 4] = bad
-    with pytest.raises(ValueError, match=rf"environment 1 is {bad} in column 4 \(2 of 3 environments"):
-        envs.step(action)
+    raises(ValueError, rf"environment 1 is {bad} in column 4 \(2 of 3 environments", envs.step, action)
     assert envs.sim.get_state() == before
     assert not envs.episode_lengths.any()
-    with pytest.raises(ValueError, match=rf"environment 0 is {bad} in column 4"):
-        env.step(action[1])
+    raises(ValueError, rf"environment 0 is {bad} in column 4", env.step, action[1])
     envs.step(np.zeros((3, 6)))
 
 
@@ -231,7 +227,6 @@ def test_a_reward_that_is_not_finite_names_its_environment():
     envs = StepperVectorEnv(Logarithm(), 3)
     envs.reset(seed=0)
     said = r"reward of environment 1 is nan after the action \[-1\.0\]: return finite numbers from Logarithm\.reward"
-    with pytest.raises(ValueError, match=said):
-        envs.step(np.array([[1.0], [-1.0], [1.0]]))
+    raises(ValueError, said, envs.step, np.array([[1.0], [-1.0], [1.0]]))
     _, reward, *_ = envs.step(np.ones((3, 1)))
     assert not reward.any()

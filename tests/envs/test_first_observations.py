@@ -15,6 +15,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refusals import raises
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task, per_moment, square_sum
 from stepper.sensors import SensorModel, Transfer
 
@@ -154,8 +155,7 @@ def test_episode_state_of_another_shape_is_refused():
         def episode_state(self, num_envs):
             return {"table": np.zeros((num_envs + 1, 2))}
 
-    with pytest.raises(ValueError, match=r"episode_state returns 'table' of shape \(3, 2\), must be \(2, \.\.\.\)"):
-        StepperVectorEnv(Shared(), 2)
+    raises(ValueError, r"episode_state returns 'table' of shape \(3, 2\), must be \(2, \.\.\.\)", lambda: StepperVectorEnv(Shared(), 2))
 
 
 # Quantities of `now` that a task reads in `advance`, between steps, resets and other changes of the stepper.
@@ -341,8 +341,7 @@ def test_it_is_gymnasiums_for_episodes_that_fall_and_that_run_out(mode):
         over = found[2] | found[3]
         fell, ran_out = fell + found[2].sum(), ran_out + found[3].sum()
         if mode == AutoresetMode.DISABLED and over.any():
-            with pytest.raises(ResetNeeded, match=rf"environments \[{np.flatnonzero(over)[0]}"):
-                ours.step(action)
+            raises(ResetNeeded, rf"environments \[{np.flatnonzero(over)[0]}", ours.step, action)
             same(ours.reset(options={"reset_mask": over}), theirs.reset(options={"reset_mask": over}))
     assert min(fell, ran_out) >= 3
 

@@ -11,6 +11,7 @@ from envs.cases import SLIDE, Slide, same
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refusals import raises
 from stepper.envs import Group, Observation, Rng, StepperEnv, StepperVectorEnv, Task, contact_forces, normal, scale, uniform
 from stepper.envs.commands import VelocityCommand
 from stepper.shared.streams import Streams
@@ -146,8 +147,7 @@ def test_a_carried_name_that_there_is_not_is_an_error():
     class Wrong(Levels):
         carried = ("levle",)
 
-    with pytest.raises(ValueError, match=r"Wrong.carried names \['levle'\], .*it returns level, end, steps"):
-        StepperVectorEnv(Wrong(), 1)
+    raises(ValueError, r"Wrong.carried names \['levle'\], .*it returns level, end, steps", lambda: StepperVectorEnv(Wrong(), 1))
 
 
 LEG = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><geom name="wall" type="box" size=".1 1 1" pos="1 0 1"/>
@@ -177,8 +177,7 @@ def test_contact_forces_are_those_of_each_geom():
     np.testing.assert_array_equal(contact_forces(envs.now, ["foot"], against=["floor"])[:, 0], found[:, 1])
     assert not contact_forces(envs.now, ["foot"], against=["wall"]).any()
     np.testing.assert_array_equal(contact_forces(envs.now, ["floor"])[:, 0], found[:, 1])
-    with pytest.raises(KeyError, match="no geom 'feet'"):
-        contact_forces(envs.now, ["feet"])
+    raises(KeyError, "no geom 'feet'", contact_forces, envs.now, ["feet"])
 
 
 # Observation groups: errors, delays and histories of rows, and what environments and learners get of several groups.

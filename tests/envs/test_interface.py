@@ -16,6 +16,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import vector
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from parametrized import every
+from refusals import raises
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.sensors import SensorModel, Transfer
@@ -28,8 +30,7 @@ def test_gymnasiums_checker_accepts_it(name):
     check_env(gymnasium.make(f"stepper/{name}", disable_env_checker=True).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("contact", ["mujoco", "hard"])
+@every(name=NAMES, contact=["mujoco", "hard"])
 def test_make_vec_makes_a_batch(name, contact):
     envs = gymnasium.make_vec(f"stepper/{name}-v5", num_envs=3, contact=contact, vectorization_mode="vector_entry_point")
     assert isinstance(envs, StepperVectorEnv)
@@ -158,8 +159,7 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
     (lambda: G1Velocity(roughness=-1.0), ValueError, r"roughness is -1\.0, must be a finite number from 0 to 1"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(make, error, said):
-    with pytest.raises(error, match=said):
-        make()
+    raises(error, said, make)
 
 
 @pytest.mark.parametrize("name", sorted(TASKS))
@@ -233,8 +233,7 @@ def test_a_robot_that_cannot_follow_commands_is_refused(file, said):
         def model(self):
             return stepper.load(f"<mujoco>{file}</mujoco>")
 
-    with pytest.raises(ValueError, match=said):
-        StepperVectorEnv(Mine(), 2)
+    raises(ValueError, said, lambda: StepperVectorEnv(Mine(), 2))
 
 
 SLIDER = """<mujoco><worldbody><body><joint name="slider" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
@@ -311,8 +310,7 @@ WRAPPERS = {
 }
 
 
-@pytest.mark.parametrize("mode", ["NEXT_STEP", "SAME_STEP", "DISABLED"])
-@pytest.mark.parametrize("name", WRAPPERS)
+@every(mode=["NEXT_STEP", "SAME_STEP", "DISABLED"], name=WRAPPERS)
 def test_wrappers_refuse_the_modes_that_the_page_of_adapters_names(name, mode):
     """By a ValueError in Gymnasium 1.4, by an AssertionError in 1.2."""
     arguments = dict(WRAPPERS[name])

@@ -13,6 +13,7 @@ import stepper
 from cases import Slide
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import raises
 from stepper.envs import TASKS, Group, MujocoTask, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.tasks import Hopper
 
@@ -64,13 +65,11 @@ def test_settings_of_environments_are_no_members_of_tasks():
 def test_a_value_in_place_of_a_method_is_an_error_with_the_definition(method):
     definition = f"{method}({', '.join(inspect.signature(getattr(Task, method)).parameters)})"
     own = type("Own", (Slide,), {method: 3})()
-    with pytest.raises(TypeError, match=rf"Own\.{method} is 3, must be a method: write def {re.escape(definition)}"):
-        StepperEnv(own)
+    raises(TypeError, rf"Own\.{method} is 3, must be a method: write def {re.escape(definition)}", StepperEnv, own)
 
 
 def test_a_missing_method_is_named():
-    with pytest.raises(TypeError, match=r"abstract class Own .*model.*observations"):
-        type("Own", (Task,), {})()
+    raises(TypeError, r"abstract class Own .*model.*observations", type("Own", (Task,), {}))
     without = {name: value for name, value in vars(Slide).items() if name in ("frame_skip", "model", "observations")}
     with pytest.raises(TypeError, match=r"^Own has no reward: define reward\(self, now\), or rewards\(self\)"):
         StepperEnv(type("Own", (Task,), without)())
@@ -82,8 +81,7 @@ def test_a_missing_method_is_named():
 
 
 def test_arguments_of_a_dataclass_are_checked():
-    with pytest.raises(TypeError, match="unexpected keyword argument 'forward_weight'"):
-        Hopper(forward_weight=1.0)
+    raises(TypeError, "unexpected keyword argument 'forward_weight'", Hopper, forward_weight=1.0)
     with pytest.raises(TypeError, match=r"StepperEnv\(\) takes no 'forward_weight'; did you mean forward_reward_weight"):
         StepperEnv("Hopper", forward_weight=1.0)
 
@@ -103,8 +101,7 @@ def test_a_changed_default_that_python_ignores_is_an_error(change, typed, decora
     if typed and decorated:
         assert getattr(own(), name) is value
         return
-    with pytest.raises(TypeError, match=rf"Own changes {name} of a dataclass without effect: write @dataclass.*, {name}: .* = {value!r}$"):
-        StepperEnv(own)
+    raises(TypeError, rf"Own changes {name} of a dataclass without effect: write @dataclass.*, {name}: .* = {value!r}$", StepperEnv, own)
 
 
 def test_a_constructor_of_ones_own_gives_defaults():
@@ -144,8 +141,7 @@ def test_a_class_of_environments_has_its_own_methods():
     ({"observations": lambda self: [Observation("qpos", columns=[0, 9])]}, r"the row 'qpos': columns is \[0, 9\]: index 9 is out"),
 ])  # fmt: skip
 def test_values_of_a_wrong_kind_are_named(members, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        StepperEnv(type("Own", (Slide,), members)())
+    raises((TypeError, ValueError), message, lambda: StepperEnv(type("Own", (Slide,), members)()))
 
 
 # Results of a task's methods with a wrong shape, and episode data of environments that were not reset, are errors.
@@ -189,8 +185,7 @@ TABLES = {
 
 @pytest.mark.parametrize("message", TABLES)
 def test_a_wrong_table_of_observations_is_named(message):
-    with pytest.raises(ValueError, match=r"Other\.observations:? " + re.escape(message)):
-        cart(observations=lambda self: TABLES[message])
+    raises(ValueError, r"Other\.observations:? " + re.escape(message), cart, observations=lambda self: TABLES[message])
 
 
 def test_a_row_that_names_no_quantity_has_similar_names():
@@ -232,16 +227,14 @@ RESULTS = {
 
 @pytest.mark.parametrize("message", RESULTS)
 def test_a_wrong_result_of_each_other_method_is_named(message):
-    with pytest.raises(ValueError, match=r"Other\." + re.escape(message)):
-        cart(**RESULTS[message])
+    raises(ValueError, r"Other\." + re.escape(message), cart, **RESULTS[message])
 
 
 def test_episode_state_of_some_environments_has_its_shape():
     def reset(self, reset):
         reset.episode_state["target"] = reset.rng.uniform(-1, 1, 3)[:, 0]
 
-    with pytest.raises(ValueError, match=r"episode_state\['target'\] of Other is set to an array of shape \(4,\), must have .*: set rows"):
-        cart(reset=reset)
+    raises(ValueError, r"episode_state\['target'\] of Other is set to an array of shape \(4,\), must have .*: set rows", cart, reset=reset)
 
 
 def test_names_that_episode_state_does_not_return_are_errors_with_those_it_does():
@@ -251,12 +244,10 @@ def test_names_that_episode_state_does_not_return_are_errors_with_those_it_does(
         {"reset": lambda self, reset: reset.episode_state.__setitem__("tagret", np.zeros(4))},
         {"advance": lambda self, now: now.episode_state.__setitem__("tagret", np.zeros(4))},
     ):
-        with pytest.raises(KeyError, match=r"Other\.episode_state returns no 'tagret', it returns target: define"):
-            cart(**methods)
+        raises(KeyError, r"Other\.episode_state returns no 'tagret', it returns target: define", cart, **methods)
     again = pickle.loads(pickle.dumps(StepperVectorEnv(Cart(), 2))).now.episode_state
     assert again["target"].shape == (2, 3)
-    with pytest.raises(KeyError, match="it returns target"):
-        again["targets"]
+    raises(KeyError, "it returns target", lambda: again["targets"])
 
 
 TASK_METHODS = {
@@ -271,8 +262,7 @@ TASK_METHODS = {
 def test_a_method_with_other_arguments_is_named_with_its_signature(message):
     for name, method in TASK_METHODS[message].items():
         method.__name__ = name
-    with pytest.raises(TypeError, match=r"Other\." + re.escape(message)):
-        cart(**TASK_METHODS[message])
+    raises(TypeError, r"Other\." + re.escape(message), cart, **TASK_METHODS[message])
 
 
 def test_methods_with_defaults_and_other_names_are_accepted():

@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper.envs
+from refusals import raises
 from stepper.envs import StepperVectorEnv
 from stepper.envs.locomotion import G1Rough, Go1Rough
 from stepper.envs.locomotion.rewards import SCAN, action_scale, foot_heights, foot_speeds, ground_normal
@@ -291,11 +292,9 @@ def test_every_robot_has_what_the_terms_need():
         *_, info = envs.step(standing(envs))
         assert all(np.isfinite(info[f"reward_{name}"]).all() for name in names)
         assert len(names) == 14
-    with pytest.raises(TypeError, match="terrain is 'stairs', must be a Terrain"):
-        Go1Rough(terrain="stairs")
+    raises(TypeError, "terrain is 'stairs', must be a Terrain", Go1Rough, terrain="stairs")
     for wrong in (-1.0, np.inf):
-        with pytest.raises(ValueError, match=r"noise is .*, must be a finite number of at least 0"):
-            Go1Rough(noise=wrong)
+        raises(ValueError, r"noise is .*, must be a finite number of at least 0", Go1Rough, noise=wrong)
 
 
 def test_the_humanoid_ends_when_it_falls():

@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper
+from refusals import raises
 from stepper.envs import (
     Observation,
     Reward,
@@ -108,12 +109,9 @@ def test_the_argument_rewards_replaces_weights():
     *_, info = envs.step(np.ones((4, 2)))
     np.testing.assert_allclose(info["reward_rate"], -2.0)
     assert "reward_off" in info
-    with pytest.raises(ValueError, match=r"rewards has 'rats', which is no term of the reward of Robot; did you mean rate\?"):
-        made(rewards={"rats": 1.0})
-    with pytest.raises(ValueError, match=r"rewards\['rate'\] is nan, must be a finite number"):
-        made(rewards={"rate": np.nan})
-    with pytest.raises(ValueError, match=r"Hopper has no method `rewards`"):
-        gymnasium.make_vec("stepper/Hopper-v5", num_envs=1, rewards={"rate": 1.0})
+    raises(ValueError, r"rewards has 'rats', which is no term of the reward of Robot; did you mean rate\?", made, rewards={"rats": 1.0})
+    raises(ValueError, r"rewards\['rate'\] is nan, must be a finite number", made, rewards={"rate": np.nan})
+    raises(ValueError, r"Hopper has no method `rewards`", gymnasium.make_vec, "stepper/Hopper-v5", num_envs=1, rewards={"rate": 1.0})
 
 
 def test_parameters_are_drawn_when_their_event_says():
@@ -339,8 +337,7 @@ def test_wrong_parts_are_errors(given, error, message):
     (lambda: Servo(bound=0.0), ValueError, "bound of Servo is 0.0"),
 ])  # fmt: skip
 def test_wrong_arguments_are_errors(make, error, message):
-    with pytest.raises(error, match=message):
-        make()
+    raises(error, message, make)
 
 
 def test_an_observation_is_scaled_after_it_is_clipped():
@@ -352,8 +349,7 @@ def test_an_observation_is_scaled_after_it_is_clipped():
     observation = envs.reset(seed=0)[0]
     np.testing.assert_array_equal(observation[:, :9], 0.5 * envs.sim.qpos)
     np.testing.assert_allclose(observation[:, 9:], 10.0 * np.clip(envs.sim.qpos, -0.1, 0.3))
-    with pytest.raises(ValueError, match="scale of Observation 'qpos' is nan"):
-        Observation("qpos", scale=np.nan)
+    raises(ValueError, "scale of Observation 'qpos' is nan", Observation, "qpos", scale=np.nan)
 
 
 def test_a_function_at_the_start_gets_seeded_environments_alone():
@@ -390,8 +386,7 @@ def test_a_command_of_a_user_is_drawn_and_computed():
     above = envs.now.command("height")[:, 0] + envs.sim.qpos[:, 2]
     assert ((above >= 0.2) & (above <= 0.3)).all()
     assert len(set(above)) == 5
-    with pytest.raises(KeyError, match="commands has no 'hight', it has twist, height"):
-        envs.now.command("hight")
+    raises(KeyError, "commands has no 'hight', it has twist, height", envs.now.command, "hight")
 
 
 def test_an_episode_lasts_its_seconds():

@@ -8,6 +8,7 @@ import stepper
 from falling_block import FallingBlock, FallingBlocks
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
+from refusals import raises
 
 N = 5
 
@@ -118,19 +119,16 @@ def test_the_same_step_resets_and_hands_over_the_last_observation():
 def test_without_autoreset_a_mask_says_which():
     env = FallingBlocks(N, autoreset_mode=AutoresetMode.DISABLED)
     last = episode(env)[50]
-    with pytest.raises(gymnasium.error.ResetNeeded, match="0, 1, 2, 3, 4"):
-        env.step(np.zeros((N, 1)))
+    raises(gymnasium.error.ResetNeeded, "0, 1, 2, 3, 4", env.step, np.zeros((N, 1)))
     mask = np.arange(N) < 3
     observation, info = env.reset(options={"reset_mask": mask})
     np.testing.assert_array_equal(observation[~mask], last[0][~mask])
     np.testing.assert_array_equal(observation[mask], np.tile([0.20, -0.10], (3, 1)))
     np.testing.assert_array_equal(info["_restitution"], mask)
-    with pytest.raises(gymnasium.error.ResetNeeded, match="3, 4"):
-        env.step(np.zeros((N, 1)))
+    raises(gymnasium.error.ResetNeeded, "3, 4", env.step, np.zeros((N, 1)))
     env.reset(options={"reset_mask": ~mask})
     env.step(np.zeros((N, 1)))
-    with pytest.raises(ValueError, match="reset_mask has shape"):
-        env.reset(options={"reset_mask": np.ones(2, dtype=bool)})
+    raises(ValueError, "reset_mask has shape", env.reset, options={"reset_mask": np.ones(2, dtype=bool)})
 
 
 def test_blocks_at_different_moments_of_their_episodes_are_reset_alone():

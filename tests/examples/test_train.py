@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 from envs.cases import needs_gymnasiums
+from refusals import raises
 from stepper.policies import load, make
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
@@ -121,8 +122,7 @@ def test_a_task_has_settings_of_its_own_and_options_go_before_them(monkeypatch):
     ({"minibatch": 0}, "minibatch is 0"),
 ])  # fmt: skip
 def test_settings_that_learn_nothing_are_named(settings, message):
-    with pytest.raises(ValueError, match=message):
-        train.Settings(**settings)
+    raises(ValueError, message, train.Settings, **settings)
 
 
 @needs_gymnasiums
@@ -197,5 +197,4 @@ def test_layers_activation_and_deviation_are_settings():
     assert [layer.out_features for layer in net.actor if isinstance(layer, torch.nn.Linear)] == [32, 16, 8, 2]
     assert isinstance(net.actor[1], torch.nn.ELU)
     np.testing.assert_allclose(torch.exp(net.log_std).detach(), [0.5, 0.25], rtol=1e-6)  # rounding of 32 bits
-    with pytest.raises(ValueError, match="activation is 'gelu', must be one of tanh, elu, relu"):
-        train.Settings(activation="gelu")
+    raises(ValueError, "activation is 'gelu', must be one of tanh, elu, relu", train.Settings, activation="gelu")

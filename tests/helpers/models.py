@@ -54,11 +54,19 @@ STATE = [
 """What a `Stepper` says of where it is and of its last call."""
 
 
-def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None = None, *, precision: str = "f64", **options):
-    """A `Stepper` of a model, a compiled MuJoCo model or MJCF text, with the fields of `Options` as keywords."""
+def simulate(
+    model: stepper.Model | mujoco.MjModel | str, num_envs: int | None = None, *, precision="f64", qpos=None, qvel=None, steps=0, **settings
+):
+    """Stepper of a model, a compiled MuJoCo model or MJCF text, `steps` steps after a state; `settings`: fields of `Options`, threads."""
     if not isinstance(model, stepper.Model):
         model = stepper.load(model)
-    return stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision)
+    options = {name: settings.pop(name) for name in set(settings) - {"threads", "seed", "sensors", "actuators"}}
+    sim = stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision, **settings)
+    if qpos is not None or qvel is not None:
+        sim.set_state(qpos, qvel)
+    if steps:
+        sim.step(nstep=steps)
+    return sim
 
 
 def flags_of(sim: stepper.Stepper, steps: int) -> stepper.Status:

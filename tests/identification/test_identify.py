@@ -9,6 +9,7 @@ import stepper
 from identification.repetitions import Kept, Row, noisy
 from identification.scenes import HARD, by_sensor, held, pushed
 from models import stepper_model
+from refusals import raises
 from sections import section_of
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import parse, places
@@ -61,8 +62,7 @@ def test_exact_data_give_exact_numbers_and_the_answer_can_be_used(tmp_path):
     found.save(tmp_path / "found.json")
     again = stepper.sysid.Identification.load(tmp_path / "found.json", found.model)
     assert str(again) == str(found)
-    with pytest.raises(ValueError, match="of model"):
-        stepper.sysid.Identification.load(tmp_path / "found.json", estimate)
+    raises(ValueError, "of model", stepper.sysid.Identification.load, tmp_path / "found.json", estimate)
 
 
 def test_the_same_answer_for_any_number_of_threads():
@@ -174,8 +174,7 @@ def test_an_inertia_stays_physical_and_is_found():
     np.testing.assert_allclose([found[f"body_inertial[load].com.{axis}"] for axis in "xyz"], [0.02, 0.015, -0.01], atol=1e-4)
     # Ten numbers of a body are functions of all its parameters, so that their intervals are symmetric about the values.
     np.testing.assert_allclose(found.interval().mean(axis=1), found.values, rtol=1e-12, atol=1e-12)
-    with pytest.raises(ValueError, match=r"body_iquat.*result\.models"):
-        found.sample(4)
+    raises(ValueError, r"body_iquat.*result\.models", found.sample, 4)
     for drawn in found.models(4):
         a, b, c = np.sort(drawn.body("load").inertia)
         assert a > 0
@@ -327,8 +326,7 @@ def test_a_run_that_was_killed_in_a_line_goes_on(tmp_path):
 def test_repetitions_of_another_version_are_refused(tmp_path):
     path = tmp_path / "own.jsonl"
     path.write_text('{"version": 0}\n')
-    with pytest.raises(ValueError, match="run without --resume"):
-        Kept(path, resume=True)
+    raises(ValueError, "run without --resume", Kept, path, resume=True)
     assert path.read_text() == '{"version": 0}\n'
 
 

@@ -8,6 +8,7 @@ from equalities import rows_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import SOURCES, flags_of, forward, simulate
+from parametrized import every
 from stepper import Status
 
 
@@ -49,8 +50,7 @@ def turning(model: mujoco.MjModel, sim, speed: float) -> None:
     sim.set_state(qvel=along * speed / along[0])
 
 
-@pytest.mark.parametrize("stabilization", ["baumgarte", "split"])
-@pytest.mark.parametrize("name", LOOPS)
+@every(stabilization=["baumgarte", "split"], name=LOOPS)
 def test_the_loop_stays_closed_and_keeps_its_energy(name, stabilization):
     """Ten seconds of turning at 2 and 1 ms: the gap falls as h^3 at the least as h^2, the loss of energy as h^2, and nothing is gained.
 
@@ -89,8 +89,7 @@ def test_a_torn_loop_closes_and_rests():
     model = mujoco.MjModel.from_xml_string(LOOPS["crank and rocker"])
     model.dof_damping[:] = 0.5
     for stabilization in ("baumgarte", "split"):
-        sim = simulate(model, stabilization=stabilization)
-        sim.set_state(qpos=[0.1, -0.1, 0.2])
+        sim = simulate(model, stabilization=stabilization, qpos=[0.1, -0.1, 0.2])
         assert gap(model, sim) > 0.05
         sim.step(nstep=5000)
         assert gap(model, sim) < 1e-9
@@ -263,8 +262,7 @@ def test_a_cable_of_four_rods_stays_connected(curl, precision):
 
 
 @PRECISIONS
-@pytest.mark.parametrize("ratio", [1e2, 1e4, 1e6, 1e9])
-@pytest.mark.parametrize("tilt", ["0 0 0", "20 30 40"])
+@every(ratio=[1e2, 1e4, 1e6, 1e9], tilt=["0 0 0", "20 30 40"])
 def test_a_light_body_holds_a_heavy_one_by_welds(ratio, tilt, precision):
     sim = simulate(welded_through(1.0, ratio, tilt=tilt), precision=precision)
     start = np.array(sim.qpos)
@@ -365,8 +363,7 @@ def infeasible(seed: int) -> str:
 def test_infeasible_scenes_are_flagged(precision, seed):
     # The correction first moves as close as it can. The proof of infeasibility follows within 0.4 s, about twenty half-lives of a
     # position error.
-    sim = simulate(infeasible(seed), precision=precision)
-    sim.step(nstep=200)
+    sim = simulate(infeasible(seed), precision=precision, steps=200)
     assert sim.status & Status.INFEASIBLE
 
 
@@ -384,9 +381,7 @@ def planar_loop(rods: int, tilt: str, times: int) -> str:
 
 
 @PRECISIONS
-@pytest.mark.parametrize("tilt", ["0 0 0", "17 31 43", "80 5 61"])
-@pytest.mark.parametrize("rods", [3, 6, 12, 24])
-@pytest.mark.parametrize("times", [1, 2, 3])
+@every(tilt=["0 0 0", "17 31 43", "80 5 61"], rods=[3, 6, 12, 24], times=[1, 2, 3])
 def test_redundant_rows_of_a_planar_loop_are_removed_in_any_orientation(times, rods, tilt, precision):
     sim = simulate(planar_loop(rods, tilt, times), precision=precision)
     before = sum(sim.energy())

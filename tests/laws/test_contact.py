@@ -9,6 +9,7 @@ from heaps import Heap, heaps
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import SOURCES, simulate, stepper_model
+from parametrized import every
 
 GRAVITY = np.array([0, 0, -9.81])
 # The reference problem (contact_problem.py) has Baumgarte's target velocities.
@@ -22,8 +23,7 @@ ROUNDING = 1e-12
 
 def steps_of(model: mujoco.MjModel, qpos, qvel, settings, *, steps: int = 60, ctrl=None):
     """Steps a scene; yields the state before, the simulation after, its contacts and their problem, for every step that has contacts."""
-    sim = simulate(model, **settings)
-    sim.set_state(np.ravel(qpos), np.ravel(qvel))
+    sim = simulate(model, **settings, qpos=np.ravel(qpos), qvel=np.ravel(qvel))
     touched = 0
     for _ in range(steps):
         before = sim.qpos, sim.qvel
@@ -99,8 +99,7 @@ def check_certificate(sim, problem):
     return True
 
 
-@pytest.mark.parametrize("iterations", [1, 4, 50])
-@pytest.mark.parametrize("name", ["dm_control/humanoid", "gymnasium/ant", "dm_control/walker"])
+@every(iterations=[1, 4, 50], name=["dm_control/humanoid", "gymnasium/ant", "dm_control/walker"])
 def test_the_residual_of_a_falling_robot_is_what_numpy_finds(name, iterations):
     """A robot thrown on the floor with a constant control, into its joint limits."""
     model = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
@@ -142,8 +141,7 @@ TIED = """<mujoco><default><geom friction=".6 .02 .01" condim="{condim}"/></defa
   </mujoco>"""
 
 
-@pytest.mark.parametrize("iterations", [1, 4, 100])
-@pytest.mark.parametrize("condim", [3, 4, 6])
+@every(iterations=[1, 4, 100], condim=[3, 4, 6])
 def test_the_residual_of_bodies_tied_together_is_what_numpy_finds(condim, iterations):
     """A chain of balls with a connect, a weld and a limit, thrown on the floor, with every kind of friction."""
     model, rng = mujoco.MjModel.from_xml_string(TIED.format(condim=condim)), np.random.default_rng(condim)
@@ -255,13 +253,11 @@ def recursion(h: float, v: float):
 def block(shape: str, h: float, v: float, **options) -> stepper.Stepper:
     """The block h above the floor; joint position 0 is touching."""
     model = stepper.load(BLOCK.format(half=0.1, geom=SHAPES[shape])).replace(geom_restitution=[E, E])
-    sim = simulate(model, integrator="euler", **options)
-    sim.set_state(qpos=[h], qvel=[v])
+    sim = simulate(model, integrator="euler", **options, qpos=[h], qvel=[v])
     return sim
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("stabilization", ["baumgarte", "split", "none"])
+@every(shape=SHAPES, stabilization=["baumgarte", "split", "none"])
 def test_the_recursion_step_for_step(shape, stabilization):
     """A hundred steps with no speed too slow to bounce: falls, and about a dozen bounces down to the recursion's own fixed point."""
     sim = block(shape, 0.20, -0.10, stabilization=stabilization, restitution_threshold=0.0)
@@ -294,8 +290,7 @@ def test_with_default_settings_it_follows_until_it_rests(shape):
     assert -fine.options.slop <= fine.qpos[0] <= 1e-12
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("stabilization", ["baumgarte", "split", "none"])
+@every(shape=SHAPES, stabilization=["baumgarte", "split", "none"])
 def test_velocity_after_one_step_into_the_floor(shape, stabilization):
     """Scene 2: h 0.005 m, v -1.5 m/s: v - g dt = -1.6962 m/s before the contact, 0.25 * 1.6962 m/s after it; it ends on the floor."""
     sim = block(shape, 0.005, -1.5, stabilization=stabilization)

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import stepper
+from models import simulate
 from scenes import G
 
 RIGID = np.inf
@@ -157,8 +158,7 @@ def test_a_rigid_and_a_giving_surface_stand_side_by_side():
         <body pos="-.6 0 .1"><freejoint/><geom type="sphere" size=".1" mass="1"/></body>
         <body pos=".6 0 .1"><freejoint/><geom type="sphere" size=".1" mass="1"/></body></worldbody></mujoco>"""
     ).replace(geom_stiffness=[1e3, RIGID, RIGID, RIGID], geom_damping=[60.0, 0, 0, 0])
-    sim = stepper.Stepper(model, num_envs=3)
-    sim.step(nstep=2000)
+    sim = simulate(model, num_envs=3, steps=2000)
     np.testing.assert_allclose(0.1 - sim.qpos[:, 2], G / 1e3, rtol=1e-6)
     # The slop that the position solve leaves.
     assert np.all(np.abs(0.1 - sim.qpos[:, 9]) < 2e-4)
@@ -170,8 +170,7 @@ def test_explicit_pairs_have_springs_of_their_own():
     model = stepper.load(xml.replace("</worldbody>", '</worldbody><contact><pair geom1="floor" geom2="ball"/></contact>'))
     assert model.pair_stiffness.tolist() == [RIGID]
     model = model.replace(pair_stiffness=[800.0], pair_damping=[80.0])
-    sim = stepper.Stepper(stepper.Model.from_bytes(model.to_bytes()))
-    sim.step(nstep=4000)
+    sim = simulate(stepper.Model.from_bytes(model.to_bytes()), steps=4000)
     np.testing.assert_allclose(0.1 - sim.qpos[2], 2 * G / 800.0, rtol=1e-9)
     assert "compliant pairs" in model.explain()
 

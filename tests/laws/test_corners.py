@@ -6,6 +6,7 @@ import stepper
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import simulate
+from parametrized import every
 from stepper import Status
 
 RADIUS, HALF, THICKNESS = 0.03, 0.5, 0.002
@@ -53,8 +54,7 @@ def room(walls: str, friction: float, restitution: float, envs: int, **options):
 
 @every_precision
 @every_integrator
-@pytest.mark.parametrize("restitution", [0.001, 0.5, 1.0])
-@pytest.mark.parametrize("friction", [0.0, 0.5, 0.99, 1.0, 1.01, 2.0])
+@every(restitution=[0.001, 0.5, 1.0], friction=[0.0, 0.5, 0.99, 1.0, 1.01, 2.0])
 def test_a_ball_that_flies_into_a_corner_gains_no_energy_and_stays_near_it(friction, restitution, integrator, precision):
     """Both walls are hit in one step. From a coefficient of friction of 1 on, Newton's law has no solution there."""
     dt, speed = 1e-3, 0.655
@@ -135,8 +135,7 @@ def test_a_tied_ball_rebounds_by_newtons_law(restitution, mass, integrator):
 
 @every_precision
 @every_integrator
-@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
-@pytest.mark.parametrize("restitution", [0.0, 0.01, 0.5, 1.0])
+@every(dt=[1e-3, 5e-3, 2e-2], restitution=[0.0, 0.01, 0.5, 1.0])
 def test_what_leaves_a_closed_room_is_reported(restitution, dt, integrator, precision):
     """Up to eight widths of the room in a step."""
     sim = room(ROOM, 1.0, restitution, ENVS, timestep=dt, integrator=integrator, precision=precision)
@@ -177,8 +176,7 @@ def test_two_bodies_that_strike_walls_in_one_step_move_by_their_contact_forces()
 
 
 @every_precision
-@pytest.mark.parametrize("integrator", ["euler", "midpoint", "implicit"])
-@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
+@every(integrator=["euler", "midpoint", "implicit"], dt=[1e-3, 5e-3, 2e-2])
 def test_a_thin_box_that_leaves_a_room_of_meshes_is_reported(dt, integrator, precision):
     """A mesh is as thick as its hull. It counted as a tenth of its width, 7 cm instead of 1 mm, so that nothing was reported."""
     body = '<body><freejoint/><geom type="box" size=".08 .08 .002" mass=".2"/></body>'
@@ -216,8 +214,7 @@ def silent_escapes(body: str, qpos: np.ndarray, qvel: np.ndarray, steps: int) ->
     body = f'<body><freejoint/><geom {SPINNING[body]} mass="1"/></body>'
     model = stepper.load(f'<mujoco><option gravity="0 0 0" timestep=".02"/><worldbody>{ROOM}{body}</worldbody></mujoco>')
     model = model.replace(geom_restitution=np.ones(model.ngeom))
-    sim = stepper.Stepper(model, len(qpos))
-    sim.set_state(qpos, qvel)
+    sim = simulate(model, len(qpos), qpos=qpos, qvel=qvel)
     flags, outside, escaped = np.zeros(len(qpos), int), np.zeros(len(qpos), int), np.zeros(len(qpos), bool)
     for _ in range(steps):
         sim.step()

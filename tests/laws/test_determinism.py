@@ -19,7 +19,7 @@ from golden import scenes
 from golden.record import READINGS, Random
 from golden.trajectories import HUMANOID, IMPLICIT, NEWTON, RK4, SOFT, TRAJECTORIES, robot, scene
 from jams import arms
-from models import contact_bits, stepper_model
+from models import contact_bits, simulate, stepper_model
 from reference.test_mujoco_actuators import text as adhesion
 from stepper import Options
 
@@ -315,8 +315,7 @@ def test_the_largest_overlap_of_a_touch_is_positive_zero(precision):
     model = stepper.load(
         '<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 .5"><freejoint/><geom size=".5"/></body></worldbody></mujoco>'
     )
-    sim = stepper.Stepper(model, precision=precision)
-    sim.step()
+    sim = simulate(model, precision=precision, steps=1)
     assert sim.contacts()["distance"].tolist() == [0]
     assert (sim.max_penetration, np.signbit(sim.max_penetration)) == (0, False)
 

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jams import OVERLAP, SLOT
 from models import simulate, stepper_model
+from parametrized import every
 from stepper import Options, Status
 
 UNRESOLVED = stepper.Status.UNRESOLVED
@@ -44,8 +45,7 @@ def swing(text: str, timestep: float, seconds: float, precision: str = "f64", in
     return max(g / max(m, 1e-3 * max(kinetic)) for g, m in zip(grown, most, strict=True)), flagged
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit"])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@every(integrator=["midpoint", "implicit"], precision=["f64", "f32"])
 @pytest.mark.parametrize(("links", "timestep", "seconds"), [
     ((40, 0.05, 0.02), 2e-3, 5.0),
     ((40, 0.05, 0.05), 2e-3, 4.5),
@@ -60,8 +60,7 @@ def test_a_whipping_chain_that_gains_energy_says_so(links, timestep, seconds, pr
     assert flagged
 
 
-@pytest.mark.parametrize("start", range(4))
-@pytest.mark.parametrize("timestep", [2e-3, 3e-3])
+@every(start=range(4), timestep=[2e-3, 3e-3])
 def test_the_implicit_rule_is_flagged_before_a_chain_has_a_third_more_energy(start, timestep):
     """The error of the energy is less than a third of that of the fall: 40 links of 0.1 m with 5 kg at the end."""
     sim = simulate(chain(40, 0.1, 0.02, 5.0), timestep=timestep, integrator="implicit")
@@ -107,8 +106,7 @@ def test_a_chain_whose_energy_is_right_is_not_flagged(text, timestep):
 @pytest.mark.parametrize("name", [
     "gymnasium/walker2d", "gymnasium/humanoid", "gymnasium/ant", "dm_control/humanoid", "dm_control/quadruped",
 ])  # fmt: skip
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit"])
+@every(precision=["f64", "f32"], integrator=["midpoint", "implicit"])
 def test_robots_under_random_control_are_not_flagged(name, integrator, precision):
     """At 2 ms, a tenth of which changes their energy by less than 1 %: walkers that fall, limbs that strike their limits."""
     model = stepper_model(name)
@@ -194,8 +192,7 @@ def solved(sim: stepper.Stepper) -> int:
     return int(sim.status) & ~(Status.DEEP | Status.OVER_LIMIT | Status.EQUALITY_VIOLATED)
 
 
-@pytest.mark.parametrize("stabilization", ["split", "baumgarte", "none"])
-@pytest.mark.parametrize("integrator", ["midpoint", "euler", "implicit"])
+@every(stabilization=["split", "baumgarte", "none"], integrator=["midpoint", "euler", "implicit"])
 @pytest.mark.parametrize("joint", [HINGE, BALL], ids=["hinge", "ball"])
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_a_normal_that_passes_a_joint_moves_nothing(joint, integrator, stabilization, precision):
@@ -220,8 +217,7 @@ def test_what_cannot_move_along_its_normal_is_said(angle):
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     xml = f"""<mujoco><worldbody><geom size=".05"/><body euler="{angle} {angle} 0"><joint axis="0 {c} {s}"/>
     <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></worldbody></mujoco>"""
-    sim = stepper.Stepper(stepper.load(xml))
-    sim.step()
+    sim = simulate(xml, steps=1)
     # Gravity alone moves it: h^2 g / (2 / 3 of the rod's length) at the most.
     assert abs(float(sim.qpos[0])) < 2e-3**2 * 9.81 / 0.2
     assert solved(sim) == Status.INFEASIBLE
@@ -262,8 +258,7 @@ def test_a_feasible_overlap_is_no_witness():
     assert sim.qpos[2] == pytest.approx(0.05, abs=2e-5)  # the slop, twice
 
 
-@pytest.mark.parametrize("solver", ["auto", "pgs", "newton"])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@every(solver=["auto", "pgs", "newton"], precision=["f64", "f32"])
 def test_a_contact_that_moves_along_its_normal_alone_stays_finite(solver, precision):
     """A flap lies level with its axis on a block: its contacts have no tangential mobility, which the update of late sweeps divides by."""
     xml = """<mujoco><worldbody><geom type="box" size=".1 .1 .05" pos=".2 0 -.05"/>

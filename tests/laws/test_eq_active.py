@@ -8,6 +8,9 @@ import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from models import simulate
+from parametrized import every
+from refusals import raises
 from rotations import matrix
 
 SCENE = """
@@ -34,8 +37,7 @@ def test_it_begins_as_the_models_and_is_bool():
 
 
 def test_a_weld_lets_go_and_holds_again():
-    sim = stepper.Stepper(scene(), 2)
-    sim.step(nstep=50)
+    sim = simulate(scene(), 2, steps=50)
     assert np.abs(sim.qpos[:, 2] - 0.5).max() < 1e-9
     sim.eq_active[1, 0] = False
     sim.step(nstep=50)
@@ -100,11 +102,9 @@ def test_what_is_no_array_of_truths_is_refused():
     with pytest.raises(ValueError, match=r"eq_active has shape \(2, 3\).*broadcast"):
         sim.eq_active = np.ones((2, 4), bool)
     for numbers in (np.nan, 2, [0.5, 1, 0], None):
-        with pytest.raises(ValueError, match="must be bool"):
-            sim.eq_active = numbers
+        raises(ValueError, "must be bool", setattr, sim, "eq_active", numbers)
     sim.eq_active.dtype = np.int8
-    with pytest.raises(ValueError, match="eq_active was changed in place to another type or shape"):
-        sim.step()
+    raises(ValueError, "eq_active was changed in place to another type or shape", sim.step)
 
 
 ROWS = st.lists(st.booleans(), min_size=NEQ, max_size=NEQ)
@@ -136,9 +136,7 @@ BRANCHES = """
 <equality><joint joint1="b"/></equality></mujoco>"""
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("joint", ['range="-.1 .1"', 'frictionloss=".1"'])
-@pytest.mark.parametrize("stabilization", ["split", "baumgarte"])
+@every(precision=["f64", "f32"], joint=['range="-.1 .1"', 'frictionloss=".1"'], stabilization=["split", "baumgarte"])
 def test_rows_of_another_branch_are_summed_in_the_same_order_whatever_neighbours_switch_on(precision, joint, stabilization):
     """The limit and the equality share two degrees of freedom. The third of each is at different places in the row."""
     model, options = stepper.load(BRANCHES.format(joint=joint)), stepper.Options(stabilization=stabilization)
@@ -194,8 +192,7 @@ def test_a_state_contains_the_active_equalities():
         sim.step()
         restore(np.array([True, False, False]))
         assert sim.eq_active.tolist() == [[True, True, False], [False] * 3, [False] * 3]
-    fresh = stepper.Stepper(scene())
-    fresh.set_state(one)
+    fresh = simulate(scene(), qpos=one)
     assert fresh.eq_active.tolist() == [False, True, True]
 
 
@@ -247,8 +244,7 @@ def test_elements_have_mujocos_numbers():
         assert (ours.obj1id, ours.obj2id) == (theirs.obj1id[0], theirs.obj2id[0])
         used = {"weld": 11, "connect": 6}.get(kind, 5)
         np.testing.assert_allclose(ours.data[:used], theirs.data[:used], atol=1e-15)
-    with pytest.raises(KeyError, match="no equality 'grip'; did you mean grasp"):
-        model.equality("grip")
+    raises(KeyError, "no equality 'grip'; did you mean grasp", model.equality, "grip")
 
 
 @pytest.mark.parametrize("contact", LAWS)
@@ -303,8 +299,7 @@ def test_closed_numbers_leave_no_error_in_mujoco(precision):
     np.testing.assert_allclose(data[:, GRASP, :3], [[0.01, 0.02, 0.03]] * 3, atol=1e-6)
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("contact", LAWS)
+@every(precision=["f64", "f32"], contact=LAWS)
 def test_an_environment_is_one_of_a_model_with_its_numbers(contact, precision):
     """Every kind of equality, with numbers of each environment, moves bit for bit as in a model with these numbers."""
     model = stepper.load(GRASP_SCENE)
@@ -356,8 +351,7 @@ def without(*names: str) -> stepper.Model:
     return stepper.load(spec)
 
 
-@pytest.mark.parametrize("contact", LAWS)
-@pytest.mark.parametrize("active", ["grasp", "gear", "lock", "grasp gear", "grasp pin"])
+@every(contact=LAWS, active=["grasp", "gear", "lock", "grasp gear", "grasp pin"])
 def test_switched_rows_are_those_of_a_model_without_the_others(active, contact):
     """Blocks of equalities are joined and eliminated as if all were active. What acts is as if the inactive ones were not there."""
     chosen = active.split()
@@ -424,6 +418,5 @@ def test_numbers_that_no_equality_can_have_are_refused(change, text):
     sim = stepper.Stepper(stepper.load(GRASP_SCENE), 2)
     data = np.tile(sim.model.eq_data, (2, 1, 1))
     change(data)
-    with pytest.raises(stepper.ModelError, match=text):
-        sim.randomize(eq_data=data)
+    raises(stepper.ModelError, text, sim.randomize, eq_data=data)
     assert sim.randomized == {}

@@ -8,7 +8,8 @@ import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from models import stepper_model
+from models import simulate, stepper_model
+from refusals import raises
 from stepper import Options, Status
 
 E = 1e-3
@@ -88,9 +89,7 @@ def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order):
 
     def end(h: float) -> np.ndarray:
         # One interval a step: no estimate exceeds the error.
-        sim = stepper.Stepper(model, options=Options(timestep=h, error=10.0, integrator=integrator))
-        sim.set_state(qpos, qvel)
-        sim.step(nstep=round(0.4 / h))
+        sim = simulate(model, timestep=h, error=10.0, integrator=integrator, qpos=qpos, qvel=qvel, steps=round(0.4 / h))
         assert sim.substeps == 2 * round(0.4 / h)
         return np.concatenate([sim.qpos, sim.qvel])
 
@@ -151,8 +150,7 @@ def test_trees_in_contact_are_not_extrapolated():
 def test_forces_are_those_of_the_whole_step():
     """A box at rest presses on the floor with its weight, and a moving arm has the impulses of its limits, whatever the substeps."""
     model = stepper.load(BOX.format(h=0.01, more=""))
-    sim = stepper.Stepper(model, 1, options=Options(error=1e-5, tolerance=1e-6))
-    sim.set_state(qpos=[[0, 0, 0.2, 1, 0, 0, 0]], qvel=[[0.5, 0, 0, 0, 0, 0]])
+    sim = simulate(model, 1, error=1e-5, tolerance=1e-6, qpos=[[0, 0, 0.2, 1, 0, 0, 0]], qvel=[[0.5, 0, 0, 0, 0, 0]])
     before = sim.qvel[0].copy()
     for _ in range(20):
         sim.step()
@@ -167,15 +165,13 @@ def test_forces_are_those_of_the_whole_step():
 
 def test_smooth_motion_takes_the_fewest_substeps():
     """A step that is accurate enough at once has two substeps: the halves that were compared with it."""
-    sim = stepper.Stepper(stepper_model("gymnasium/hopper"), 3, options=Options(error=0.1))
-    sim.step(nstep=5)
+    sim = simulate(stepper_model("gymnasium/hopper"), 3, error=0.1, steps=5)
     assert (sim.substeps == 10).all() and (sim.error_estimate < 0.1).all()
 
 
 def test_an_error_that_cannot_be_kept_is_flagged():
     """In f32, positions of 1 km are rounded to 6e-5 m."""
-    sim = stepper.Stepper(stepper.load(BOX.format(h=0.01, more="")), 1, options=Options(error=1e-7), precision="f32")
-    sim.set_state(qpos=[[1e3, 0, 5, 1, 0, 0, 0]], qvel=[[30, 0, 0, 1, 2, 3]])
+    sim = simulate(BOX.format(h=0.01, more=""), 1, error=1e-7, precision="f32", qpos=[[1e3, 0, 5, 1, 0, 0, 0]], qvel=[[30, 0, 0, 1, 2, 3]])
     sim.step(nstep=20)
     assert sim.status[0] & Status.INACCURATE and sim.error_estimate[0] > 1e-7
     # A step divided by 256 has no more substeps.
@@ -196,15 +192,13 @@ def test_a_step_is_flagged_if_and_only_if_its_estimate_exceeds_the_error():
 
 @pytest.mark.parametrize(("options", "must"), [({"contact": "mujoco"}, "None with"), ({"integrator": "rk4"}, "None with")])
 def test_methods_without_a_step_that_keeps_an_error_are_refused(options, must):
-    with pytest.raises(ValueError, match=rf"error is 0\.001.*{must}"):
-        Options(error=E, **options)
+    raises(ValueError, rf"error is 0\.001.*{must}", Options, error=E, **options)
 
 
 @pytest.mark.parametrize("method", ["fd", "implicit"])
 def test_derivatives_are_refused(method):
     sim = stepper.Stepper(stepper_model("gymnasium/hopper"), 1, options=Options(error=E))
-    with pytest.raises(ValueError, match=r"error is 0\.001"):
-        sim.linearize(method=method)
+    raises(ValueError, r"error is 0\.001", sim.linearize, method=method)
 
 
 # The accuracy of a mechanism depends on nothing that it does not touch: it moves as in a model of its own.
@@ -288,8 +282,7 @@ def trajectory(mechanisms: list[Mechanism], timestep: float, integrator: str, pr
         f"<actuator>{part('actuator')}</actuator></mujoco>"
     )
     model = model.replace(geom_restitution=np.full(model.ngeom, max(m.restitution for m in mechanisms)))
-    sim = stepper.Stepper(model, options=stepper.Options(timestep=timestep, integrator=integrator), precision=precision)
-    sim.set_state(qvel=np.concatenate([m.qvel for m in mechanisms]))
+    sim = simulate(model, timestep=timestep, integrator=integrator, precision=precision, qvel=np.concatenate([m.qvel for m in mechanisms]))
     force = np.concatenate([m.force or np.zeros(len(m.qvel)) for m in mechanisms])
     path = []
     for _ in range(round(0.5 / timestep)):

@@ -12,7 +12,9 @@ import stepper
 from hypothesis import example, given
 from hypothesis import strategies as st
 from meshes import cuboid
+from models import simulate
 from near_misses import ROUNDING, Floor, fly, scene_xml
+from parametrized import every
 from stepper import Options, Status
 
 INTEGRATORS = ["midpoint", "implicit"]
@@ -103,10 +105,7 @@ ROLLERS = {
 }
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("tiles", ["boxes", "meshes", "fields"])
-@pytest.mark.parametrize("roller", ROLLERS)
-@pytest.mark.parametrize("turn", [0.5, 1.0, 2.5])
+@every(precision=["f64", "f32"], tiles=["boxes", "meshes", "fields"], roller=ROLLERS, turn=[0.5, 1.0, 2.5])
 def test_a_round_body_rolls_over_the_seams_of_flush_tiles(roller, tiles, precision, turn):
     """A body that spins while it slides over flush tiles keeps its speed, its spin and its height."""
     # At 1 rad a step and more, the ball was thrown up by 77 mm.
@@ -257,9 +256,7 @@ def test_a_spinning_body_that_hits_another_does_not_pass_through_it(spinner, obs
     assert sim.qpos[2] > -0.02 or flags & (Status.TUNNELLED | Status.DEEP)
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("turn", [0.9, 1.4, 2.0, 4.0, 20.0])
-@pytest.mark.parametrize("friction", [0.0, 1.0])
+@every(precision=["f64", "f32"], turn=[0.9, 1.4, 2.0, 4.0, 20.0], friction=[0.0, 1.0])
 def test_a_wheel_that_rolls_fast_stays_on_a_plane(turn, friction, precision):
     """A cylinder that rolls by any angle in a step keeps its velocity: only the lowest line of its surface touches the plane."""
     radius, timestep, tolerance = 0.03, 5e-3, {"f64": 1e-6, "f32": 1e-4}[precision]
@@ -284,8 +281,7 @@ def test_a_tilted_cylinder_comes_to_stand_on_a_plane(tilt):
         f'<geom type="plane" size="1 1 1"/><body pos="0 0 .06" euler="0 {tilt} 0"><freejoint/><geom type="cylinder" size=".03 .02"/></body>'
     )
     compiler = '<compiler angle="radian"/>'
-    sim = stepper.Stepper(stepper.load(f"<mujoco>{compiler}<worldbody>{world}</worldbody></mujoco>"), options=Options(timestep=2e-3))
-    sim.step(nstep=1000)
+    sim = simulate(f"<mujoco>{compiler}<worldbody>{world}</worldbody></mujoco>", timestep=2e-3, steps=1000)
     assert sim.qpos[2] == pytest.approx(0.02, abs=1e-4)  # The slop of a contact.
     assert np.abs(sim.qvel).max() < 1e-6  # The tolerance of the solver.
     assert len(sim.contacts()) >= 3
@@ -298,8 +294,6 @@ def test_two_rotors_side_by_side_keep_their_velocity(turn):
     rotor = '<joint axis="0 0 1"/><geom type="box" size=".06 .008 .001" mass=".005"/>'
     world = f'<body>{rotor}</body><body pos=".2 0 0">{rotor}</body>'
     xml = f'<mujoco><option gravity="0 0 0"/><worldbody>{world}</worldbody></mujoco>'
-    sim = stepper.Stepper(stepper.load(xml), options=Options(timestep=timestep))
-    sim.set_state(qvel=[turn / timestep, -turn / timestep])
-    sim.step(nstep=20)
+    sim = simulate(xml, timestep=timestep, qvel=[turn / timestep, -turn / timestep], steps=20)
     assert not sim.status
     np.testing.assert_allclose(sim.qvel * timestep, [turn, -turn], rtol=1e-12)  # Rounding.

@@ -9,6 +9,7 @@ import stepper
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import prism, vertices
+from parametrized import every
 from stepper import Status
 
 G, MASS, FORCE, HALF, HAND = 9.81, 0.1, 0.981, 0.02, 1e3
@@ -116,8 +117,7 @@ ACCURACY = {"f64": ("f64", 1e-6), "f64 at 1e-4": ("f64", 1e-4), "f32": ("f32", 1
 """Precision and tolerance, m/s, of a solve. The default in both precisions is 9e-5 to 1e-4 m/s for these objects."""
 
 
-@pytest.mark.parametrize("timestep", [0.002, 0.005])
-@pytest.mark.parametrize("accuracy", ["f64 at 1e-4", "f32"])
+@every(timestep=[0.002, 0.005], accuracy=["f64 at 1e-4", "f32"])
 def test_a_shaken_cube_stays_between_two_fingers(accuracy, timestep):
     """With friction 0.6 and 0.65 a cube that sticks from 0.524 on does not move in 30 s."""
     precision, tolerance = ACCURACY[accuracy]
@@ -127,8 +127,7 @@ def test_a_shaken_cube_stays_between_two_fingers(accuracy, timestep):
     assert (shaken.sim.status == Status.OK).all()
 
 
-@pytest.mark.parametrize("accuracy", ACCURACY)
-@pytest.mark.parametrize("name", OBJECTS)
+@every(accuracy=ACCURACY, name=OBJECTS)
 def test_a_held_object_does_not_slip(name, accuracy):
     """With 10 % more friction than it needs, an object stays in a hand that shakes it for 8 s."""
     precision, tolerance = ACCURACY[accuracy]
@@ -166,8 +165,7 @@ def test_a_cube_slips_where_friction_does_not_suffice(accuracy):
     assert -falling.place()[0, 1] == pytest.approx(fallen, abs=0.5 * tolerance * 10 + 0.01 * fallen)
 
 
-@pytest.mark.parametrize("accuracy", ACCURACY)
-@pytest.mark.parametrize("name", ["cube", "mesh", "cube of rolling friction"])
+@every(accuracy=ACCURACY, name=["cube", "mesh", "cube of rolling friction"])
 def test_the_loads_of_a_grasp_are_even(name, accuracy):
     """After shaking, the four contacts of each finger bear a quarter of its force each, at rest and in motion."""
     precision, tolerance = ACCURACY[accuracy]
@@ -199,9 +197,7 @@ def shaken_part(half: float, force: float) -> str:
       <actuator><motor joint="z"/>{presses}</actuator></mujoco>"""
 
 
-@pytest.mark.parametrize("half", [1e-3, 5e-4, 2e-4])
-@pytest.mark.parametrize("timestep", [0.002, 0.01])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@every(half=[1e-3, 5e-4, 2e-4], timestep=[0.002, 0.01], precision=["f64", "f32"])
 def test_a_small_part_is_held_or_flagged(precision, timestep, half):
     """A part of 0.4 to 2 mm that is shaken for 3 s with at most 6 m/s^2 moves by less than 1 % of its size, or NOT_CONVERGED is set.
 

@@ -10,6 +10,7 @@ import pytest
 import stepper
 from models import simulate
 from numerics import slope
+from parametrized import every
 from stepper import Status
 
 G, R = 9.81, 0.1
@@ -38,9 +39,7 @@ def energies(sim: stepper.Stepper) -> np.ndarray:
     return np.atleast_1d(np.sum(sim.energy(), axis=0))
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "rk4"])
-@pytest.mark.parametrize("dt", [2e-3, 1e-2])
-@pytest.mark.parametrize("e", [0.3, 0.5, 0.8, 1.0])
+@every(integrator=["midpoint", "rk4"], dt=[2e-3, 1e-2], e=[0.3, 0.5, 0.8, 1.0])
 def test_apexes_are_exact_at_every_height(e, dt, integrator):
     """Free fall is a parabola, which the step knows: what is left is rounding."""
     heights = np.linspace(0.5, 1.0, 20, endpoint=False)
@@ -80,8 +79,7 @@ def test_an_oblique_bounce_with_friction_is_of_second_order():
     model = model.replace(geom_restitution=[0.0, 0.6], geom_friction=[[0.3, 0, 0], [0.3, 0, 0]])
     for vx, spin in [(3.0, 0.0), (0.5, 0.0), (0.2, 20.0)]:
         for dt in (1e-3, 7e-3):
-            sim = stepper.Stepper(model, options=stepper.Options(timestep=dt))
-            sim.set_state(qvel=[vx, 0, 0, 0, spin, 0])
+            sim = simulate(model, timestep=dt, qvel=[vx, 0, 0, 0, spin, 0])
             fall = np.sqrt(2 * 0.4 / G)
             sim.step(nstep=round(0.5 / dt))
             time = round(0.5 / dt) * dt
@@ -110,9 +108,7 @@ def test_an_arm_that_strikes_a_wall_converges_with_the_square_of_the_step():
     model = model.replace(geom_restitution=np.full(model.ngeom, 0.7))
 
     def end(dt):
-        sim = stepper.Stepper(model, options=stepper.Options(timestep=dt))
-        sim.set_state(qpos=[0.6, 0.3], qvel=[-2.0, -1.0])
-        sim.step(nstep=round(0.6 / dt))
+        sim = simulate(model, timestep=dt, qpos=[0.6, 0.3], qvel=[-2.0, -1.0], steps=round(0.6 / dt))
         return np.concatenate([sim.qpos, sim.qvel])
 
     # From 1 ms on: after the impact an elbow turns with 15 rad/s, and forces of the velocity after it are taken up to 0.02 rad a step.
@@ -138,8 +134,7 @@ def test_a_plate_that_is_struck_stays_on_the_floor():
         assert lowest > 0.02 - 3e-5  # m: the slop, and what a solution for positions to 1e-4 m/s leaves.
 
 
-@pytest.mark.parametrize("e", [0.1, 0.5, 0.9])
-@pytest.mark.parametrize("dt", [1e-3, 1e-2])
+@every(e=[0.1, 0.5, 0.9], dt=[1e-3, 1e-2])
 def test_a_ball_that_bounces_comes_to_rest(dt, e):
     """Bounces shorter than a step are none: neither hovering nor sinking. At 10 ms those with e 0.9 last 2 v / g (1 - e) = 4 s."""
     sim = elastic(FLOOR + ball(z=0.3), e, timestep=dt)
@@ -189,8 +184,7 @@ def test_the_energy_is_of_second_order():
     assert coarse / fine > 4**1.7
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "rk4"])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@every(integrator=["midpoint", "implicit", "rk4"], precision=["f64", "f32"])
 def test_parts_of_a_step_depend_on_no_neighbour(integrator, precision):
     """Environments of a batch divide their steps at other times, and have the bits of an environment of their own."""
     settings = {"integrator": integrator, "precision": precision, "restitution": 0.7}
@@ -314,8 +308,7 @@ def on_a_table_of_the_users(dt: float, integrator: str = "midpoint") -> float:
     return float(np.abs(velocities[-1] - turned).max()) / SPEED
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "rk4"])
-@pytest.mark.parametrize("measure", [on_a_conveyor_that_turns, on_a_table_of_the_users])
+@every(integrator=["midpoint", "rk4"], measure=[on_a_conveyor_that_turns, on_a_table_of_the_users])
 def test_a_ball_on_a_turntable_is_of_second_order(measure, integrator):
     """Scene 33 of the atlas has a table on a hinge."""
     errors = [measure(dt, integrator) for dt in DTS]
@@ -362,8 +355,7 @@ def test_a_ball_that_rolls_down_a_slope_is_exact():
     for dt in (1e-3, 8e-3):
         model = stepper.load(f"""<mujoco><option gravity="2 0 -9.6"/><worldbody><geom type="plane" size="9 9 1"/>
           <body pos="0 0 {BALL_RADIUS}"><freejoint/><geom size="{BALL_RADIUS}" mass="1"/></body></worldbody></mujoco>""")
-        sim = stepper.Stepper(model, options=stepper.Options(timestep=dt))
-        sim.step(nstep=round(2 / dt))
+        sim = simulate(model, timestep=dt, steps=round(2 / dt))
         assert sim.qvel[0] == pytest.approx(2 * 5 / 7 * 2, abs=1e-9)
         assert sim.qpos[0] == pytest.approx(2 * 5 / 7 * 2, abs=1e-4)  # v t / 2; it begins by settling on the plane.
 

@@ -6,6 +6,7 @@ import stepper
 from differentiated import NOISE, joined, touching
 from hypothesis import given
 from hypothesis import strategies as st
+from parametrized import every
 from stepper import Options
 from stepper.derivatives import Kink
 
@@ -42,8 +43,7 @@ def apart(one: stepper.derivatives.Linearization, two: stepper.derivatives.Linea
     return np.max([np.abs(a - b)[:, g].max(axis=1) / np.maximum(np.abs(b[:, g]).max(axis=1), 1.0) for g in groups], axis=0)
 
 
-@pytest.mark.parametrize("law", list(SETTINGS))
-@pytest.mark.parametrize("robot", ROBOTS)
+@every(law=list(SETTINGS), robot=ROBOTS)
 def test_implicit_derivatives_are_those_of_extrapolated_differences(robot, law):
     sim, ctrl = touching(robot, **SETTINGS[law])
     own = sim.linearize(ctrl=ctrl, method="implicit")
@@ -220,8 +220,7 @@ LOOP = (
 )
 
 
-@pytest.mark.parametrize("law", SPLIT)
-@pytest.mark.parametrize("wrong", [0.0, 1e-2])
+@every(law=SPLIT, wrong=[0.0, 1e-2])
 def test_a_loop_is_closed_beside_a_state_in_which_it_is(law, wrong):
     # Where the loop's error is none the step corrects nothing, and beside it all of the error: the derivative has the correction.
     rng = np.random.default_rng(0)

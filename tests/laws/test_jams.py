@@ -8,7 +8,8 @@ import stepper
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from jams import arms
-from models import flags_of
+from models import flags_of, simulate
+from parametrized import every
 from stepper import Options, Status
 
 JAMMED = {
@@ -28,12 +29,10 @@ JAMMED = {
 SETTLING = 500
 
 
-@pytest.mark.parametrize("gravity", [0, -9.81])
-@pytest.mark.parametrize("scene", JAMMED)
+@every(gravity=[0, -9.81], scene=JAMMED)
 def test_contradictory_corrections_come_to_rest(scene, gravity):
     """They moved 4e-3 to 2e-2 rad in 400 steps, for ever: normals of deep overlaps turn, and a joint was pushed to and fro."""
-    sim = stepper.Stepper(stepper.load(f'<mujoco><option gravity="0 0 {gravity}"/><worldbody>{JAMMED[scene]}</worldbody></mujoco>'))
-    sim.step(nstep=SETTLING)
+    sim = simulate(f'<mujoco><option gravity="0 0 {gravity}"/><worldbody>{JAMMED[scene]}</worldbody></mujoco>', steps=SETTLING)
     before = sim.qpos.copy()
     sim.step(nstep=5000)
     # Ten seconds, in which an eye sees nothing of less than a tenth of a milliradian.
@@ -67,8 +66,7 @@ def penalty(sim: stepper.Stepper) -> float:
 @example(45)
 @given(st.integers(0, 2**16))
 def test_a_random_jam_that_is_proven_moves_only_while_overlaps_become_less(seed):
-    sim = stepper.Stepper(stepper.load(arms(seed)).replace(gravity=[0, 0, 0]))
-    sim.step(nstep=100)
+    sim = simulate(stepper.load(arms(seed)).replace(gravity=[0, 0, 0]), steps=100)
     before, proven = np.inf, False
     for _ in range(60):
         sim.step()
@@ -277,12 +275,10 @@ def test_a_contact_at_the_centre_of_a_ball_joint_does_not_lock_it() -> None:
     assert np.allclose(sim.qvel, free.qvel, atol=1e-9)
 
 
-@pytest.mark.parametrize("condim", [3, 6])
-@pytest.mark.parametrize("tilt", [0.0, 1e-6, 3e-6, 8e-6])
+@every(condim=[3, 6], tilt=[0.0, 1e-6, 3e-6, 8e-6])
 def test_a_contact_along_a_hinge_neither_blocks_it_nor_stops_the_solver(tilt: float, condim: int) -> None:
     """A box slides on a face normal to its hinge's axis, up to a tilt below the least lever arm of 1e-5."""
-    sim = stepper.Stepper(stepper.load(TURNTABLE.format(tilt=tilt, condim=condim)))
-    sim.set_state(qvel=[-20.0])
+    sim = simulate(TURNTABLE.format(tilt=tilt, condim=condim), qvel=[-20.0])
     for _ in range(20):
         sim.step()
         # A lever arm above rounding closes the gap slowly. No impulse can stop it, and the residual reports it.
@@ -302,8 +298,7 @@ def test_a_contact_that_an_equality_unloads_has_no_friction_left(condim: int) ->
         f'<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 .05">{slides}{box}</body></worldbody>'
         '<equality><joint joint1="z" active="false"/></equality></mujoco>'
     )
-    sim = stepper.Stepper(model)
-    sim.step(nstep=5)
+    sim = simulate(model, steps=5)
     sim.set_state(qvel=[1.0, 0.0])
     sim.step(nstep=20)
     speed = sim.qvel[0]
@@ -360,8 +355,7 @@ SLOPES = st.floats(-6.5, -5.1).map(lambda x: 10.0**x)
 def mover(joint: str, slope: float, speed: float, *, overlap: float, condim: int = 3, timestep: float = 2e-3) -> stepper.Stepper:
     """A box that a joint moves along a face at `speed`, m/s, while the face approaches it at `slope` times that speed."""
     xml = (HINGE if joint == "hinge" else SLIDE).format(height=0.07 - overlap, slope=-slope, condim=condim)
-    sim = stepper.Stepper(stepper.load(xml), options=stepper.Options(timestep=timestep, tolerance=TOLERANCE))
-    sim.set_state(qvel=[speed / REACH if joint == "hinge" else speed])
+    sim = simulate(xml, timestep=timestep, tolerance=TOLERANCE, qvel=[speed / REACH if joint == "hinge" else speed])
     return sim
 
 
@@ -406,8 +400,7 @@ def test_a_slow_approach_beyond_the_slop_is_reported(slope, approach, overlap):
 @given(speed=st.floats(-4.9, 0.0).map(lambda x: 10.0**x), overlap=st.floats(0.0, 9.0))
 def test_a_plate_pressed_into_a_box_is_reported(speed, overlap):
     """A moving plate presses a box across its slide, so that the contact has no lever arm at all."""
-    sim = stepper.Stepper(stepper.load(PRESS.format(height=0.07 - overlap * SLOP)), options=stepper.Options(tolerance=TOLERANCE))
-    sim.step()
+    sim = simulate(PRESS.format(height=0.07 - overlap * SLOP), tolerance=TOLERANCE, steps=1)
     for k in range(3):
         sim.mocap_pos = np.array([[0.0, 0.0, 2e-3 * speed * (k + 1)]])
         sim.step()

@@ -11,7 +11,8 @@ import stepper
 from differentiated import NOISE, joined, touching
 from hypothesis import example, given
 from hypothesis import strategies as st
-from models import SOURCES, afloat, random_quaternion, stepper_model
+from models import SOURCES, afloat, random_quaternion, simulate, stepper_model
+from refusals import raises
 from stepper import Drive, Options
 from stepper.derivatives import Kink
 from stepper.derivatives.perturbations import step_of
@@ -123,8 +124,7 @@ def slider(v: float):
         '<body pos="0 0 .1"><freejoint/><geom name="box" type="box" size=".1 .1 .1" mass="2" friction=".4 0 0"/></body>',
         floor='friction="0 0 0"',
     )
-    sim = stepper.Stepper(model, 2)
-    sim.step(nstep=50)
+    sim = simulate(model, 2, steps=50)
     sim.set_state(qvel=[[v, 0, 0, 0, 0, 0], [0.8 * v, 0, 0, 0, 0, 0]])
     return sim
 
@@ -376,8 +376,7 @@ def test_a_single_environment_has_no_leading_axis():
 @given(seed=st.integers(0, 10**6), robot=st.sampled_from(["gymnasium/ant", "dm_control/fish", "gymnasium/humanoid"]))
 def test_two_steps_are_the_product_of_one_and_one(seed, robot):
     model, rng = floating(robot), np.random.default_rng(seed)
-    sim = stepper.Stepper(model)
-    sim.set_state(model.integrate_pos(model.qpos0, rng.normal(size=model.nv)), rng.normal(size=model.nv))
+    sim = simulate(model, qpos=model.integrate_pos(model.qpos0, rng.normal(size=model.nv)), qvel=rng.normal(size=model.nv))
     ctrl = rng.uniform(-0.3, 0.3, model.nu)
     both, first = sim.linearize(ctrl=ctrl, nstep=2), sim.linearize(ctrl=ctrl)
     sim.step(ctrl)
@@ -447,8 +446,7 @@ UPRIGHT = SLIDE.replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
                  id="contact that a motor takes all the weight from"),
 ])  # fmt: skip
 def test_a_column_is_flagged_in_the_environment_that_is_at_the_kink(*, model, options, qpos, ctrl, name, kink):
-    sim = stepper.Stepper(model, 2, options=Options(integrator="euler", **options))
-    sim.set_state(qpos)
+    sim = simulate(model, 2, integrator="euler", **options, qpos=qpos)
     lin = sim.linearize(ctrl=ctrl)
     assert lin.kink_distance[0] <= 1.0
     np.testing.assert_array_equal(lin.kinks[name][:, 0] & int(kink) != 0, [True, False])
@@ -481,8 +479,7 @@ def test_a_switch_of_a_tendon_or_of_suction_is_a_kink(kink, contact, arguments):
     reach = 1e-5 if contact == "hard" else 0.0
     model, edge = (STRING, TANGENT) if kink == Kink.WRAP else (CUP, 0.11 + reach)
     for side in (3e-7, -3e-7):
-        sim = stepper.Stepper(model, 2, options=Options(integrator="euler", contact=contact))
-        sim.set_state([[edge + side], [edge + 0.1]])
+        sim = simulate(model, 2, integrator="euler", contact=contact, qpos=[[edge + side], [edge + 0.1]])
         lin = sim.linearize(ctrl=[1.0], **arguments)
         # One-sided differences move the coordinate upwards.
         crosses = side < 0 or arguments != {"centered": False}
@@ -505,8 +502,7 @@ def test_a_control_at_its_bound_is_perturbed_inwards():
 def test_whole_fields_skip_what_the_model_has_none_of():
     slide = '<body><joint name="x" type="slide" axis="1 0 0" damping="1"/><geom size=".1"/></body>'
     body = f'<body><freejoint/><geom size=".1" mass="2"/>{slide}</body>'
-    sim = stepper.Stepper(scene(body, more=MOTOR))
-    sim.set_state(qvel=[0, 0, 0, 0, 0, 0, 1.0])
+    sim = simulate(scene(body, more=MOTOR), qvel=[0, 0, 0, 0, 0, 0, 1.0])
     lin = sim.linearize(("actuator_gainprm", "actuator_biasprm", "dof_damping", "dof_armature"), ctrl=[1.0])
     gain, damping = lin.blocks["actuator_gainprm"], lin.blocks["dof_damping"]
     # A motor's force is its gain times the control, so that both have one derivative.
@@ -515,8 +511,7 @@ def test_whole_fields_skip_what_the_model_has_none_of():
     assert not lin.blocks["actuator_biasprm"].any()
     assert not damping[:, :6].any()
     assert damping[13, 6] < 0
-    with pytest.raises(ValueError, match="of these elements is 0 and cannot be perturbed"):
-        sim.linearize(("dof_damping[0]",))
+    raises(ValueError, "of these elements is 0 and cannot be perturbed", sim.linearize, ("dof_damping[0]",))
 
 
 def test_nothing_to_perturb_is_empty():
@@ -551,5 +546,4 @@ PLATE = '<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"
     (lambda sim: runge_kutta("mujoco").linearize(method="implicit"), "integrator is rk4, must be euler, implicitfast or implicit"),
 ])  # fmt: skip
 def test_wrong_calls_say_what_to_do(call, message):
-    with pytest.raises((ValueError, TypeError, KeyError, stepper.ModelError), match=message):
-        call(stepper.Stepper(spring(), 2))
+    raises((ValueError, TypeError, KeyError, stepper.ModelError), message, lambda: call(stepper.Stepper(spring(), 2)))

@@ -7,7 +7,9 @@ import pytest
 import stepper
 from hypothesis import example, given
 from hypothesis import strategies as st
+from models import simulate
 from near_misses import ASSETS, MOVERS, OBSTACLES, ROUNDING, Floor, fly, scene_xml
+from parametrized import every
 
 INTEGRATORS = ["midpoint", "euler", "implicit", "rk4"]
 movers = st.sampled_from(sorted(MOVERS))
@@ -65,8 +67,7 @@ def slide(floor: Floor, mover: str, speed: float, step: Step):
     geom, height = MOVERS[mover]
     world = floor.tiles(1.2) + f'<body pos="{start} 0 {height}"><freejoint/>{geom}</body>'
     model = stepper.load(scene_xml(world, timestep=timestep, gravity=9.81, assets=floor.assets()))
-    sim = stepper.Stepper(model, options=stepper.Options(integrator=integrator))
-    sim.step(nstep=round(0.1 / timestep))
+    sim = simulate(model, integrator=integrator, steps=round(0.1 / timestep))
     sim.set_state(qvel=[speed, 0, 0, 0, 0, 0])
     away = 0.0
     for _ in range(round(1.2 / speed / timestep)):
@@ -90,16 +91,13 @@ def test_a_body_slides_over_tiles_of_any_width_and_direction(floor, mover, step,
     assert away < 1e-5
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("mover", ["sphere", "box", "capsule"])
+@every(precision=["f64", "f32"], mover=["sphere", "box", "capsule"])
 def test_a_body_leaves_the_edge_of_a_floor_as_a_projectile(mover, precision):
     """The speed along the floor does not change."""
     geom, height = MOVERS[mover]
     world = '<geom type="box" size=".5 1 .05" pos="-.5 0 -.05"/><geom type="box" size=".5 1 .05" pos=".5 0 -.55"/>'
     model = stepper.load(scene_xml(world + f'<body pos="-.2 0 {height}"><freejoint/>{geom}</body>', timestep=1e-3, gravity=9.81))
-    sim = stepper.Stepper(model, precision=precision)
-    sim.set_state(qvel=[2, 0, 0, 0, 0, 0])
-    sim.step(nstep=250)
+    sim = simulate(model, precision=precision, qvel=[2, 0, 0, 0, 0, 0], steps=250)
     assert not sim.status
     assert sim.qpos[2] < height - 0.05
     assert abs(sim.qvel[0] - 2) < 1e-2  # A box rotates at the edge, which takes part of its speed.
@@ -137,8 +135,7 @@ UPRIGHT = ["sphere", "box", "capsule", "cylinder", "hull", "mesh box"]
 """Movers that a central impact on their lowest side does not turn."""
 
 
-@pytest.mark.parametrize("mover", UPRIGHT)
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@every(mover=UPRIGHT, integrator=INTEGRATORS)
 def test_a_fast_body_keeps_its_speed_until_it_strikes_a_thin_field(mover, integrator):
     """The gap of 0.1 m takes one step. The body must not slow down ahead of the field: a hull once took five steps."""
     first, *rest = drop(mover, "field", (5.0, 2e-2, 0.1), integrator)
@@ -163,9 +160,7 @@ def test_a_ball_that_lands_before_a_flush_seam_does_not_hit_it():
     """A ball lands on one tile. The path without that impact would hit the side of the next, flush tile."""
     ledge = '<geom type="box" size=".5 .5 .05" pos="-.5 0 -.05"/><geom type="box" size=".5 .5 .05" pos=".5 0 -.05"/>'
     world = ledge + '<body pos="-.012 0 .03"><freejoint/><geom type="sphere" size=".02" mass="1"/></body>'
-    sim = stepper.Stepper(stepper.load(scene_xml(world, timestep=5e-3)))
-    sim.set_state(qvel=[2, 0, -4, 0, 0, 0])
-    sim.step(nstep=4)
+    sim = simulate(scene_xml(world, timestep=5e-3), qvel=[2, 0, -4, 0, 0, 0], steps=4)
     np.testing.assert_allclose(sim.qvel[[0, 2]], [2, 0], atol=1e-9)  # Rounding: both tiles are flush.
 
 
@@ -192,8 +187,7 @@ def scene(boxes, bodies=BODIES):
     return stepper.load(f'<mujoco><option timestep=".004"/>{ASSET}<worldbody>{world}</worldbody></mujoco>')
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("count", [40, 700])
+@every(precision=["f64", "f32"], count=[40, 700])
 def test_environments_over_many_boxes_are_those_that_are_alone(precision, count):
     """40 boxes are listed pair by pair, the pairs of 700 are found anew in every step."""
     rng = np.random.default_rng(5)
@@ -207,9 +201,7 @@ def test_environments_over_many_boxes_are_those_that_are_alone(precision, count)
     many.step(nstep=60)
     assert np.mean([len(many.contacts(envs=[k])) for k in range(13)]) > 0.5
     for k in (0, 5, 12):
-        alone = stepper.Stepper(model, 1, precision=precision)
-        alone.set_state(qpos=places[k : k + 1])
-        alone.step(nstep=60)
+        alone = simulate(model, 1, precision=precision, qpos=places[k : k + 1], steps=60)
         np.testing.assert_array_equal(alone.qpos[0], many.qpos[k])
 
 

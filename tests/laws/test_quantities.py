@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from laws.test_closed_loops import LOOPS, four_bar, turning
 from models import SOURCES, forward, random_state, simulate, stepper_model
+from refusals import raises
 from rotations import matrix
 
 ENVS = 18
@@ -135,8 +136,7 @@ def test_what_is_read_cannot_be_written(read):
     sim = stepper.Stepper(stepper_model("gymnasium/ant"), 2)
     with pytest.raises(ValueError, match="read-only"):
         getattr(sim, read)[...] = 0
-    with pytest.raises(AttributeError, match=read):
-        setattr(sim, read, 0)
+    raises(AttributeError, read, setattr, sim, read, 0)
     precise, rough, single = sim, stepper.Stepper(sim.model, 2, precision="f32"), stepper.Stepper(sim.model)
     assert (getattr(precise, read).dtype, getattr(rough, read).dtype) == (precise.qpos.dtype, rough.qpos.dtype)
     assert getattr(single, read).shape == getattr(sim, read).shape[1:]
@@ -151,8 +151,7 @@ def test_jacobians_need_one_thing_that_exists():
         ({"body": 99}, IndexError, "body is 99, must be below"),
         ({"site": 1.5}, TypeError, "site, if it is no name, is 1.5"),
     ]:
-        with pytest.raises(error, match=text):
-            sim.jacobian(**body_or_site)
+        raises(error, text, sim.jacobian, **body_or_site)
     mine = sim.jacobian(body="torso")
     mine[:] = 0
     assert np.abs(sim.jacobian(body="torso")).max() == 1
@@ -170,8 +169,7 @@ def test_forces_of_actuators_are_what_sensors_read(precision):
     motor = stepper.actuators.DCMotor(stall_torque=2.0, no_load_speed=40.0, gear=3.0, efficiency=0.8)
     drives = stepper.ActuatorModel({"a": stepper.Drive(delay=0.005, motor=motor), "b": stepper.Drive(lag=0.02, friction=0.1)})
     for actuators in (None, drives):
-        sim = stepper.Stepper(stepper.load(source), ENVS, actuators=actuators, precision=precision)
-        sim.set_state(qpos=np.random.default_rng(1).normal(size=(ENVS, 2)))
+        sim = simulate(source, ENVS, actuators=actuators, precision=precision, qpos=np.random.default_rng(1).normal(size=(ENVS, 2)))
         for ctrl in np.random.default_rng(2).normal(size=(6, ENVS, 2)):
             sim.step(ctrl, nstep=3)
             assert np.array_equal(np.concatenate([sim.actuator_force, sim.qfrc_actuator], axis=1), sim.sensordata_ideal)
@@ -217,9 +215,7 @@ def test_it_is_the_error_of_mujocos_kinematics(kind, precision, rounding):
     """Of every kind of equality at random configurations, in every environment."""
     model, rng = mujoco.MjModel.from_xml_string(LINKAGE.format(equality=KINDS[kind])), np.random.default_rng(3)
     qpos = np.array([random_state(model, rng)[0] for _ in range(9)])
-    sim = simulate(model, 9, precision=precision, stabilization="none", timestep=1e-6)
-    sim.set_state(qpos=qpos)
-    sim.step()
+    sim = simulate(model, 9, precision=precision, stabilization="none", timestep=1e-6, qpos=qpos, steps=1)
     found = [violation(model, forward(model, q, np.zeros(model.nv))) for q in np.asarray(sim.qpos)]
     np.testing.assert_allclose(sim.max_equality_violation, found, rtol=0, atol=rounding)
     assert np.array_equal((sim.status & VIOLATED) != 0, sim.max_equality_violation > 1e-3)
@@ -273,9 +269,7 @@ def test_a_four_bar_that_turns_by_a_sixth_of_a_radian_a_step_says_that_it_opens(
 
 def test_a_loop_that_is_torn_says_so_until_it_is_closed_again():
     """In its own environment alone. The correction takes a part of the error in every step."""
-    sim = simulate(LOOPS["crank and rocker"], 2)
-    sim.set_state(qpos=[[0.1, -0.1, 0.2], [0.0, 0.0, 0.0]])
-    sim.step()
+    sim = simulate(LOOPS["crank and rocker"], 2, qpos=[[0.1, -0.1, 0.2], [0.0, 0.0, 0.0]], steps=1)
     first = np.array(sim.max_equality_violation)
     assert first[0] > 0.05
     assert sim.status[0] & VIOLATED
@@ -318,8 +312,7 @@ def test_springs_do_not_count_with_hard_contact_and_nothing_is_told_without_equa
     model = stepper.load(SPRING.format('<equality><joint joint1="j"/></equality>'))
     soft = model.replace(eq_stiffness=[100.0], eq_damping=[20.0])
     for law, told in (("hard", False), ("mujoco", True)):
-        sim = stepper.Stepper(soft, options=stepper.Options(contact=law))
-        sim.step(nstep=2000)
+        sim = simulate(soft, contact=law, steps=2000)
         assert (sim.max_equality_violation > 1e-4) == told
         assert abs(float(sim.qpos[0])) > 1e-4
         assert bool(sim.status & VIOLATED) == (float(sim.max_equality_violation) > 1e-3)

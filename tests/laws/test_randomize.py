@@ -12,7 +12,9 @@ import stepper
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meadow import FIELDS, MEADOW
-from models import contact_bits, stepper_model
+from models import contact_bits, simulate, stepper_model
+from parametrized import every
+from refusals import raises
 from stepper.shared.fields import RANDOMIZED
 
 N, CALLS, NSTEP = 11, 40, 3
@@ -52,8 +54,7 @@ def everything(sim: stepper.Stepper, env: int | None) -> list[bytes]:
     return [np.asarray(x if env is None else x[env]).tobytes() for x in own] + [np.asarray(contact_bits(sim.contacts(env or 0))).tobytes()]
 
 
-@pytest.mark.parametrize("name", FIELDS)
-@pytest.mark.parametrize("scene", MODELS)
+@every(name=FIELDS, scene=MODELS)
 def test_an_environment_is_one_of_its_own_model(scene, name):
     model = MODELS[scene]()
     fields = draw(model, [name])
@@ -69,9 +70,7 @@ def test_an_environment_is_one_of_its_own_model(scene, name):
         assert everything(sim, env) == everything(roll(own, env), None), env
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
-@pytest.mark.parametrize("scene", MODELS)
+@every(precision=["f64", "f32"], integrator=["midpoint", "implicit", "euler", "rk4"], scene=MODELS)
 def test_all_fields_together(scene, integrator, precision):
     model = MODELS[scene]()
     fields, options = draw(model, FIELDS), stepper.Options(integrator=integrator)
@@ -312,8 +311,7 @@ def test_what_a_pair_overrides_is_refused_unless_the_pair_is_given(field, pair_f
         sim.randomize(**{field: values, pair_field: own})
         assert set(sim.randomized) == {field, pair_field}
         sim.randomize(**{field: values})
-        with pytest.raises(stepper.ModelError, match="explicit pair"):
-            sim.randomize(**{pair_field: None})
+        raises(stepper.ModelError, "explicit pair", sim.randomize, **{pair_field: None})
         sim.randomize()
 
 
@@ -360,22 +358,18 @@ def test_pairs_are_elements():
     pair = scene.pair("sole")
     assert (scene.npair, scene.pair_names, pair.id, pair.geom1, pair.geom2, pair.dim) == (1, ["sole"], 0, 0, 1, 3)
     assert pair.friction.tolist() == scene.pair_friction[0].tolist() == [0.3, 0.01, 0.001]
-    with pytest.raises(KeyError, match="did you mean sole"):
-        scene.pair("soul")
+    raises(KeyError, "did you mean sole", scene.pair, "soul")
 
 
 def test_derivatives_by_friction_of_a_pair_are_those_of_its_contacts():
-    sim = stepper.Stepper(model(), options=stepper.Options(tolerance=1e-12))
-    sim.set_state(qvel=[1.0, 0, 0, 0, 0, 0] * 2)
-    sim.step(nstep=2)
+    sim = simulate(model(), tolerance=1e-12, qvel=[1.0, 0, 0, 0, 0, 0] * 2, steps=2)
     found = sim.linearize(("pair_friction[sole]", "geom_friction[loose]"))
     # Sliding takes mu g h of the speed in a step.
     slope = -9.81 * 0.002
     velocities = found.blocks["pair_friction[sole]"][sim.model.nv :]
     assert np.isclose(velocities[0, 0], slope, rtol=1e-6)
     assert np.abs(velocities[6:]).max() < 1e-6
-    with pytest.raises(stepper.ModelError, match="explicit pair"):
-        sim.linearize(("geom_friction[paired]",))
+    raises(stepper.ModelError, "explicit pair", sim.linearize, ("geom_friction[paired]",))
     assert np.abs(sim.linearize(("geom_friction[paired]", "pair_friction")).blocks["geom_friction[paired]"]).max() < 1e-6
 
 
@@ -445,8 +439,7 @@ def test_drawn_friction_acts_or_is_refused(pairs, friction, drawn):
     fields = {"geom_friction": _rows(friction)} | ({} if drawn is None else {"pair_friction": _rows(drawn)})
     overridden = any(friction[GEOMS.index(geom)] != 1.0 for pair in pairs for geom in pair[:2])
     if overridden and drawn is None:
-        with pytest.raises(stepper.ModelError, match="explicit pair"):
-            sim.randomize(**fields)
+        raises(stepper.ModelError, "explicit pair", sim.randomize, **fields)
         return
     sim.randomize(**fields)
     authored = stepper.Stepper(

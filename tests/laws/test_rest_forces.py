@@ -11,8 +11,8 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from models import SOURCES, force_of_world, mujoco_model, random_quaternion, simulate, stepper_model
+from parametrized import every
 from rotations import about, matrix, product
-from stepper import Options
 
 G = 9.81
 BOUND = 0.01  # Of the weight: what the tolerance of a short step may leave is 0.6 % of it.
@@ -69,9 +69,7 @@ def errors(sim, weight, steps):
     return worst
 
 
-@pytest.mark.parametrize("precision", ["f32", "f64"])
-@pytest.mark.parametrize("contact", ["hard", "mujoco"])
-@pytest.mark.parametrize("name", SCENES)
+@every(precision=["f32", "f64"], contact=["hard", "mujoco"], name=SCENES)
 def test_what_rests_is_carried_with_its_weight(name, contact, precision):
     bodies, mass = SCENES[name]
     for timestep in TIMESTEPS:
@@ -89,11 +87,9 @@ def test_robots_that_lie_are_carried_with_their_weight_at_short_steps(name, cont
     compiled = mujoco.MjModel.from_xml_path(str(SOURCES[f"gymnasium/{name}"]))
     compiled.dof_damping[:] *= 3
     model, weight = stepper.load(compiled, strict=False), compiled.body_mass.sum() * G
-    settled = stepper.Stepper(model, options=stepper.Options(contact=contact, timestep=2e-3), precision="f32")
-    settled.step(nstep=4000)
+    settled = simulate(model, contact=contact, timestep=2e-3, precision="f32", steps=4000)
     for timestep in (1e-4, 5e-4):
-        sim = stepper.Stepper(model, options=stepper.Options(contact=contact, timestep=timestep), precision="f32")
-        sim.set_state(qpos=settled.qpos, qvel=settled.qvel)
+        sim = simulate(model, contact=contact, timestep=timestep, precision="f32", qpos=settled.qpos, qvel=settled.qvel)
         sim.step(nstep=round(1.0 / timestep))
         assert (errors(sim, weight, 300) < BOUND).all(), timestep
 
@@ -163,14 +159,12 @@ def scene(floor: str, geoms: list[tuple[str, float]]) -> str:
     </mujoco>"""
 
 
-@pytest.mark.parametrize("floor", FLOORS)
-@pytest.mark.parametrize("shape", SHAPES)
+@every(floor=FLOORS, shape=SHAPES)
 def test_at_rest(shape, floor):
     geom, height, points = SHAPES[shape]
     # MuJoCo moves a mesh's frame to its centre of mass: the slab's is 0.5 m down.
     place = FLOORS[floor] + (' pos="0 0 0"' if floor == "mesh" else "")
-    sim = simulate(scene(place, [(geom, height)]))
-    sim.step(nstep=500)
+    sim = simulate(scene(place, [(geom, height)]), steps=500)
     contacts = sim.contacts()
     assert len(contacts) == points
     assert contacts["force"][:, 0].sum() == pytest.approx(G, abs=1e-6 * G)
@@ -183,8 +177,7 @@ def test_at_rest(shape, floor):
 def test_stacks_carry_the_weight_above(shape):
     count = 5
     geom, half, _ = SHAPES[shape]
-    sim = simulate(scene(FLOORS["box"], [(geom, half * (2 * i + 1)) for i in range(count)]))
-    sim.step(nstep=2000)
+    sim = simulate(scene(FLOORS["box"], [(geom, half * (2 * i + 1)) for i in range(count)]), steps=2000)
     contacts = sim.contacts()
     for i in range(count):
         between = contacts[(contacts["body"] == [i, i + 1]).all(axis=1) | (contacts["body"] == [i + 1, i]).all(axis=1)]
@@ -240,8 +233,7 @@ def _pyramid(levels: int) -> list[tuple[float, float]]:
 @pytest.mark.parametrize("places", [_tower(5), _tower(10), _pyramid(6)], ids=["tower of 5", "tower of 10", "pyramid of 21"])
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_most_steps_of_a_stack_at_rest_accept_the_impulses_of_the_step_before(precision: str, places: list, offset: float) -> None:
-    sim = stepper.Stepper(_model(places, offset), precision=precision)
-    sim.step(nstep=300)
+    sim = simulate(_model(places, offset), precision=precision, steps=300)
     iterations = []
     for _ in range(STEPS):
         sim.step()
@@ -253,8 +245,7 @@ def test_most_steps_of_a_stack_at_rest_accept_the_impulses_of_the_step_before(pr
 
 @pytest.mark.parametrize("offset", [0.0, 3.0])
 def test_contacts_of_a_stack_keep_their_order_in_single_precision(offset: float) -> None:
-    sim = stepper.Stepper(_model(_tower(10), offset), precision="f32")
-    sim.step(nstep=300)
+    sim = simulate(_model(_tower(10), offset), precision="f32", steps=300)
     before = sim.contacts()["pos"]
     for _ in range(STEPS):
         sim.step()
@@ -270,8 +261,7 @@ TEXT = f"""<mujoco><option gravity="0 0 -{G}"/><default><geom friction="1 0 0"/>
 DIRECTIONS = 24
 
 
-@pytest.mark.parametrize("integrator", ["euler", "midpoint"])
-@pytest.mark.parametrize("dt", [1e-4, 1e-3, 1e-2])
+@every(integrator=["euler", "midpoint"], dt=[1e-4, 1e-3, 1e-2])
 def test_it_tips_over_its_rim_and_over_nothing_less(dt, integrator):
     """A torque of m g r tips it, in every direction: a square of points would give way at 0.71 m g r."""
     for share, tips in [(0.98, False), (1.02, True)]:
@@ -307,9 +297,7 @@ def test_a_box_that_lies_on_a_box_touches_it_with_four_corners(precision):
         q[3:7], q[10:] = quat, product(quat, about([0, 0, 1], rng.uniform(-0.3, 0.3)))
         q[7:10] = matrix(quat) @ [0.01, -0.005, 2 * HALF[2]]
         v[6:9] = -0.1 * matrix(quat)[:, 2]
-    sim = stepper.Stepper(stepper.load(MJCF), n, options=Options(timestep=1e-3), precision=precision)
-    sim.set_state(qpos=qpos, qvel=qvel)
-    sim.step()
+    sim = simulate(MJCF, n, timestep=1e-3, precision=precision, qpos=qpos, qvel=qvel, steps=1)
     counts = np.bincount(sim.contacts()["env"], minlength=n)
     assert (counts == 4).all(), f"{np.count_nonzero(counts != 4)} of {n} boxes touch with {np.unique(counts)} points"
 
@@ -336,8 +324,7 @@ def sole(which: range, friction: str = "0.8", lift: float = 0.0) -> stepper.Mode
 
 def slid(model: stepper.Model, velocity: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, int]:
     """Where a sole is after half a second, its velocity, and its contacts on the way at the most."""
-    sim = stepper.Stepper(model, num_envs=1, options=stepper.Options(tolerance=1e-6))
-    sim.set_state(qvel=velocity)
+    sim = simulate(model, num_envs=1, tolerance=1e-6, qvel=velocity)
     most = 0
     for _ in range(250):
         sim.step()
@@ -387,9 +374,7 @@ def dropped_quadruped(qpos, rng):
 ROBOTS = {"dm_control/humanoid": dropped_humanoid, "gymnasium/ant": dropped_ant, "dm_control/quadruped": dropped_quadruped}
 
 
-@pytest.mark.parametrize("stabilization", ["baumgarte", "split"])
-@pytest.mark.parametrize("integrator", ["euler", "midpoint", "rk4"])
-@pytest.mark.parametrize("name", ROBOTS)
+@every(stabilization=["baumgarte", "split"], integrator=["euler", "midpoint", "rk4"], name=ROBOTS)
 def test_robots_at_rest(name, integrator, stabilization):
     sim = simulate(stepper_model(name, strict=name != "dm_control/quadruped"), ENVS, integrator=integrator, stabilization=stabilization)
     qpos = sim.qpos.copy()

@@ -6,7 +6,8 @@ from collections import Counter
 import numpy as np
 import pytest
 import stepper
-from models import random_quaternion, stepper_model
+from models import random_quaternion, simulate, stepper_model
+from refusals import raises
 from rollout_gradients import LAWS, Judged, bodies_on_a_floor, judge
 from stepper import Drive, Options
 from stepper.derivatives import Kink, Smoothing, UndeterminedDerivative, rollout
@@ -96,8 +97,7 @@ def test_a_rollout_is_that_of_the_stepper_with_its_drives():
 
 def test_a_thrown_body_flies_as_far_as_its_speed():
     model = stepper.load('<mujoco><worldbody><body><freejoint/><geom size=".1" mass="1"/></body></worldbody></mujoco>')
-    sim = stepper.Stepper(model)
-    sim.set_state(qvel=[1, 0, 2, 0, 0, 3])
+    sim = simulate(model, qvel=[1, 0, 2, 0, 0, 3])
     made = rollout(sim, np.zeros((50, 0)), 2)
     last = np.zeros_like(made.qpos)
     last[-1, 2] = 1.0
@@ -148,8 +148,7 @@ SLIDE = """<mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody><body><jo
 ])  # fmt: skip
 def test_wrong_calls_say_what_to_do(call, message):
     sim = stepper.Stepper(stepper.load(SLIDE.format("")), 3)
-    with pytest.raises((ValueError, TypeError), match=message):
-        call(sim, np.zeros((2, 3, 1)))
+    raises((ValueError, TypeError), message, call, sim, np.zeros((2, 3, 1)))
 
 
 def test_a_smoothed_gradient_feels_what_a_gap_hides():
@@ -217,8 +216,7 @@ def test_a_rollout_through_an_actuator_with_a_memory_is_refused(attribute, drive
     """The state of a step has no delay line, lag or integral, so that controls before it would seem to have no effect through them."""
     actuators = stepper.ActuatorModel(default=drive) if drive else None
     sim = stepper.Stepper(stepper.load(SLIDE.format(attribute)), 1, actuators=actuators)
-    with pytest.raises(ValueError, match="actuators push have a delay, a lag, a sampled servo or an integral"):
-        rollout(sim, np.zeros((3, 1, 1)))
+    raises(ValueError, "actuators push have a delay, a lag, a sampled servo or an integral", rollout, sim, np.zeros((3, 1, 1)))
 
 
 def test_a_rollout_through_a_drive_without_a_memory_has_gradients():
@@ -332,8 +330,7 @@ def test_a_jump_on_both_sides_has_no_slope():
 def test_a_kink_without_a_slope_says_where():
     # Runge and Kutta's method has no derivative at the modes, and a turn either way lets a corner touch.
     model = stepper.load(PUSHED_BOX)
-    sim = stepper.Stepper(model, 2, options=Options(contact="mujoco", integrator="rk4"))
-    sim.set_state([[0, 0, 0.01, 0], [0, 0, 0, 0]])
+    sim = simulate(model, 2, contact="mujoco", integrator="rk4", qpos=[[0, 0, 0.01, 0], [0, 0, 0, 0]])
     lin = sim.linearize(ctrl=[2.0])
     assert lin.undetermined.tolist() == [False, True]
     assert Kink(int(lin.kinks["qpos"][1, 3])) & Kink.UNDETERMINED
@@ -350,5 +347,4 @@ def test_a_kink_without_a_slope_says_where():
     alone.set_state([[0, 0, 0.01, 0]])
     np.testing.assert_array_equal(found.ctrl[:, :1], rollout(alone, np.full((3, 1, 1), 2.0), 2).vjp(qpos=gradient[:, :1]).ctrl)
     assert not made.vjp(qpos=gradient, smoothing=Smoothing(samples=4, qpos=1e-4)).undetermined.any()
-    with pytest.raises(ValueError, match="undetermined is 'skip'"):
-        made.vjp(qpos=gradient, undetermined="skip")
+    raises(ValueError, "undetermined is 'skip'", made.vjp, qpos=gradient, undetermined="skip")

@@ -9,6 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import cuboid, prism, vertices
 from models import simulate
+from parametrized import every
 
 HALF, BEND, RADIUS, G = 0.5, 0.5, 0.1, 9.81
 """m, 1/m, m, m/s^2."""
@@ -66,8 +67,7 @@ def along_the_crest(ground: tuple[str, int], glider: str, timestep: float, integ
     return float(v @ v / 2 + G * up) / (speed**2 / 2)
 
 
-@pytest.mark.parametrize("integrator", ["euler", "midpoint"])
-@pytest.mark.parametrize("ground", GROUNDS)
+@every(integrator=["euler", "midpoint"], ground=GROUNDS)
 def test_a_ball_glides_along_a_crest_for_ever(ground, integrator):
     for timestep in (1e-3, 2e-3, 5e-3, 1e-2):
         for speed in (0.1, 0.5, 1.0):
@@ -75,8 +75,7 @@ def test_a_ball_glides_along_a_crest_for_ever(ground, integrator):
             assert along_the_crest(ground, "ball", timestep, integrator, speed) == pytest.approx(1, abs=1e-5)
 
 
-@pytest.mark.parametrize("glider", GLIDERS)
-@pytest.mark.parametrize("kind", KINDS)
+@every(glider=GLIDERS, kind=KINDS)
 def test_whatever_glides_along_a_crest_is_not_braked(kind, glider):
     for timestep in (2e-3, 1e-2):
         # Where it rests, assets in single precision decide; the energy of 1e-7 m of height is 1e-5 of the kinetic.
@@ -86,8 +85,7 @@ def test_whatever_glides_along_a_crest_is_not_braked(kind, glider):
 PYRAMID = 'vertex="-.1 -.1 0 .1 -.1 0 .1 .1 0 -.1 .1 0 0 0 .1" face="0 2 1 0 3 2 0 1 4 1 2 4 2 3 4 3 0 4"'  # a square base and four sides
 
 
-@pytest.mark.parametrize("concave", [False, True])
-@pytest.mark.parametrize("joint", ["<freejoint/>", '<joint type="slide" axis="0 0 1"/>'])
+@every(concave=[False, True], joint=["<freejoint/>", '<joint type="slide" axis="0 0 1"/>'])
 def test_a_mesh_that_does_not_rotate_stays_on_a_plane(joint, concave):
     """Without rotation a plane's infinite size must not spoil the bound on the approach: 0 times infinity is NaN."""
     model = stepper.load(f"""
@@ -111,8 +109,7 @@ PADDLE = """<mujoco><option gravity="0 0 0"/><worldbody>
   <body name="ball" pos="0 0 0"><freejoint/><geom type="sphere" size=".2" mass="2" friction="0 0 0"/></body></worldbody></mujoco>"""
 
 
-@pytest.mark.parametrize("nstep", [1, 5])
-@pytest.mark.parametrize("integrator", ["midpoint", "euler", "implicit"])
+@every(nstep=[1, 5], integrator=["midpoint", "euler", "implicit"])
 def test_a_paddle_pushes_a_ball_with_its_own_speed(integrator, nstep):
     """It is never overlapped, not even when the user moves it at a control's rate of five steps, and the ball moves as it does."""
     sim = simulate(PADDLE, timestep=DT, integrator=integrator)
@@ -145,8 +142,7 @@ def test_a_tray_carries_by_friction():
 def test_a_conveyor_transports_at_belt_speed(integrator):
     text = """<mujoco><worldbody><geom type="plane" size="1 1 1" surfacevel=".7 .2 5 0 0 0" friction=".6 0 0"/>
       <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" friction=".6 0 0"/></body></worldbody></mujoco>"""
-    sim = simulate(text, timestep=DT, integrator=integrator)
-    sim.step(nstep=1000)
+    sim = simulate(text, timestep=DT, integrator=integrator, steps=1000)
     assert sim.qvel[:2] == pytest.approx([0.7, 0.2], abs=1e-9)
     # The normal part of a surface velocity pushes nothing.
     assert abs(sim.qvel[2]) < 1e-9
@@ -155,8 +151,7 @@ def test_a_conveyor_transports_at_belt_speed(integrator):
 
 def test_after_a_reset_a_mocap_body_is_where_it_is_put():
     """The jump from the old episode to the new is no motion."""
-    sim = simulate(PADDLE, timestep=DT)
-    sim.step()
+    sim = simulate(PADDLE, timestep=DT, steps=1)
     sim.reset()
     sim.mocap_pos[0, 0] = -0.3
     sim.step()
@@ -230,8 +225,7 @@ def test_a_peg_that_overlaps_a_wall_is_no_deeper_in_the_block_than_that(overlap,
     assert sim.max_penetration <= overlap + 2e-8 + 0.5 * PEG * yaw**2
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("clearance", [1e-4, 5e-4, 1e-3])
+@every(precision=["f64", "f32"], clearance=[1e-4, 5e-4, 1e-3])
 def test_a_peg_that_slides_along_the_walls_reaches_the_floor(precision, clearance):
     """From random places in the hole, turned and pushed to a side: before, a third of them jammed at the face around the hole."""
     n, rng = 128, np.random.default_rng(0)
@@ -256,8 +250,7 @@ def test_a_block_of_its_size_stands_flush_on_the_mesh():
     text = text.format(" ".join(repr(float(x)) for v in vertices for x in v), " ".join(str(k) for f in faces for k in f))
     loaded = stepper.load(text).replace(geom_concave=[1.0, 0.0])
     for precision in ("f64", "f32"):
-        sim = stepper.Stepper(loaded, precision=precision)
-        sim.step(nstep=500)
+        sim = simulate(loaded, precision=precision, steps=500)
         assert not sim.status
         np.testing.assert_allclose(sim.qpos[:3], [0, 0, OUTER], atol=2e-5)  # The slop of contacts.
 
@@ -341,8 +334,7 @@ def test_a_fast_hull_has_the_contact_points_of_a_resting_one(*, sides, upright, 
     assert (distances.min(axis=1) < 1e-8).all(), (at_rest, moving)
 
 
-@pytest.mark.parametrize("ground", sorted(HULL_GROUNDS))
-@pytest.mark.parametrize("speed", [2.0, 8.0, 30.0])
+@every(ground=sorted(HULL_GROUNDS), speed=[2.0, 8.0, 30.0])
 def test_a_prism_that_falls_on_an_edge_touches_with_both_ends_of_it(ground, speed):
     """Both ends of the lowest edge are contacts, however far the body moves in the step."""
     corners = prism(6, HULL_HALF)
@@ -357,8 +349,7 @@ def test_a_prism_that_falls_on_an_edge_touches_with_both_ends_of_it(ground, spee
     assert sorted(round(float(x), 6) for x in np.unique(ends[:, 0].round(7))) == [-HULL_HALF / 2, HULL_HALF / 2]
 
 
-@pytest.mark.parametrize("step", [1e-3, 2e-3, 5e-3])
-@pytest.mark.parametrize("shape", ["box", "mesh"])
+@every(step=[1e-3, 2e-3, 5e-3], shape=["box", "mesh"])
 def test_the_rotation_of_a_cube_that_slides_does_not_depend_on_its_speed(shape, step):
     """A cube of 2 cm with friction 1.2 tips while it slides: friction is mu times the normal force at every speed."""
     geom = f'type="box" size="{HULL_HALF} {HULL_HALF} {HULL_HALF}"' if shape == "box" else 'type="mesh" mesh="cube"'
@@ -369,9 +360,7 @@ def test_the_rotation_of_a_cube_that_slides_does_not_depend_on_its_speed(shape, 
     )
     angles = []
     for speed in (2.0, 4.0, 8.0, 16.0):
-        sim = stepper.Stepper(model, options=stepper.Options(tolerance=1e-6))
-        sim.set_state(qvel=[speed, 0, 0, 0, 0, 0])
-        sim.step(nstep=round(0.06 / step))
+        sim = simulate(model, tolerance=1e-6, qvel=[speed, 0, 0, 0, 0, 0], steps=round(0.06 / step))
         angles.append(2 * np.arccos(abs(float(sim.qpos[3]))))
     assert min(angles) > 0.1
     # A solver residual of 1e-6 m/s, over 60 ms and an arm of 1 cm, is an angle of 6e-6.

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from models import simulate
+from parametrized import every
 from rotations import matrix
 from scenes import BOX, G, every_choice, every_dt, on_plane
 from stepper import Options, Status
@@ -18,8 +19,7 @@ def scene(geom: str, height: float, condim: int, friction: str) -> str:
     </worldbody></mujoco>"""
 
 
-@pytest.mark.parametrize("integrator", ["euler", "midpoint"])
-@pytest.mark.parametrize("condim", [4, 6])
+@every(integrator=["euler", "midpoint"], condim=[4, 6])
 def test_a_spinning_sphere_stops_at_the_rate_of_torsional_friction(condim, integrator):
     """I w' = -mu_t m g with I = 2/5 m r^2: exactly linear, to rest within a step, and then it rests exactly."""
     r, mu, spin, h = 0.1, 0.002, 20.0, 1e-3
@@ -81,8 +81,7 @@ def test_below_the_angle_of_rolling_friction_a_ball_rests():
     for angle, holds in ((limit - 1e-4, True), (limit + 1e-4, False), (limit + 2e-2, False)):
         model = mujoco.MjModel.from_xml_string(scene(f'type="sphere" size="{r}"', r, 6, f"1 .005 {mu}"))
         model.opt.gravity[:] = G * np.array([np.sin(angle), 0, -np.cos(angle)])
-        sim = simulate(model, timestep=2e-3)
-        sim.step(nstep=1000)
+        sim = simulate(model, timestep=2e-3, steps=1000)
         if holds:
             assert np.abs(sim.qvel).max() < 1e-9
             assert abs(sim.qpos[0]) < 1e-9
@@ -116,8 +115,7 @@ def test_forces_are_in_the_elliptic_cone_and_oppose_the_slip(condim):
     rng = np.random.default_rng(1)
     slid = 0
     for _ in range(5):
-        sim = simulate(source, timestep=2e-3)
-        sim.set_state(qvel=np.concatenate([rng.normal(size=2), [0], rng.normal(scale=20, size=3)]))
+        sim = simulate(source, timestep=2e-3, qvel=np.concatenate([rng.normal(size=2), [0], rng.normal(scale=20, size=3)]))
         for _ in range(200):
             sim.step()
             for contact in sim.contacts():
@@ -142,9 +140,7 @@ def test_a_friction_of_zero_costs_no_rows_and_changes_no_bit():
     """With condim 6 but without torsional and rolling friction it is condim 3, to the bit."""
     found = []
     for condim, friction in ((3, "0.7 0 0"), (6, "0.7 0 0")):
-        sim = simulate(scene('type="box" size=".1 .2 .05"', 0.2, condim, friction), timestep=2e-3)
-        sim.set_state(qvel=[1, 0.5, 0, 3, 2, 1])
-        sim.step(nstep=300)
+        sim = simulate(scene('type="box" size=".1 .2 .05"', 0.2, condim, friction), timestep=2e-3, qvel=[1, 0.5, 0, 3, 2, 1], steps=300)
         found.append(np.concatenate([sim.qpos, sim.qvel]))
     assert np.array_equal(*found)
 
@@ -152,8 +148,7 @@ def test_a_friction_of_zero_costs_no_rows_and_changes_no_bit():
 def test_a_contact_without_torsional_friction_has_no_torque():
     """Also if it had some before: coefficients can change between steps."""
     ball = '<body pos="0 0 .1"><freejoint/><geom name="ball" size=".1" condim="4" friction="1 .05 0"/></body>'
-    sim = simulate(f'<mujoco><worldbody><geom type="plane" size="1 1 1" condim="1"/>{ball}</worldbody></mujoco>')
-    sim.set_state(qvel=[0, 0, 0, 0, 0, 50])
+    sim = simulate(f'<mujoco><worldbody><geom type="plane" size="1 1 1" condim="1"/>{ball}</worldbody></mujoco>', qvel=[0, 0, 0, 0, 0, 50])
     sim.step()
     assert abs(sim.contacts()["torque"][0, 0]) > 0.1
     sim.randomize({"geom_friction[ball][1]": 0.0, "geom_friction[0][1]": 0.0})
@@ -284,16 +279,13 @@ def stack(friction: str, step: float, condim: int = 3) -> stepper.Model:
     )
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("step", [1e-3, 2e-3, 5e-3, 1e-2, 2e-2])
-@pytest.mark.parametrize("friction", ["1", "3", "10", "30", "1e9 1e9 1e9"])
+@every(precision=["f64", "f32"], step=[1e-3, 2e-3, 5e-3, 1e-2, 2e-2], friction=["1", "3", "10", "30", "1e9 1e9 1e9"])
 def test_stacked_cubes_settle_at_every_friction(friction, step, precision):
     """Cubes that land on edges lie flat after a second, and move by less than 0.1 mm and 0.2 mrad in the next one.
 
     A residual of the default tolerance, 1e-4 m/s, at an edge 5 cm from the middle of a face is 2e-3 rad/s.
     """
-    sim = stepper.Stepper(stack(friction, step), precision=precision)
-    sim.step(nstep=round(1.0 / step))
+    sim = simulate(stack(friction, step), precision=precision, steps=round(1.0 / step))
     # Position correction leaves up to 0.01 mm per contact, thus 0.02 mm of the upper cube. Measured: up to 0.009 mm.
     np.testing.assert_allclose(sim.qpos[[2, 9]], [0.05, 0.15], atol=2.5e-5)
     # Measured: up to 9e-5 in f64, and 3.5e-4 in f32. At the largest friction, short steps bring the cubes to rest: up to 1e-8 and 3e-5.
@@ -314,9 +306,7 @@ def sheared(friction: float, condim: int, precision: str) -> np.ndarray:
     return np.concatenate([sim.qpos, sim.qvel])
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("friction", [31.0, 100.0, 1e3, 1e6, 1e9])
-@pytest.mark.parametrize("condim", [3, 4, 6])
+@every(precision=["f64", "f32"], friction=[31.0, 100.0, 1e3, 1e6, 1e9], condim=[3, 4, 6])
 def test_larger_friction_acts_as_friction_30(condim, friction, precision):
     """States are equal to the last bit, because the solver's cone is the same."""
     np.testing.assert_array_equal(sheared(friction, condim, precision), sheared(LARGEST, condim, precision))
@@ -331,9 +321,7 @@ def test_large_sliding_friction_leaves_torsional_friction_alone(torsion):
             f"""<mujoco><default><geom friction="{sliding} {torsion} 0" condim="4"/></default><worldbody><geom type="plane" size="0 0 .1"/>
             <body name="ball" pos="0 0 .05"><freejoint/><geom type="sphere" size=".05" mass="1"/></body></worldbody></mujoco>"""
         )
-        sim = stepper.Stepper(model)
-        sim.set_state(qvel=[0, 0, 0, 0, 0, spin])
-        sim.step(nstep=2)
+        sim = simulate(model, qvel=[0, 0, 0, 0, 0, spin], steps=2)
         braking = torsion * 9.81 / model.body("ball").inertia[2]
         # One contact, whose forces are exact up to rounding.
         assert sim.qvel[5] == pytest.approx(spin - braking * 2 * sim.timestep, rel=1e-9)

@@ -11,6 +11,7 @@ from atlas.scenes.flight import ENERGY, I1, I2, I3, L2, PERIOD, SPIN, TOUCH, ome
 from heaps import Heap, heap
 from models import SOURCES, afloat, simulate
 from numerics import slope
+from parametrized import every
 from rotations import about, matrix, product
 
 BODY = f"""<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>
@@ -18,9 +19,7 @@ BODY = f"""<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>
 
 
 def spun(dt: float, integrator: str, seconds: float):
-    sim = simulate(BODY, timestep=dt, integrator=integrator)
-    sim.set_state(qvel=[0, 0, 0, 0, SPIN, TOUCH])
-    sim.step(nstep=round(seconds / dt))
+    sim = simulate(BODY, timestep=dt, integrator=integrator, qvel=[0, 0, 0, 0, SPIN, TOUCH], steps=round(seconds / dt))
     return sim
 
 
@@ -32,8 +31,7 @@ def test_the_closed_form_starts_where_the_body_starts():
 
 def test_two_flips_are_jacobis():
     """Within 1e-9 of SPIN at every tenth of a period, by a rule of fourth order whose local error (omega h)^5 is 3e-12 a step of 1 ms."""
-    sim = simulate(BODY, timestep=PERIOD / 5000, integrator="rk4")
-    sim.set_state(qvel=[0, 0, 0, 0, SPIN, TOUCH])
+    sim = simulate(BODY, timestep=PERIOD / 5000, integrator="rk4", qvel=[0, 0, 0, 0, SPIN, TOUCH])
     for k in range(1, 11):
         sim.step(nstep=500)
         assert sim.qvel[3:] == pytest.approx(omega(k * PERIOD / 10), abs=1e-9 * SPIN)
@@ -61,8 +59,7 @@ SINGLE = {
 }
 
 
-@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
-@pytest.mark.parametrize("body", SINGLE)
+@every(dt=[1e-3, 5e-3, 2e-2], body=SINGLE)
 def test_the_midpoint_rule_keeps_momentum_exactly_and_energy_without_drift(body, dt):
     """Over a hundred periods, or as long.
 
@@ -119,8 +116,7 @@ def drifts(model: mujoco.MjModel, steps, **options) -> list[float]:
     return found
 
 
-@pytest.mark.parametrize("integrator", ORDERS)
-@pytest.mark.parametrize("name", ["dm_control/humanoid", "gymnasium/ant"])
+@every(integrator=ORDERS, name=["dm_control/humanoid", "gymnasium/ant"])
 def test_internal_torques_leave_momentum_alone(name, integrator):
     """What changes is the truncation error of the rule, so it falls with its order: within 0.2, as in test_order_of_convergence."""
     steps = [1e-3, 5e-4, 2.5e-4]

@@ -7,6 +7,7 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from models import SOURCES, afloat, random_quaternion, simulate
+from parametrized import every
 from stepper import Options, Status
 
 HEAD = '<mujoco><option gravity="0 0 0"/><worldbody>'
@@ -28,8 +29,7 @@ every_stabilization = pytest.mark.parametrize("stabilization", ["baumgarte", "sp
 @every_stabilization
 @every_integrator
 @every_dt
-@pytest.mark.parametrize("body", BODIES)
-@pytest.mark.parametrize("way", [0.011, 0.3, 3.0])
+@every(body=BODIES, way=[0.011, 0.3, 3.0])
 def test_a_wall_stops_what_flies_into_it(body, way, dt, integrator, stabilization):
     """`way` in m per step: eleven walls to three thousand. Every environment meets the wall in another phase of the step."""
     text = HEAD + WALL + f"<body><freejoint/><geom {BODIES[body]}/></body>" + TAIL
@@ -227,9 +227,7 @@ def fly(scene, contact, timestep, qpos, qvel):
     """One step of something that flies, without gravity: whether it is flagged, and whether it meets the wall on its way."""
     source = f'<mujoco><option gravity="0 0 0" timestep="{timestep}"/><worldbody>{scene}</worldbody></mujoco>'
     compiled = mujoco.MjModel.from_xml_string(source)
-    sim = stepper.Stepper(stepper.load(compiled), options=Options(contact=contact, integrator="euler"))
-    sim.set_state(qpos=qpos, qvel=qvel)
-    sim.step()
+    sim = simulate(compiled, contact=contact, integrator="euler", qpos=qpos, qvel=qvel, steps=1)
     data, meets, towards = mujoco.MjData(compiled), False, np.zeros(6)
     for part in np.linspace(0, 1, 201):
         data.qpos[:] = qpos
@@ -257,9 +255,7 @@ def test_nothing_is_flagged_that_does_not_meet(contact, wall, thing, timestep, s
     assert meets or not flagged
 
 
-@pytest.mark.parametrize("thing", ["ball", "rod", "brick"])
-@pytest.mark.parametrize("wall", WALLS)
-@pytest.mark.parametrize("timestep", [1e-3, 5e-3])
+@every(thing=["ball", "rod", "brick"], wall=WALLS, timestep=[1e-3, 5e-3])
 def test_what_passes_through_unseen_is_flagged(wall, thing, timestep):
     """By MuJoCo's law, which looks ahead of nothing: a tenth of a metre a step, through the middle of a wall of 4 to 8 mm."""
     rng = np.random.default_rng(0)
@@ -306,9 +302,7 @@ def test_a_sphere_through_a_ridge_of_a_field_is_flagged():
 # Motion that a step is too long for: it is said, and no energy comes of it.
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit"])
-@pytest.mark.parametrize("dt", [0.05, 0.1])
-@pytest.mark.parametrize("name", ["dm_control/humanoid", "gymnasium/ant"])
+@every(integrator=["midpoint", "implicit"], dt=[0.05, 0.1], name=["dm_control/humanoid", "gymnasium/ant"])
 def test_without_input_a_thrown_robot_gains_no_energy(name, dt, integrator):
     """Ten, then a hundred radians a second and more in every joint, no gravity, nothing to touch: limbs whirl by radians in a step."""
     model = afloat(name, gravity=False)
@@ -325,8 +319,7 @@ def test_without_input_a_thrown_robot_gains_no_energy(name, dt, integrator):
         assert not said & stepper.Status.NON_FINITE
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit"])
-@pytest.mark.parametrize("dt", [0.05, 0.1])
+@every(integrator=["midpoint", "implicit"], dt=[0.05, 0.1])
 def test_a_humanoid_under_random_control_stays_finite(dt, integrator):
     """On the floor, with motors that work on it: no speed beyond what its motors can give it."""
     model = mujoco.MjModel.from_xml_path(str(SOURCES["dm_control/humanoid"]))
@@ -343,9 +336,7 @@ def test_a_fast_wheel_is_no_unresolved_motion():
     """Five radians a step about a fixed axis: no velocity-dependent force, nothing to resolve."""
     text = """<mujoco><worldbody><body><joint type="hinge" axis="0 0 1"/>
       <geom type="cylinder" size=".2 .05"/></body></worldbody></mujoco>"""
-    sim = simulate(text, timestep=5e-3)
-    sim.set_state(qvel=[1000.0])
-    sim.step(nstep=1000)
+    sim = simulate(text, timestep=5e-3, qvel=[1000.0], steps=1000)
     assert sim.status == stepper.Status.OK
     assert sim.qvel[0] == pytest.approx(1000.0, rel=1e-12)
 
@@ -360,8 +351,7 @@ STIFF = """<mujoco><worldbody><body><joint name="j" axis="0 0 1"/><geom type="ca
 )
 def test_an_explicit_servo_that_diverges_is_flagged_before_the_numbers_are_absurd(contact, integrator):
     """h^2 kp / I is 1e3, and a rule that evaluates the servo before the step multiplies the motion by about as much in each."""
-    sim = stepper.Stepper(stepper.load(STIFF), options=stepper.Options(timestep=0.01, integrator=integrator, contact=contact))
-    sim.set_state(qpos=[0.01])
+    sim = simulate(STIFF, timestep=0.01, integrator=integrator, contact=contact, qpos=[0.01])
     said, largest = 0, 0.0
     while not said & stepper.Status.UNRESOLVED:
         sim.step()

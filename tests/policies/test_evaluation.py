@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import stepper.envs
 from envs.cases import Strong, needs_gymnasiums
+from refusals import raises
 from scipy import stats
 from stepper.envs.tasks import InvertedPendulum
 from stepper.policies import Comparison, Evaluation, compare, evaluate, make
@@ -163,13 +164,11 @@ def test_a_policy_whose_actions_are_nan_is_an_error():
 ])  # fmt: skip
 def test_what_cannot_be_evaluated_is_an_error(arguments, message):
     env, settings = arguments
-    with pytest.raises(ValueError, match=message):
-        evaluate(still, env, **settings)
+    raises(ValueError, message, evaluate, still, env, **settings)
 
 
 def test_starts_are_of_a_stepper():
-    with pytest.raises(ValueError, match="one must be on stepper"):
-        compare(still, "InvertedPendulum-v5", "InvertedPendulum-v4")
+    raises(ValueError, "one must be on stepper", compare, still, "InvertedPendulum-v5", "InvertedPendulum-v4")
 
 
 def test_starts_are_those_of_the_seeds():

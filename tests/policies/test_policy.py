@@ -13,6 +13,7 @@ import pytest
 import stepper
 import stepper.envs
 from envs.cases import needs_gymnasiums
+from refusals import raises
 from stepper.policies import ACTIVATIONS, Policy, PolicyError, PolicyWarning, describe, differences, load
 
 
@@ -142,8 +143,7 @@ def test_gymnasiums_own_environment_is_told_by_its_engine(envs):
 def test_other_sizes_are_an_error(envs):
     with pytest.raises(PolicyError, match=r"observations \(17,\) and actions \(6,\), the policy \(10,\) and \(2,\).*Reacher"):
         made(envs).check(gymnasium.make("stepper/HalfCheetah-v5"))
-    with pytest.raises(PolicyError, match=r"shape \(9,\), must be \(10,\)"):
-        made(envs)(np.zeros(9))
+    raises(PolicyError, r"shape \(9,\), must be \(10,\)", lambda: made(envs)(np.zeros(9)))
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -158,8 +158,7 @@ def test_other_sizes_are_an_error(envs):
     *(({"clip": clip}, r"clip is .*, must be a number above 0: 10.0 is usual") for clip in (np.nan, -1.0, 0.0, "1", None, True)),
 ])  # fmt: skip
 def test_a_policy_that_could_not_act_is_not_made(envs, change, message):
-    with pytest.raises(PolicyError, match=message):
-        replace(made(envs), **change)
+    raises(PolicyError, message, lambda: replace(made(envs), **change))
     assert replace(made(envs), clip=np.inf).clip == np.inf
 
 
@@ -172,8 +171,7 @@ def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
     settings = json.dumps({"format": 1, "clip": 5.0, "activation": "tanh", "environment": {}, "training": {}})
     np.savez(tmp_path / "scalar.npz", settings=np.array(settings), mean=np.zeros(()), std=np.ones(()), low=np.zeros(()), high=np.ones(()))
     for name in ("text", "other", "future", "list", "scalar"):
-        with pytest.raises(PolicyError, match=f"{name}.npz"):
-            load(tmp_path / f"{name}.npz")
+        raises(PolicyError, f"{name}.npz", load, tmp_path / f"{name}.npz")
     # Also a file of PyTorch, which is a ZIP archive as those of NumPy.
     for name in ("other", "list", "dict"):
         with pytest.raises(PolicyError) as error:
@@ -184,12 +182,10 @@ def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
         )
     with pytest.raises(FileNotFoundError):
         load(tmp_path / "nothing.npz")
-    with pytest.raises(ValueError, match=r"must be \.npz"):
-        made(envs).save(tmp_path / "policy.pt")
+    raises(ValueError, r"must be \.npz", lambda: made(envs).save(tmp_path / "policy.pt"))
     made(envs).save(tmp_path / "cut.npz")
     (tmp_path / "cut.npz").write_bytes((tmp_path / "cut.npz").read_bytes()[:-100])
-    with pytest.raises(PolicyError, match=r"cut\.npz"):
-        load(tmp_path / "cut.npz")
+    raises(PolicyError, r"cut\.npz", load, tmp_path / "cut.npz")
 
 
 def test_a_damaged_file_is_refused_by_name(envs, tmp_path):
@@ -243,8 +239,7 @@ def test_arrays_of_a_policy_are_of_real_numbers(envs, name, change):
     (weight, bias), *others = one.layers
     own = {"weights": ((change(weight), bias), *others), "biases": ((weight, change(bias)), *others)}
     own = {"layers": own[name]} if name in own else {name: change(getattr(one, name))}
-    with pytest.raises(PolicyError, match=rf"{name}.* is (MaskedArray|ndarray|list).*, must be an array of real numbers"):
-        replace(one, **own)
+    raises(PolicyError, rf"{name}.* is (MaskedArray|ndarray|list).*, must be an array of real numbers", replace, one, **own)
 
 
 def test_a_damaged_clip_in_a_file_is_named(envs, tmp_path):
@@ -254,5 +249,4 @@ def test_a_damaged_clip_in_a_file_is_named(envs, tmp_path):
         arrays = dict(archive)
     arrays["settings"] = np.array(json.dumps(json.loads(str(arrays["settings"])) | {"clip": -1.0}))
     np.savez(tmp_path / "p.npz", **arrays)
-    with pytest.raises(PolicyError, match=r"p\.npz: clip is -1\.0, must be a number above 0"):
-        load(tmp_path / "p.npz")
+    raises(PolicyError, r"p\.npz: clip is -1\.0, must be a number above 0", load, tmp_path / "p.npz")

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import gymnasium
 import numpy as np
 import pytest
+from refusals import raises
 from stepper import policies
 from stepper.adapters.native import make_native
 from stepper.cli import main
@@ -80,13 +81,11 @@ class Dark(gymnasium.Env):
 def test_a_film_that_cannot_be_drawn_is_refused_before_the_training(tmp_path):
     if "test/Dark-v0" not in gymnasium.registry:
         gymnasium.register("test/Dark-v0", entry_point=Dark)
-    with pytest.raises(RuntimeError, match="cannot draw here"):
-        check_film("test/Dark-v0", tmp_path / "film.mp4")
+    raises(RuntimeError, "cannot draw here", check_film, "test/Dark-v0", tmp_path / "film.mp4")
 
 
 def test_a_film_of_another_format_is_refused_before_the_training():
-    with pytest.raises(ValueError, match=r"the film's file is 'film\.gif', must end in \.mp4"):
-        check_film("stepper/HalfCheetah-v5", "film.gif")
+    raises(ValueError, r"the film's file is 'film\.gif', must end in \.mp4", check_film, "stepper/HalfCheetah-v5", "film.gif")
 
 
 REACHER = "stepper/Reacher-v5"
@@ -111,8 +110,7 @@ def test_values_of_the_command_line_are_arguments_of_the_environment():
     (["contact=hard"], "--values sets contact: use the option --contact instead"),
 ])  # fmt: skip
 def test_wrong_values_are_refused(values, message):
-    with pytest.raises(ValueError, match=message):
-        ppo_settings.settings_of(REACHER, {"values": values})
+    raises(ValueError, message, ppo_settings.settings_of, REACHER, {"values": values})
 
 
 def test_values_are_numbers_words_tuples_mappings_and_texts():
@@ -175,8 +173,7 @@ def test_evaluate_gives_values_to_both_environments(monkeypatch, capsys):
     ("tasks/reach_task.py:me/Reach-v0", "write reach_task:me/Reach-v0, with the id"),
 ])  # fmt: skip
 def test_a_file_in_place_of_an_environment_gets_its_remedy(env, remedy):
-    with pytest.raises(ValueError, match=f"is a file, must be the id of an environment: {remedy}"):
-        make(env)
+    raises(ValueError, f"is a file, must be the id of an environment: {remedy}", make, env)
 
 
 @pytest.mark.parametrize(("env", "hint"), [

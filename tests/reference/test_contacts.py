@@ -66,9 +66,7 @@ def core_enters(data) -> bool:
 
 def pairs_of(model, qpos):
     """(MuJoCo's contacts, stepper's) of every pose: dist, normal and pos by row, nearest first."""
-    sim = simulate(model, len(qpos), timestep=1e-9)
-    sim.set_state(qpos=qpos)
-    sim.step()
+    sim = simulate(model, len(qpos), timestep=1e-9, qpos=qpos, steps=1)
     data = mujoco.MjData(model)
     for env, q in enumerate(qpos):
         data.qpos[:] = q

@@ -10,6 +10,8 @@ import stepper
 from actuators import ALL_KINDS, TARGETS, TREE, scene
 from models import forward, random_state, simulate
 from numerics import relative_error
+from parametrized import every
+from refusals import raises
 
 BOUND = 1e-10  # As for smooth dynamics: rounding (1e-16) times what a mass matrix loses in a difference of accelerations.
 STATES = 20
@@ -39,8 +41,7 @@ def test_forces_lengths_and_velocities(kind):
         assert relative_error(reader.sensordata_ideal, data.sensordata) < BOUND
 
 
-@pytest.mark.parametrize("gear", ["0 0 0 1 0 0", "0 0 0 .1 0 -.05", "0 0 0 -2 1 3", "1 0 0 1 0 0"])
-@pytest.mark.parametrize("sites", [("tip", "hull"), ("hull", "base"), ("base", "hand")])
+@every(gear=["0 0 0 1 0 0", "0 0 0 .1 0 -.05", "0 0 0 -2 1 3", "1 0 0 1 0 0"], sites=[("tip", "hull"), ("hull", "base"), ("base", "hand")])
 def test_setpoints_of_angles_are_those_nearest_to_them(sites, gear):
     """Servos of a rotational gear with a reference, on a free base: setpoints up to several turns away, and what is no such servo.
 
@@ -90,8 +91,7 @@ def test_setpoints_of_balls_are_those_nearest_to_them(target):
         assert relative_error(sim.qacc_smooth, data.qacc_smooth) < BOUND
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
-@pytest.mark.parametrize("kind", ["motor", "position", "velocity"])
+@every(integrator=["midpoint", "implicit", "euler", "rk4"], kind=["motor", "position", "velocity"])
 def test_trajectories_of_actuators_on_sites(kind, integrator):
     """Every integrator converges to MuJoCo's trajectory at a fine step: arms, reactions and implicit parts are those of one model."""
     text, until, fine = scene(kind), 0.05, 2e-5
@@ -125,8 +125,7 @@ EARLY = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joi
   <actuator><general joint="axle" dyntype="filter" dynprm=".1" gainprm="3" actearly="{early}"/></actuator></mujoco>"""
 
 
-@pytest.mark.parametrize("contact", ["hard", "mujoco"])
-@pytest.mark.parametrize("integrator", ["euler", "implicit", "midpoint"])
+@every(contact=["hard", "mujoco"], integrator=["euler", "implicit", "midpoint"])
 def test_an_early_activation_is_that_after_the_step(integrator, contact):
     """The first step from rest already has the force of the control, by both laws, and derivatives by the control have it."""
     if contact == "mujoco" and integrator == "midpoint":
@@ -145,9 +144,7 @@ def test_an_early_activation_is_that_after_the_step(integrator, contact):
     assert early.model.explain().count("early activations") == 1
 
 
-@pytest.mark.parametrize("delay", [0.3, 1, 1.5, 2.49999999999999, 2.5, 3, 7])
-@pytest.mark.parametrize("samples", [1, 2, 3, 5, 8])
-@pytest.mark.parametrize("interp", ["zoh", "linear"])
+@every(delay=[0.3, 1, 1.5, 2.49999999999999, 2.5, 3, 7], samples=[1, 2, 3, 5, 8], interp=["zoh", "linear"])
 def test_controls_are_as_late_as_mujocos(delay, samples, interp):
     """Delays in steps, whatever acts between two controls, and where the history is too short. The first control is 0, as MuJoCo's are.
 
@@ -181,8 +178,7 @@ def test_a_declared_delay_adds_to_a_drives_and_to_a_batch():
 def test_a_cubic_delay_is_refused_but_where_it_is_whole():
     history = 'nsample="8" interp="cubic" delay="{}"'
     stepper.load(WHEEL.format(history=history.format(0.03)))
-    with pytest.raises(stepper.ModelError, match=r"actuator delay.*m.*cubic"):
-        stepper.load(WHEEL.format(history=history.format(0.025)))
+    raises(stepper.ModelError, r"actuator delay.*m.*cubic", lambda: stepper.load(WHEEL.format(history=history.format(0.025))))
 
 
 @pytest.mark.parametrize("actuator", [
@@ -197,13 +193,11 @@ def test_a_cubic_delay_is_refused_but_where_it_is_whole():
 ])  # fmt: skip
 def test_motors_and_servos_beyond_an_affine_law_are_refused_by_name(actuator):
     text = TREE.format(actuators=f"<{actuator.format(TARGETS['joint'])} name='hip'/>", sensors="")
-    with pytest.raises(stepper.ModelError, match=r"hip.*(dcmotor|pid|2 controls) not simulated"):
-        stepper.load(text)
+    raises(stepper.ModelError, r"hip.*(dcmotor|pid|2 controls) not simulated", stepper.load, text)
     assert stepper.load(text, strict=False).nu == 0
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit"])
-@pytest.mark.parametrize("target", ["site on the world", "site on the same tree"])
+@every(integrator=["midpoint", "implicit"], target=["site on the world", "site on the same tree"])
 def test_a_stiff_servo_on_a_site_is_stable(target, integrator):
     """At h sqrt(k/m) of 20 and more: what the mass matrix holds of a wrench, on one chain or across branches, keeps the motion bounded."""
     actuator = f'<position {TARGETS[target]} kp="1e6" kv="1e3" name="a"/>'
@@ -287,9 +281,7 @@ def hanging(mass=0.5, z=0.9, h=0.002, reach="", **more) -> stepper.Stepper:
     return stepper.Stepper(stepper.load(HANGING.format(mass=mass, z=z, h=h, reach=reach)), **more)
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
-@pytest.mark.parametrize("h", [0.001, 0.005, 0.02])
+@every(precision=["f64", "f32"], integrator=["midpoint", "implicit", "euler", "rk4"], h=[0.001, 0.005, 0.02])
 def test_suction_holds_a_box_at_rest(integrator, h, precision):
     """10 N hold 0.5 kg for ten seconds. Without control the box falls freely."""
     sim = hanging(h=h, options=stepper.Options(integrator=integrator), precision=precision)
@@ -347,11 +339,9 @@ def test_derivatives_by_the_control_are_those_of_the_pull(contact):
 def test_what_adhesion_cannot_be_is_refused():
     biased = '<actuator><general name="g" body="cup" gainprm="1" biastype="affine" biasprm="0 0 -1"/></actuator>'
     scene = HANGING.format(mass=1, z=0.9, h=0.002, reach="").split("<actuator>")[0] + biased + "</mujoco>"
-    with pytest.raises(stepper.ModelError, match="actuator g: transmission body with a force that depends on its length or velocity"):
-        stepper.load(scene)
+    raises(stepper.ModelError, "actuator g: transmission body with a force that depends on its length or velocity", stepper.load, scene)
     model = stepper.load(HANGING.format(mass=1, z=0.9, h=0.002, reach=""))
     assert (model.actuator(0).trntype, model.actuator(0).trnid) == ("body", model.body("cup").id)
-    with pytest.raises(stepper.ModelError, match="it acts on the contacts of a body"):
-        model.replace(actuator_gear=[[2.0, 0, 0, 0, 0, 0]])
+    raises(stepper.ModelError, "it acts on the contacts of a body", model.replace, actuator_gear=[[2.0, 0, 0, 0, 0, 0]])
     with pytest.raises(ValueError, match="servo"):
         stepper.Stepper(model, actuators=stepper.ActuatorModel({"*": stepper.Drive(servo=stepper.actuators.PID(kp=1.0))}))

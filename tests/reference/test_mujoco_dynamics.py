@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from models import SOURCES, forward, full_mass_matrix, mujoco_model, random_state, simulate, stepper_model
 from numerics import relative_error
+from parametrized import every
 
 STATES = 20
 BOUND = 1e-10  # Asked for by issue 2: rounding (1e-16) times the condition of the worst mass matrix (1e6, the stacker's).
@@ -184,8 +185,7 @@ def test_a_centre_of_mass_that_mujoco_rounds_to_the_bodys_origin():
     size = np.sqrt(np.outer(np.diag(right), np.diag(right)))
     apart = {}
     for name, model in {"as it is": rounded, "centred": centred}.items():
-        sim = simulate(model)
-        sim.set_state(qpos, qvel)
+        sim = simulate(model, qpos=qpos, qvel=qvel)
         apart[name] = np.abs((sim.mass_matrix() - right) / size).max()
     assert apart["centred"] < 1e-15
     # m |c| over sqrt(m I): 178 kg, 2.9e-9 m, 8.8 kg m^2.
@@ -212,8 +212,7 @@ SHAPES = {"boxes": ("", ""), "ellipsoids": (ELLIPSOID, 'fluidshape="ellipsoid"')
 MEDIA = {"vacuum": (0, 0, "0 0 0"), "syrup": (0, 3.0, "0 0 0"), "thin": (1.2, 0, "3 -2 1"), "water": (1000.0, 1e-3, "1 0 .2")}
 
 
-@pytest.mark.parametrize("medium", MEDIA)
-@pytest.mark.parametrize("shapes", SHAPES)
+@every(medium=MEDIA, shapes=SHAPES)
 def test_passive_forces(shapes, medium):
     """The force that the accelerations show beyond the bias, in twenty random states, the first at rest."""
     density, viscosity, wind = MEDIA[medium]
@@ -256,8 +255,7 @@ def test_drag_takes_energy_out_however_strong(density, viscosity, shape, integra
     """
     text = f"""<mujoco>{MEDIUM.format(density=density, viscosity=viscosity, wind="0 0 0")}<worldbody><body><freejoint/>
       <geom type="box" size=".2 .1 .02" density="500" {shape}/></body></worldbody></mujoco>"""
-    sim = simulate(stepper_weightless(text), timestep=1e-2, integrator=integrator)
-    sim.set_state(qvel=[3, -2, 1, 5, -4, 6])
+    sim = simulate(stepper_weightless(text), timestep=1e-2, integrator=integrator, qvel=[3, -2, 1, 5, -4, 6])
     before = first = sum(sim.energy())
     for _ in range(500):
         sim.step()
@@ -276,8 +274,7 @@ def test_terminal_speed():
     """A ball in syrup sinks at m g / (3 pi d mu) (Stokes)."""
     text = """<mujoco><option density="0" viscosity="50"/><worldbody><body><freejoint/>
       <geom size=".05" density="3000"/></body></worldbody></mujoco>"""
-    sim = simulate(text, timestep=1e-2)
-    sim.step(nstep=1000)
+    sim = simulate(text, timestep=1e-2, steps=1000)
     radius = 0.05
     mass = 3000 * 4 / 3 * np.pi * radius**3
     # The cube of a ball's inertia, m (a^2 + a^2) / 3 = 2/5 m r^2 with half side a; the model's ball has the diameter 2 a.
@@ -307,8 +304,7 @@ def fluid_forces(kind: str, size, coef, rng, *, wind: str = "3 -2 1", speed: flo
     return np.array(found), np.array(right)
 
 
-@pytest.mark.parametrize("thin", [1.0, 1e-2, 1e-4])
-@pytest.mark.parametrize("large", [1.0, 1e-3])
+@every(thin=[1.0, 1e-2, 1e-4], large=[1.0, 1e-3])
 @pytest.mark.parametrize(("speed", "wind"), [(10.0, "3 -2 1"), (1e-3, "0 0 0")])
 def test_ellipsoids_of_any_size_and_thinness_at_any_speed(thin, large, speed, wind):
     """Every coefficient by itself and all together, on ellipsoids and boxes: plates and needles too.

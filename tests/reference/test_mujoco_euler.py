@@ -10,6 +10,7 @@ import stepper
 from flights import SCENES, converged, run, scene
 from models import SOURCES, afloat, random_state, simulate
 from numerics import slope, state_error
+from parametrized import every
 
 ROBOTS = ["gymnasium/humanoid", "gymnasium/half_cheetah", "dm_control/walker", "dm_control/quadruped"]
 STEPS = 20
@@ -26,8 +27,7 @@ def test_damping_is_as_implicit_as_the_flag_says(robot, explicit):
     rng = np.random.default_rng(0)
     qpos, qvel = random_state(model, rng, speed=1.0)
     ctrl = rng.uniform(-0.3, 0.3, model.nu)
-    sim = simulate(model, integrator="euler", timestep=1e-3)
-    sim.set_state(qpos, qvel)
+    sim = simulate(model, integrator="euler", timestep=1e-3, qpos=qpos, qvel=qvel)
     sim.step(ctrl, nstep=STEPS)
     ends = []
     for flags in (model.opt.disableflags, model.opt.disableflags ^ int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)):
@@ -47,9 +47,7 @@ def test_other_integrators_know_no_explicit_damping():
     text = """<mujoco><option gravity="0 0 0"><flag eulerdamp="disable"/></option><worldbody><body>
       <joint type="slide" axis="1 0 0" damping="1e4"/><geom size=".1" mass="1"/></body></worldbody></mujoco>"""
     for integrator in ("midpoint", "implicit"):
-        sim = simulate(text, integrator=integrator)
-        sim.set_state(qvel=[1.0])
-        sim.step(nstep=20)
+        sim = simulate(text, integrator=integrator, qvel=[1.0], steps=20)
         assert abs(sim.qvel[0]) < 1e-6
 
 
@@ -138,8 +136,7 @@ STIFF = {("humanoid", "rk4"): [2e-3, 1e-3, 5e-4]}
 """Where damping over armature gives rates of 200/s, steps must be shorter than 5 ms for the order to show."""
 
 
-@pytest.mark.parametrize("integrator", ORDERS)
-@pytest.mark.parametrize("name", SCENES)
+@every(integrator=ORDERS, name=SCENES)
 def test_order_of_convergence(name, integrator):
     """The humanoid has springs, dampers and a constant control.
 
@@ -152,15 +149,13 @@ def test_order_of_convergence(name, integrator):
     assert abs(slope(steps, errors) - order) < 0.2
 
 
-@pytest.mark.parametrize("integrator", ORDERS)
-@pytest.mark.parametrize("name", ["double pendulum", "5-link chain"])
+@every(integrator=ORDERS, name=["double pendulum", "5-link chain"])
 def test_energy_is_constant_to_the_order_of_the_rule(name, integrator):
     """In two seconds of swinging at the time steps that a user may choose: within 0.2 of the order or better, as above."""
     model, qpos, qvel, _ = scene(name)
     steps, errors = [4e-3, 2e-3, 1e-3], []
     for dt in steps:
-        sim = simulate(model, integrator=integrator, timestep=dt)
-        sim.set_state(qpos, qvel)
+        sim = simulate(model, integrator=integrator, timestep=dt, qpos=qpos, qvel=qvel)
         start, worst = sum(sim.energy()), 0.0
         for _ in range(100):
             sim.step(nstep=round(0.02 / dt))

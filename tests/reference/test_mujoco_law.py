@@ -8,6 +8,7 @@ from equalities import KINDS, LINKAGE
 from models import SOURCES
 from mujoco_law.parity import AGREES, compare, prepare, states
 from mujoco_law.parity import States as Found
+from parametrized import every
 
 # The acceleration of both is that of a strictly convex problem, which both solve until rounding stops them: relative to 1 + max |qvel| the
 # velocities after a step differ by less than 1e-9, or than MuJoCo's own solvers do (Parity.agrees).
@@ -65,8 +66,7 @@ def assert_same_velocity(sim, model, found):
         assert np.abs(sim.qvel[env] - data.qvel).max() < AGREES * (1 + np.abs(found.qvel[env]).max())
 
 
-@pytest.mark.parametrize("sweeps", [0, 20])
-@pytest.mark.parametrize("name", sorted(set(SOURCES) - set(LEFT_OUT)))
+@every(sweeps=[0, 20], name=sorted(set(SOURCES) - set(LEFT_OUT)))
 def test_robots_of_others_step_as_in_mujoco(name, sweeps):
     """With and without noslip sweeps, which do the same in the same order."""
     model = compiled(SOURCES[name], noslip_iterations=sweeps)
@@ -75,9 +75,7 @@ def test_robots_of_others_step_as_in_mujoco(name, sweeps):
     assert found.same == 1.0 or name in OTHER_POINTS
 
 
-@pytest.mark.parametrize("sweeps", [0, 20])
-@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
-@pytest.mark.parametrize("integrator", ["euler", "implicitfast", "implicit", "discrete", "rk4"])
+@every(sweeps=[0, 20], cone=["pyramidal", "elliptic"], integrator=["euler", "implicitfast", "implicit", "discrete", "rk4"])
 def test_every_cone_with_every_integrator(cone, integrator, sweeps):
     cone, integrator = getattr(mujoco.mjtCone, f"mjCONE_{cone.upper()}"), getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     found = parity(compiled(SOURCES["dm_control/quadruped"], cone=int(cone), integrator=int(integrator), noslip_iterations=sweeps))

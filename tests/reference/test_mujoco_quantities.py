@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from models import SOURCES, afloat, forward, full_mass_matrix, random_quaternion, random_state, stepper_model
+from models import SOURCES, afloat, forward, full_mass_matrix, random_quaternion, random_state, simulate, stepper_model
 from rotations import matrix
 from stepper._quantities import KINDS
 
@@ -269,8 +269,7 @@ def test_mass_matrices_and_inverse_dynamics_are_mujocos(name):
     sim.qfrc_applied[:], sim.xfrc_applied[:] = rng.normal(size=(CROWD, source.nv)), rng.normal(size=(CROWD, source.nbody, 6))
     qacc = rng.normal(size=(CROWD, source.nv))
     mass, bias, forces = sim.mass_matrix(), sim.qfrc_bias, sim.inverse_dynamics(qacc)
-    half = stepper.Stepper(sim.model, CROWD, precision="f32")
-    half.set_state(q, v)
+    half = simulate(sim.model, CROWD, precision="f32", qpos=q, qvel=v)
     data = mujoco.MjData(source)
     for k in range(CROWD):
         data.qpos[:], data.qvel[:], data.qacc[:] = q[k], v[k], qacc[k]

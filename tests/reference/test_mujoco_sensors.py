@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, forward, random_quaternion, random_state, simulate
+from parametrized import every
 from stepper.loading.mjcf.sensors import MISSING
 from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
@@ -219,8 +220,7 @@ def test_limits_are_overlaps_as_mujocos_and_forces_as_statics_has_them():
     assert 50 < beyond < 350
     # At rest the second mass hangs on the rope, 3 g, which draws the first one down twice as much; that lies in its own limit, which
     # bears (2 + 3) g + 2 x 3 g.
-    sim = simulate(stepper.load(compiled), tolerance=1e-6)
-    sim.step(nstep=3000)
+    sim = simulate(stepper.load(compiled), tolerance=1e-6, steps=3000)
     assert sim.status == 0
     # Rows are solved to 1e-6 m/s in a step of 1 ms, for 2 kg and more: 1e-2 N.
     np.testing.assert_allclose(sim.sensordata_ideal[[2, 5]], [11 * 9.81, 3 * 9.81], atol=1e-2)
@@ -277,10 +277,7 @@ def test_rays_and_distances_are_mujocos():
     assert 50 < hits < 300
 
 
-@pytest.mark.parametrize("interp", ["zoh", "linear"])
-@pytest.mark.parametrize("samples", [0, 1, 2, 5])
-@pytest.mark.parametrize("interval", [0, 1, 1.5, 2.5, 3])
-@pytest.mark.parametrize("delay", [0, 0.3, 0.5, 1, 1.5, 3, 4])
+@every(interp=["zoh", "linear"], samples=[0, 1, 2, 5], interval=[0, 1, 1.5, 2.5, 3], delay=[0, 0.3, 0.5, 1, 1.5, 3, 4])
 def test_readings_are_as_late_as_mujocos(delay, interval, samples, interp):
     """Delays below a step, buffers that are too short for the delay, and intervals without a buffer. Times in steps."""
     # A power of two: sums of time steps have no rounding error, which could delay MuJoCo's samples by a step.

@@ -6,7 +6,8 @@ import pytest
 import stepper
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from models import full_mass_matrix
+from models import full_mass_matrix, simulate
+from refusals import raises
 from stepper import Options, Status
 
 BLOCK = """<mujoco><option timestep=".002" cone="{cone}" noslip_iterations="{sweeps}" gravity="4.0 0 -8.96"/>
@@ -51,17 +52,14 @@ def test_what_the_model_says():
     assert back == other
     assert other != model
     for wrong in (2.5, -1.0, np.nan):
-        with pytest.raises(stepper.ModelError, match="noslip_iterations"):
-            model.replace(noslip_iterations=wrong)
-    with pytest.raises(stepper.ModelError, match="noslip_tolerance"):
-        model.replace(noslip_tolerance=-1e-6)
+        raises(stepper.ModelError, "noslip_iterations", model.replace, noslip_iterations=wrong)
+    raises(stepper.ModelError, "noslip_tolerance", model.replace, noslip_tolerance=-1e-6)
 
 
 def test_hard_contact_makes_no_sweeps_of_it():
     bits = []
     for sweeps in (0, 20):
-        sim = stepper.Stepper(stepper.load(BLOCK.format(cone="elliptic", sweeps=sweeps, friction=0.3)))
-        sim.step(nstep=200)
+        sim = simulate(BLOCK.format(cone="elliptic", sweeps=sweeps, friction=0.3), steps=200)
         bits.append(sim.qpos.tobytes())
     assert bits[0] == bits[1]
 
@@ -70,8 +68,7 @@ def test_implicit_derivatives_are_refused_by_name_and_differences_are_not():
     model = stepper.load(BLOCK.format(cone="elliptic", sweeps=20, friction=0.8))
     sim = stepper.Stepper(model, options=stepper.Options.from_model(model))
     sim.step(nstep=100)
-    with pytest.raises(ValueError, match=r"noslip_iterations is 20, must be 0 for method='implicit'.*method='fd'"):
-        sim.linearize(method="implicit")
+    raises(ValueError, r"noslip_iterations is 20, must be 0 for method='implicit'.*method='fd'", sim.linearize, method="implicit")
     assert np.isfinite(sim.linearize(method="fd").A).all()
 
 

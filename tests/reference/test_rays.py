@@ -10,6 +10,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import SOURCES, forward, random_quaternion, random_state, stepper_model
+from refusals import raises
 from rotations import matrix
 from stepper.sensors import HeightField
 
@@ -289,8 +290,7 @@ def test_a_mesh_that_is_only_drawn_is_no_part_of_the_model():
     (lambda sim: sim.rays(np.zeros((3, 1, 3)), np.ones((1, 3)), body=1), ValueError, r"points has shape \(3, 1, 3\)"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(call, error, said):
-    with pytest.raises(error, match=said):
-        call(crowd(2)[0])
+    raises(error, said, lambda: call(crowd(2)[0]))
 
 
 def test_no_rays_meet_nothing():
@@ -423,8 +423,7 @@ def test_a_field_that_a_moving_body_carries_is_refused():
     """Also where the geom's own body has no joint."""
     xml = hills_scene().replace('<geom name="ground"', '<body><freejoint/><geom size=".1"/><body><geom name="ground"')
     xml = xml.replace('euler="0 0 30.0"/>', 'euler="0 0 30.0"/></body></body>')
-    with pytest.raises(ValueError, match="is inclined or on a joint"):
-        HeightField(stepper.load(xml), "ground")
+    raises(ValueError, "is inclined or on a joint", lambda: HeightField(stepper.load(xml), "ground"))
 
 
 def test_a_field_of_a_package_is_read():
@@ -453,8 +452,7 @@ def test_a_field_of_a_package_is_read():
     (lambda model: HeightField(stepper.load(hills_scene().replace('euler="0 0 30.0"', 'euler="20 0 0"')), "ground"), "is inclined"),
 ])  # fmt: skip
 def test_wrong_calls_of_height_fields_are_errors(call, said):
-    with pytest.raises((TypeError, ValueError), match=said):
-        call(stepper.load(hills_scene()))
+    raises((TypeError, ValueError), said, lambda: call(stepper.load(hills_scene())))
 
 
 def test_a_model_whose_source_is_not_known_asks_for_it(tmp_path: Path):

@@ -7,6 +7,7 @@ import stepper
 from models import forward, full_mass_matrix, random_state, simulate
 from mujoco_law.parity import compare, prepare, states
 from numerics import acceleration_of_short_steps, relative_error
+from parametrized import every
 
 # Lengths and moment arms are smooth functions of the state, and both engines use the same formulas: rounding is 1e-16 times the size of the
 # scene (1 m), and grows by the condition of tangents, at most 1e4 in random states.
@@ -128,8 +129,7 @@ def test_moment_arms_are_the_derivatives_of_lengths():
         assert relative_error(rates, slopes) < 1e-8
 
 
-@pytest.mark.parametrize("path", ["sites", "sphere with a side", "cylinder", "pulley"])
-@pytest.mark.parametrize("rows", ROWS)
+@every(path=["sites", "sphere with a side", "cylinder", "pulley"], rows=ROWS)
 def test_a_step_of_mujocos_law_is_mujocos(path, rows):
     """Springs, dampers, limits and dry friction: relative to 1 + max |qvel|, within 1e-9 or the difference of MuJoCo's own solvers."""
     for integrator in INTEGRATORS:
@@ -158,8 +158,7 @@ def heavy(path: str, more: str = "", option: str = "") -> str:
     return scene(f'<spatial name="t" armature="{INERTIA[path]}" {more}>{STRAIGHT[path]}</spatial>', option=option)
 
 
-@pytest.mark.parametrize("more", ["", 'stiffness="40" springlength=".1 .3" damping="3" limited="true" range=".2 .9" frictionloss="1"'])
-@pytest.mark.parametrize("path", STRAIGHT)
+@every(more=["", 'stiffness="40" springlength=".1 .3" damping="3" limited="true" range=".2 .9" frictionloss="1"'], path=STRAIGHT)
 def test_a_step_with_inertia_of_mujocos_law_is_mujocos(path, more):
     """As above. MuJoCo's mass matrix has no entries between branches, and so has the law's."""
     for integrator in INTEGRATORS:
@@ -192,8 +191,7 @@ def test_inertia_of_a_tendon_is_m_jtj(path):
         assert sim.energy()[1] == pytest.approx(kinetic, rel=BOUND)
 
 
-@pytest.mark.parametrize("integrator", ["euler", "midpoint"])
-@pytest.mark.parametrize("path", STRAIGHT)
+@every(integrator=["euler", "midpoint"], path=STRAIGHT)
 def test_a_step_with_inertia_tends_to_the_smooth_acceleration(path, integrator):
     """The inertia of a tendon is a row of the step: extrapolated to h = 0, the acceleration is that of the mass matrix with m J^T J."""
     source = heavy(path)
@@ -211,8 +209,7 @@ def test_inertia_of_a_tendon_around_a_geom_is_refused():
         model.replace(tendon_armature=[1.0])
 
 
-@pytest.mark.parametrize("kind", ACTUATORS)
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@every(kind=ACTUATORS, integrator=INTEGRATORS)
 def test_a_step_with_an_actuator_is_mujocos(kind, integrator):
     """As above, with the velocity derivative of muscles in the implicit rules."""
     path = PATHS["sphere with a side"]
@@ -231,8 +228,7 @@ def test_energy_of_a_rubber_band_is_conserved(armature):
       <tendon><spatial stiffness="60" springlength=".1" armature="{}"><site site="a"/><site site="b"/></spatial></tendon></mujoco>"""
     source, errors = source.format(armature), []
     for h in (4e-3, 2e-3, 1e-3):
-        sim = simulate(source, timestep=h, integrator="midpoint")
-        sim.set_state(qvel=[0, 2.0, 1.0, 0, 0, 0])
+        sim = simulate(source, timestep=h, integrator="midpoint", qvel=[0, 2.0, 1.0, 0, 0, 0])
         start, worst = sum(sim.energy()), 0.0
         for _ in range(round(1.0 / h)):
             sim.step()
@@ -317,7 +313,6 @@ def test_frames_for_viewers_have_wrapped_tendons():
     """Frames of the viewers have the paths of every shown environment; a model without spatial tendons has none."""
     from stepper.viewer.frames import frame_of
 
-    sim = stepper.Stepper(stepper.load(scene(f'<spatial name="t">{PATHS["cylinder"]}</spatial>')), 4)
-    sim.step(nstep=3)
+    sim = simulate(scene(f'<spatial name="t">{PATHS["cylinder"]}</spatial>'), 4, steps=3)
     assert np.array_equal(frame_of(sim, np.array([1, 3])).tendons, sim.tendon_paths[[1, 3]])
     assert frame_of(stepper.Stepper(stepper.load("<mujoco/>")), np.array([0])).tendons.shape == (1, 0, 10, 3)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import raises
 from stepper import lab
 from stepper.lab.calibration.fit import bootstrap, fit
 from stepper.lab.calibration.search import (
@@ -149,8 +150,7 @@ def test_fit_finds_the_bottom_of_a_rough_loss() -> None:
         found = fit(loss, np.zeros(2), np.ones(2), seed=seed)
         # The ripples have a period of 0.079; 0.12 covers the neighbours of the lowest ripple.
         assert np.abs(found.values - 0.3).max() < 0.12
-    with pytest.raises(ValueError, match="narrow the bounds"):
-        fit(lambda samples: np.full(len(samples), np.nan), np.zeros(2), np.ones(2))
+    raises(ValueError, "narrow the bounds", fit, lambda samples: np.full(len(samples), np.nan), np.zeros(2), np.ones(2))
 
 
 def test_a_fit_that_starts_at_given_values_is_never_worse() -> None:
@@ -299,12 +299,10 @@ def test_wrong_arguments(tmp_path: Path, changed: dict[str, float], text: str) -
     """Errors name the argument and what it must be."""
     with pytest.raises(ValueError, match=text):
         lab.calibrate(toy(), tmp_path, **changed)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="fitted is 8"):
-        lab.calibrate_on_recordings(toy(), tmp_path, fitted=8, margin=0.1)
+    raises(ValueError, "fitted is 8", lambda: lab.calibrate_on_recordings(toy(), tmp_path, fitted=8, margin=0.1))
 
 
 def test_outcomes_that_jump_have_no_tolerance() -> None:
     """An outcome that is a hash of a parameter passes with no tolerance, and the error has a remedy."""
     search = searched(lambda x: (x[:, 0] * 1e7 * np.sqrt(2.0)) % 1.0, 0)
-    with pytest.raises(ValueError, match="jumps or is chaotic"):
-        search.widest([0])
+    raises(ValueError, "jumps or is chaotic", search.widest, [0])

@@ -7,6 +7,7 @@ import pytest
 import stepper
 import stepper.policies
 from envs.test_terms import ROBOT, made
+from refusals import raises
 from servo_arm import ARM as SERVO_ARM
 from servo_arm import angles
 from stepper.envs import BatchView
@@ -120,8 +121,7 @@ def arm():
     (lambda out: tune(arm(), out, error="1 mm", horizon="1 s", coverage="0.9"), "coverage is '0.9', must be a number"),
 ])  # fmt: skip
 def test_arguments_of_another_type_are_named(tmp_path, call, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        call(tmp_path)
+    raises((TypeError, ValueError), message, call, tmp_path)
 
 
 def test_settings_of_mujoco_run():
@@ -145,14 +145,12 @@ def test_a_study_without_names_loads_nothing():
 ])  # fmt: skip
 def test_wrong_entries_of_files_are_named(tmp_path, text, message):
     (tmp_path / "arm.toml").write_text(f'model = """{ARM}"""\n{text}\n')
-    with pytest.raises(ValueError, match=rf"arm.toml: {message}"):
-        Study.from_file(tmp_path / "arm.toml")
+    raises(ValueError, rf"arm.toml: {message}", Study.from_file, tmp_path / "arm.toml")
 
 
 def test_a_model_is_no_study(tmp_path):
     (tmp_path / "arm.xml").write_text(ARM)
-    with pytest.raises(ValueError, match=r"arm.xml is no study: give a study's file, whose name ends in .toml or .py"):
-        Study.from_file(tmp_path / "arm.xml")
+    raises(ValueError, r"arm.xml is no study: give a study's file, whose name ends in .toml or .py", Study.from_file, tmp_path / "arm.xml")
 
 
 MJCF = "<mujoco><worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbody></mujoco>"

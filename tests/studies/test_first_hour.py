@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import raises
 from stepper.cli import app, main
 from stepper.cli.app import COMMANDS, application
 from stepper.lab import Outcome, Parameter, PolicyController, Study, sweep
@@ -31,8 +32,7 @@ def study(**given: object) -> Study:
 
 
 def test_a_start_that_is_text_is_refused_at_once():
-    with pytest.raises(TypeError, match="only in TOML files"):
-        study(start="cup.py:start")
+    raises(TypeError, "only in TOML files", study, start="cup.py:start")
 
 
 def test_a_study_imports_a_module_of_its_folder(tmp_path: Path):
@@ -232,19 +232,15 @@ FUNCTIONS = {
 def test_a_function_of_a_study_with_other_arguments_is_named_with_its_signature(message):
     (function,) = FUNCTIONS[message].values()
     function.__name__ = "drive"
-    with pytest.raises(TypeError, match=re.escape(message)):
-        Study(**{"model": PENDULUM} | FUNCTIONS[message])
+    raises(TypeError, re.escape(message), Study, **{"model": PENDULUM} | FUNCTIONS[message])
 
 
 def test_a_function_of_an_outcome_or_a_policy_with_other_arguments_is_named():
     with pytest.raises(TypeError, match=r"outcome 'a': measure is <lambda>\(\), must take 1 argument, now: write lambda now: ..."):
         Outcome(name="a", measure=lambda: 0)
-    with pytest.raises(TypeError, match="outcome 'a': measure is 3, must be a function of now"):
-        Outcome(name="a", measure=3)
-    with pytest.raises(TypeError, match=r"act is <lambda>\(a, b\), must take 1 argument, observations"):
-        PolicyController(lambda a, b: a)
-    with pytest.raises(TypeError, match=r"policy is <lambda>\(\), must take 1 argument, observations"):
-        evaluate(lambda: 0, "stepper/InvertedPendulum-v5")
+    raises(TypeError, "outcome 'a': measure is 3, must be a function of now", Outcome, name="a", measure=3)
+    raises(TypeError, r"act is <lambda>\(a, b\), must take 1 argument, observations", PolicyController, lambda a, b: a)
+    raises(TypeError, r"policy is <lambda>\(\), must take 1 argument, observations", evaluate, lambda: 0, "stepper/InvertedPendulum-v5")
 
 
 @pytest.mark.parametrize(("start", "message"), [
@@ -253,8 +249,7 @@ def test_a_function_of_an_outcome_or_a_policy_with_other_arguments_is_named():
     (lambda now, rngs: None, r"start returned NoneType of shape \(\), must return"),
 ])  # fmt: skip
 def test_a_wrong_result_of_start_is_named(start, message):
-    with pytest.raises(ValueError, match=message):
-        jerked(start=start, episodes=2).episode()
+    raises(ValueError, message, lambda: jerked(start=start, episodes=2).episode())
 
 
 def test_the_error_for_a_period_shorter_than_the_time_step_names_possible_ones():
@@ -277,8 +272,7 @@ def test_controls_of_another_shape_name_the_controller_and_the_remedy(reach, cap
 def test_environments_of_a_batch_share_the_options_of_the_step():
     steps = {"step": Parameter("options.timestep", values=(0.001, 0.002))}
     message = "parameter 'step' is 0.001 in environment 0 and 0.002 in environment 2: it is an option of the step, which the environments"
-    with pytest.raises(ValueError, match=message):
-        world_of(jerked(parameters=steps), USUAL, [{"step": 0.001}, {"step": 0.001}, {"step": 0.002}])
+    raises(ValueError, message, lambda: world_of(jerked(parameters=steps), USUAL, [{"step": 0.001}, {"step": 0.001}, {"step": 0.002}]))
 
 
 def test_an_exception_without_a_file_of_the_user_keeps_its_traceback(monkeypatch):

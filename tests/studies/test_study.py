@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from refusals import raises
 from stepper.cli import main
 from stepper.cli.options import progress_kept_in
 from stepper.lab import Outcome, Parameter, PolicyController, Study
@@ -114,8 +115,7 @@ def test_cliffs_of_values_in_any_order_and_of_any_width(tmp_path):
     study = tray(parameters=push_alone | {"friction": friction}, episodes=1)
     with Results(study, tmp_path) as results:
         for wrong in (0.0, -1e-3, 1.0, math.nan):
-            with pytest.raises(ValueError, match=r"resolution is .*, must be between 0 and 1"):
-                run_sweep(study, results.journal, resolution=wrong)
+            raises(ValueError, r"resolution is .*, must be between 0 and 1", run_sweep, study, results.journal, resolution=wrong)
         (cliff,) = run_sweep(study, results.journal, parameters=["friction"]).cliffs
         assert (cliff.below, cliff.above) == (0.0, 1.0)
         assert 0 < cliff.high - cliff.low <= 1e-3
@@ -473,8 +473,7 @@ def test_whatever_a_drive_holds_counts(drives):
 
 def test_what_has_no_digest_is_named_with_the_remedy():
     held = threading.Lock()
-    with pytest.raises(TypeError, match=r"Gain has no digest.*cannot pickle '_thread\.lock'.* attribute `digest`"):
-        digest_of(Gain({"a": held}))
+    raises(TypeError, r"Gain has no digest.*cannot pickle '_thread\.lock'.* attribute `digest`", lambda: digest_of(Gain({"a": held})))
     told = Gain({"a": held})
     told.digest = "of the lock"
     other = Gain({"a": held})
@@ -571,8 +570,7 @@ def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
     new, _, said = message.partition("|")
     assert wrong in STUDY
     file = write_study(tmp_path, STUDY.replace(wrong, new))
-    with pytest.raises(ValueError, match=said):
-        stepper.lab.sweep(file, tmp_path / "out")
+    raises(ValueError, said, stepper.lab.sweep, file, tmp_path / "out")
 
 
 def test_a_parameter_that_fits_nothing_is_named(tmp_path):
@@ -597,17 +595,14 @@ def test_a_parameter_that_fits_nothing_is_named(tmp_path):
     ("actuator.gearbox.kp", "a drive has no 'gearbox', use one of: motor, servo"),
 ])  # fmt: skip
 def test_a_number_that_a_sensor_or_drive_lacks_is_named(selector, said):
-    with pytest.raises(ValueError, match=f"parameter 'p': .*{said}"):
-        random_force(parameters={"p": Parameter(selector, low=0, high=1)})
+    raises(ValueError, f"parameter 'p': .*{said}", lambda: random_force(parameters={"p": Parameter(selector, low=0, high=1)}))
 
 
 def test_a_choice_among_words_takes_values():
     with pytest.raises(ValueError, match="low is 'hard', must be a number: a choice among words takes values"):
         Parameter("options.contact", low="hard", high="mujoco")
-    with pytest.raises(ValueError, match="which is a choice among words: give values, not low and high"):
-        Parameter("options.contact", low=0, high=1)
-    with pytest.raises(ValueError, match="low is nan, must be a number"):
-        Parameter("controller", low=math.nan, high=1.0)
+    raises(ValueError, "which is a choice among words: give values, not low and high", Parameter, "options.contact", low=0, high=1)
+    raises(ValueError, "low is nan, must be a number", Parameter, "controller", low=math.nan, high=1.0)
 
 
 def test_a_drive_that_reads_another_parameter_is_told_which_there_are():
@@ -631,8 +626,7 @@ def test_a_selector_with_a_range_is_a_parameter_of_a_sweep(tmp_path):
     assert [row["parameters"].get("body_mass[object]") for row in other] == [None, 0.5, 0.75, 1.0, 1.25, 1.5]
     with pytest.raises(ValueError, match=r"no parameter 'mas'; did you mean mass\? there are: mass; or give a selector with its range"):
         stepper.lab.sweep(own, tmp_path, parameters=["mas"])
-    with pytest.raises(ValueError, match=r"the range is '2', must be two numbers"):
-        stepper.lab.sweep(own, tmp_path, parameters=["gravity[2]=2"])
+    raises(ValueError, r"the range is '2', must be two numbers", stepper.lab.sweep, own, tmp_path, parameters=["gravity[2]=2"])
 
 
 @pytest.mark.parametrize(("texts", "names"), [
@@ -660,10 +654,8 @@ def test_a_study_at_other_values_by_selector():
     moved = study.at({"mass": 1.5, "geom_friction[*][0]": 0.3})
     assert moved.nominal == {"mass": 1.5, "geom_friction[*][0]": 0.3}
     assert moved.episode()["outcomes"] == row["outcomes"] != study.episode()["outcomes"]
-    with pytest.raises(ValueError, match="there is no parameter 'frction'"):
-        study.at({"frction": 0.3})
-    with pytest.raises(ValueError, match="must be a finite number"):
-        study.at({"gravity[2]": "low"})
+    raises(ValueError, "there is no parameter 'frction'", study.at, {"frction": 0.3})
+    raises(ValueError, "must be a finite number", study.at, {"gravity[2]": "low"})
 
 
 def test_intervals():
@@ -818,11 +810,9 @@ def test_what_is_no_episode_is_named(tmp_path):
         ({}, {"number": -1}, "episode is -1, must be 0 or more"),
         ({}, {"setting": "MuJoCo", "record": tmp_path / "r"}, "run in MuJoCo, which cannot be viewed or recorded"),
     ):
-        with pytest.raises(ValueError, match=said):
-            study.episode(values, **given)
+        raises(ValueError, said, study.episode, values, **given)
     assert study.episode({"push": 2.0}, setting="MuJoCo")["settings"]["engine"] == "mujoco"
-    with pytest.raises(ValueError, match="give the study more episodes"):
-        random_force().episode({}, 3)
+    raises(ValueError, "give the study more episodes", lambda: random_force().episode({}, 3))
 
 
 class Counting:

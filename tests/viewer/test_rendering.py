@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from gymnasium.utils.env_checker import check_env
+from parametrized import every
 from stepper.envs import TASKS, StepperEnv, StepperVectorEnv
 from stepper.viewer import Renderer
 from stepper.viewer.renderer import SHADOWS
@@ -30,8 +31,7 @@ def gymnasiums(name, qpos, qvel, **settings):
     return picture
 
 
-@pytest.mark.parametrize("name", sorted(TASKS))
-@pytest.mark.parametrize("camera", ["of the file", "free"])
+@every(name=sorted(TASKS), camera=["of the file", "free"])
 def test_pictures_are_gymnasiums(name, camera):
     if camera == "of the file" and name not in TRACKED:
         pytest.skip("the file has no camera")
@@ -109,8 +109,7 @@ def test_what_an_environment_has_of_its_own_is_seen():
     np.testing.assert_array_equal(renderer.render(sim, 0), first)
 
 
-@pytest.mark.parametrize("kind", ["box", "sphere", "cylinder"])
-@pytest.mark.parametrize("light", ["", '<light pos="0 0 3"/>'])
+@every(kind=["box", "sphere", "cylinder"], light=["", '<light pos="0 0 3"/>'])
 def test_a_scene_without_a_light_gets_one(kind, light):
     """Its picture is as bright as that of a scene with a light, and its bodies throw shadows."""
     source = f'''<mujoco><worldbody>{light}<geom type="plane" size="2 2 .1"/><body pos="0 0 .3"><freejoint/>

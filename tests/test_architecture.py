@@ -125,8 +125,7 @@ def test_every_rust_file_is_declared(crate):
 def test_folders_of_the_core_use_one_another_one_way():
     assert circle(CORE_FOLDERS) == []
     graph = rust_modules.graph_of(rust_modules.sources_of(CORE))
-    folders = {name.partition("::")[0] for name in graph} - {""}
-    assert folders == set(CORE_FOLDERS)
+    assert ({name.partition("::")[0] for name in graph} - {""}) == set(CORE_FOLDERS)
     found = {}
     for module, used in graph.items():
         place = module.partition("::")[0]

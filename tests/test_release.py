@@ -54,8 +54,7 @@ def test_the_changelog_has_one_line_per_item_under_the_usual_headings():
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^### (.+)$", text, re.MULTILINE)) <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
     assert re.search(r"^## \[\d+\.\d+\.\d+\]", text, re.MULTILINE)
-    items = [line for line in text.splitlines() if line.startswith("- ")]
-    assert len(items) > 50
+    assert len([line for line in text.splitlines() if line.startswith("- ")]) > 50
     assert not re.search(r"^ +\S", text, re.MULTILINE), "an item continues on a second line"
 
 

@@ -192,8 +192,7 @@ def test_a_body_without_mass_still_says_that_it_has_none():
 def test_the_joints_that_are_named_are_those_that_depend(count, others, data):
     """Slides of one body in a plane: two determine it, and a third depends on both; unrelated ones along z do not matter."""
     angles = data.draw(st.lists(st.sampled_from([(1, 0), (0, 1), (1, 1), (1, -1), (2, 1)]), min_size=count, max_size=count))
-    vertical = min(others, 1)
-    axes = [(x, y, 0) for x, y in angles] + [(0, 0, 1)] * vertical
+    axes = [(x, y, 0) for x, y in angles] + [(0, 0, 1)] * min(others, 1)
     joints = "".join(f'<joint name="s{i}" type="slide" axis="{x} {y} {z}"/>' for i, (x, y, z) in enumerate(axes))
     independent = len(angles) == 1 or (len(angles) == 2 and angles[0] != angles[1])
     if independent:

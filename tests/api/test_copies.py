@@ -51,8 +51,7 @@ def test_every_attribute_of_a_model_names_what_sets_it(sim):
 
 @pytest.mark.parametrize("name", STATE)
 def test_copies_cannot_be_made_writable(sim, name):
-    array = getattr(sim, name)
-    raises(ValueError, "WRITEABLE", setattr, array.flags, "writeable", True)
+    raises(ValueError, "WRITEABLE", setattr, getattr(sim, name).flags, "writeable", True)
 
 
 # Array arguments of a stepper and a model: masks, complex numbers, objects and texts are refused, and so are negative environments.

@@ -321,9 +321,7 @@ def test_environments_take_an_empty_selection(envs):
 
 @pytest.mark.parametrize("envs", EMPTY.values(), ids=EMPTY)
 def test_drives_of_no_environment_are_empty(envs):
-    model = ActuatorModel({"m": Drive(delay=np.arange(N) * 0.01)})
-    sim = made()
-    assert model.drives(sim.model, N, envs)[0]["delay"] == []
+    assert ActuatorModel({"m": Drive(delay=np.arange(N) * 0.01)}).drives(made().model, N, envs)[0]["delay"] == []
 
 
 def test_a_view_shows_the_environments_of_a_mask():

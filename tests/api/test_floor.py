@@ -75,8 +75,7 @@ def test_a_free_base_starts_on_the_floor(shape, size, pose, floor, tmp_path_fact
     model = stepper.load(file, floor=floor, free_base=True)
     qpos = model.qpos0.copy()
     qpos[2] -= 1e-4
-    sim = simulate(model, qpos=qpos)
-    assert sim.contacts()["distance"].min() == pytest.approx(-1e-4, abs=1e-6)
+    assert simulate(model, qpos=qpos).contacts()["distance"].min() == pytest.approx(-1e-4, abs=1e-6)
 
 
 @pytest.mark.parametrize("height", [True, 0, 0.0, -0.25, np.float32(0.5)])
@@ -154,8 +153,7 @@ def test_a_floor_that_cannot_be_added_is_an_error(arguments, more, error, said):
 
 
 def test_a_wall_is_no_floor():
-    model = stepper.load(BALL.replace("<worldbody>", "<worldbody>" + PLANE.format("euler='90 0 0'")), floor=True)
-    assert model.ngeom == 3
+    assert stepper.load(BALL.replace("<worldbody>", "<worldbody>" + PLANE.format("euler='90 0 0'")), floor=True).ngeom == 3
 
 
 def test_compiled_and_saved_models_get_no_floor(tmp_path):
@@ -320,8 +318,7 @@ def test_softness_that_is_default_here_is_the_installed_mujocos():
 @pytest.mark.parametrize("name", SOURCES)
 def test_robots_of_others_say_what_they_ask_for(name):
     model = stepper_model(name, strict=False)
-    compiled = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
-    asks = compiled.opt.integrator != mujoco.mjtIntegrator.mjINT_EULER
+    asks = mujoco.MjModel.from_xml_path(str(SOURCES[name])).opt.integrator != mujoco.mjtIntegrator.mjINT_EULER
     assert any(line.startswith("integrator") for line in model.deviations) == asks
     assert isinstance(stepper.Options.from_model(model), stepper.Options)
 

@@ -90,8 +90,7 @@ def test_a_state_says_which_model_it_belongs_to_and_another_one_refuses_it():
 def test_states_with_a_true_checksum_and_nonsense_in_them_are_refused_or_taken_but_never_crash():
     """Every byte that parses differently: what comes of it is an error, or a state that steps."""
     sim = run(simulate(stepper_model(ANT), 3))
-    kept = sim.get_state()
-    data, refused = kept.bytes, 0
+    data, refused = sim.get_state().bytes, 0
     rng = np.random.default_rng(0)
     for _ in range(400):
         wrong = bytearray(data)
@@ -196,8 +195,7 @@ def test_threads_are_no_more_than_there_is_to_do():
     sim = simulate(stepper_model(HOPPER), 20, threads=10**18, steps=3)
     assert sim.threads == 10**18
     assert sim.memory()["threads"] <= 3
-    once = simulate(stepper_model(HOPPER), 20, steps=3)
-    assert np.array_equal(sim.qpos, once.qpos)
+    assert np.array_equal(sim.qpos, simulate(stepper_model(HOPPER), 20, steps=3).qpos)
 
 
 def printed_by(code: str) -> str:

@@ -33,8 +33,7 @@ def load(source, **arguments):
 
 def contacts_of(model, qpos=None):
     """Contacts at a pose, or the reference pose: those of a step in which nothing moves."""
-    sim = simulate(model, timestep=1e-9, stabilization="none", qpos=model.qpos0 if qpos is None else qpos, steps=1)
-    return sim.contacts()
+    return simulate(model, timestep=1e-9, stabilization="none", qpos=model.qpos0 if qpos is None else qpos, steps=1).contacts()
 
 
 def overlapping(model):
@@ -54,8 +53,7 @@ def test_links_that_overlap_do_not_collide_and_are_listed():
     assert depth == pytest.approx(0.05, abs=1e-12)  # 0.3 + 0.15 - 0.4, rounded
     assert "ga and gc by 50.00 mm" in message
     assert "ga and gc overlap by 50.00 mm" in model.explain().split("Excluded from contact")[1]
-    sim = simulate(model, steps=20)
-    assert not stepper.Status(int(sim.status)) & (stepper.Status.INFEASIBLE | stepper.Status.DEEP)
+    assert not stepper.Status(int(simulate(model, steps=20).status)) & (stepper.Status.INFEASIBLE | stepper.Status.DEEP)
 
 
 def test_the_bodies_do_not_collide_with_their_other_geoms_either():
@@ -72,8 +70,7 @@ def test_the_bodies_do_not_collide_with_their_other_geoms_either():
 
 @pytest.mark.parametrize("ground", [FLOOR, '<geom name="floor" type="box" size="9 9 .5"/>'])
 def test_a_free_robot_in_the_ground_stays_and_is_told(ground):
-    scene = CHAIN.format(ground=ground, joint="<freejoint/>").replace('pos="0 0 1"', 'pos="0 0 .2"')
-    model, (message,) = load(scene)
+    model, (message,) = load(CHAIN.format(ground=ground, joint="<freejoint/>").replace('pos="0 0 1"', 'pos="0 0 .2"'))
     assert [names[:2] for names in model.excluded_overlaps] == [("ga", "gc")]
     assert {body for pair in overlapping(model) for body in pair} >= {0, 1}
     assert "does not change overlaps with the ground" in message
@@ -98,8 +95,7 @@ def test_of_the_world_the_geom_alone_is_excluded():
 
 
 def test_the_base_of_a_urdf_is_a_link():
-    text = arm(base=sphere(0.6), upper=sphere(0.5))
-    model, (message,) = load(text)
+    model, (message,) = load(arm(base=sphere(0.6), upper=sphere(0.5)))
     assert "#0 of body world" in message
     assert overlapping(model) == []
 
@@ -125,8 +121,7 @@ def test_sources_copies_and_variants_agree(tmp_path):
     assert heavier.excluded_overlaps == model.excluded_overlaps
     assert overlapping(heavier) == []
     # A variant with larger geoms is asked again.
-    larger = model.replace(geom_size=model.geom_size * 1.4)
-    assert overlapping(larger.exclude_overlaps()) == []
+    assert overlapping(model.replace(geom_size=model.geom_size * 1.4).exclude_overlaps()) == []
 
 
 def test_keyframes_do_not_count():
@@ -205,8 +200,7 @@ def test_keyframes_with_deep_overlaps_are_named_with_the_pair_and_the_remedy():
 
 
 def test_a_keyframe_with_an_overlap_that_is_named_sets_deep():
-    model = stepper.load(KEYS)
-    sim = stepper.Stepper(model)
+    sim = stepper.Stepper(stepper.load(KEYS))
     flags = []
     for key in range(4):
         sim.reset(keyframe=key)
@@ -385,7 +379,6 @@ def test_what_is_drawn_alone_is_not_measured():
 
 def test_boxes_and_height_fields_have_no_hull():
     field = '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 1 0"/></asset>'
-    text = f'<mujoco>{field}<worldbody><geom type="hfield" hfield="h"/>{BALL}</worldbody></mujoco>'
-    model = stepper.load(text)
+    model = stepper.load(f'<mujoco>{field}<worldbody><geom type="hfield" hfield="h"/>{BALL}</worldbody></mujoco>')
     assert model.wide_hulls == []
     assert np.all(model.geom_concave == 0)

@@ -81,8 +81,7 @@ def signature_of(thing: Any) -> str:
     except (TypeError, ValueError):
         return ""
     bare = [one.replace(annotation=inspect.Parameter.empty) for one in signature.parameters.values() if not one.name.startswith("_")]
-    text = str(signature.replace(parameters=bare, return_annotation=inspect.Signature.empty))
-    return re.sub(r" at 0x[0-9a-f]+", "", text)
+    return re.sub(r" at 0x[0-9a-f]+", "", str(signature.replace(parameters=bare, return_annotation=inspect.Signature.empty)))
 
 
 def test_the_public_names_are_those_that_are_listed():

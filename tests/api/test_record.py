@@ -89,9 +89,7 @@ def test_a_recording_says_the_tolerance_in_force_and_keeps_a_note(tmp_path, prec
 
 
 def test_another_model_is_refused(tmp_path):
-    sim = run(tmp_path / "run")
-    other = sim.model.replace(timestep=0.003)
-    other.save(tmp_path / "run/model.stepper")
+    run(tmp_path / "run").model.replace(timestep=0.003).save(tmp_path / "run/model.stepper")
     raises(ValueError, "recorded with model", stepper.recording.verify, tmp_path / "run")
 
 
@@ -191,8 +189,7 @@ def test_rows_that_lack_something_or_have_nonsense_are_one_documented_error(tmp_
 
 @pytest.mark.parametrize("name", ["/tmp/model.stepper", "../model.stepper", "a/model.stepper", "", "other.stepper", None])
 def test_the_model_of_a_recording_lies_in_its_folder(tmp_path, name):
-    sim = run(tmp_path / "run")
-    sim.model.save(tmp_path / "model.stepper")
+    run(tmp_path / "run").model.save(tmp_path / "model.stepper")
     edit_header(tmp_path / "run", lambda head: head["model"].update(file=name))
     with pytest.raises(stepper.recording.RecordingError, match=r"run.json: model.file is .* must be 'model.stepper'"):
         stepper.recording.verify(tmp_path / "run")

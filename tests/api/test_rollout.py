@@ -47,8 +47,7 @@ def step_by_step(sim, ctrl, nstep):
 
 @every(precision=["f64", "f32"], threads=[1, 3], num_envs=[ENVS, 1, None])
 def test_the_bits_of_that_many_steps(precision, threads, num_envs):
-    lead = (T,) if num_envs is None else (T, num_envs)
-    ctrl = controls(lead)
+    ctrl = controls((T,) if num_envs is None else (T, num_envs))
     settings = {"precision": precision, "threads": threads}
     one, other = stepper_of(num_envs, **settings), stepper_of(num_envs, **settings)
     expected = step_by_step(one, ctrl, NSTEP)
@@ -127,8 +126,7 @@ def test_nothing_is_silent():
     ctrl[4, 7, 2] = np.nan
     sim = stepper_of()
     found = sim.rollout(ctrl, NSTEP)
-    bad = (found["status"] & Status.NON_FINITE) != 0
-    assert np.argwhere(bad).tolist() == [[4, 7]]
+    assert np.argwhere((found["status"] & Status.NON_FINITE) != 0).tolist() == [[4, 7]]
     assert np.array_equal(found["qpos"][4, 7], found["qpos"][3, 7])
     assert np.argwhere(sim.status & Status.NON_FINITE).tolist() == [[7]]
 
@@ -167,8 +165,7 @@ def test_wrong_outputs_are_named(change, error, message):
 
 @pytest.mark.parametrize("shape", [(), (21,), (T, ENVS, 20), (T, 3, 21), (ENVS, T, 21)])
 def test_wrong_controls_show_both_shapes(shape):
-    sim = stepper_of()
-    raises(ValueError, r"must be \(T, 19, 21\) or \(T, 21\) for T controls", sim.rollout, np.zeros(shape))
+    raises(ValueError, r"must be \(T, 19, 21\) or \(T, 21\) for T controls", stepper_of().rollout, np.zeros(shape))
 
 
 def test_memory():

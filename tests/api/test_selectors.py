@@ -211,8 +211,7 @@ def test_one_selector_is_for_everything():
     sim.randomize({text: [0.5, 0.6]})
     assert sim.linearize((text,)).blocks[text].shape == (2, 2 * MODEL.nv, 2)
     parameter = stepper.lab.Parameter(text, low=0.1, high=1.0)
-    study = stepper.lab.Study(model=MODEL, parameters={"friction": parameter})
-    assert study.loaded[0] == MODEL
+    assert stepper.lab.Study(model=MODEL, parameters={"friction": parameter}).loaded[0] == MODEL
     assert str(stepper.sysid.FitParameter.parse(f"{text}=0.1..2")) == text
 
 

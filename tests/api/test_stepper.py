@@ -89,8 +89,7 @@ def test_a_wrong_shape_is_answered_with_both_shapes(call, found, must):
 
 
 def test_a_single_environment_takes_no_leading_axis():
-    sim = falling(None)
-    raises(ValueError, r"\(1, 21\).*\(21,\)", sim.step, np.zeros((1, 21)))
+    raises(ValueError, r"\(1, 21\).*\(21,\)", falling(None).step, np.zeros((1, 21)))
 
 
 def test_controls_are_shared_by_all_environments_when_they_have_no_leading_axis():
@@ -226,8 +225,7 @@ TWO_BALLS = """<mujoco><option timestep="1e-3"/><worldbody><geom name="floor" ty
 
 def test_contacts_say_who_touches_whom_where_and_how_hard():
     """Two balls stand on one another: the floor carries 3 kg, the lower ball 2 kg."""
-    sim = simulate(TWO_BALLS, 2, tolerance=1e-6, steps=2)
-    contacts = sim.contacts(1)
+    contacts = simulate(TWO_BALLS, 2, tolerance=1e-6, steps=2).contacts(1)
     assert contacts["geom"].tolist() == [[0, 1], [1, 2]]
     assert contacts["body"].tolist() == [[0, 1], [1, 2]]
     assert contacts["normal"] == pytest.approx(np.array([[0, 0, 1], [0, 0, 1]]), abs=1e-15)
@@ -244,8 +242,7 @@ def test_contacts_say_who_touches_whom_where_and_how_hard():
 
 def test_no_contacts_are_an_empty_array_with_the_same_fields():
     sim = simulate(TWO_BALLS)
-    lift = np.array([0, 0, 10, 0, 0, 0, 0, 0, 0, 20, 0, 0, 0, 0])
-    sim.set_state(qpos=sim.qpos + lift)
+    sim.set_state(qpos=sim.qpos + np.array([0, 0, 10, 0, 0, 0, 0, 0, 0, 20, 0, 0, 0, 0]))
     assert sim.contacts().shape == (0,)
     assert sim.contacts().dtype.names == ("env", "geom", "body", "pos", "normal", "distance", "force", "torque", "frame")
 

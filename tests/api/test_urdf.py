@@ -131,8 +131,7 @@ def test_file_names_are_absolute_or_begin_at_the_file(package, prefix):
 
 
 def test_prefixes_without_a_namespace_do_not_hide_meshes(package):
-    text = urdf(*NAMES).replace("</robot>", "<drake:group/></robot>")
-    assert load(package / "urdf", text).ngeom == 2
+    assert load(package / "urdf", urdf(*NAMES).replace("</robot>", "<drake:group/></robot>")).ngeom == 2
 
 
 def test_a_urdf_has_none_of_its_own():
@@ -177,8 +176,7 @@ def one_joint(more="", kind="continuous"):
 
 def test_a_position_servo_is_critically_damped():
     """Alone and without bounds its angle is that of x'' + 2 w x' + w^2 x = w^2."""
-    model = stepper.load(one_joint(), actuators="position")
-    sim = stepper.Stepper(model, options=stepper.Options(timestep=1e-4))
+    sim = stepper.Stepper(stepper.load(one_joint(), actuators="position"), options=stepper.Options(timestep=1e-4))
     sim.step([1.0], nstep=500)
     w, t = 2 * math.pi * POSITION_FREQUENCY, 0.05
     # Second order in w h = 3e-3; 1e-4 leaves an order of magnitude.
@@ -186,8 +184,7 @@ def test_a_position_servo_is_critically_damped():
 
 
 def test_a_velocity_servo_reaches_its_speed():
-    model = stepper.load(one_joint(), actuators="velocity")
-    sim = stepper.Stepper(model)
+    sim = stepper.Stepper(stepper.load(one_joint(), actuators="velocity"))
     sim.step([0.7], nstep=100)
     # exp(-w t) of its time constants is left, w t = 2 pi 50 Hz * 0.2 s = 63.
     assert sim.qvel[0] == pytest.approx(0.7, rel=1e-9)
@@ -345,8 +342,7 @@ def test_what_cannot_be_read_is_an_error(text, said):
 
 def test_text_that_is_not_well_formed_says_that_it_lists_nothing():
     text = revolute_arm().replace("</robot>", "<!-- -- --></robot>")  # XML allows no -- in a comment.
-    compiled = stepper.load(text)
-    assert lines(compiled, "not well-formed")
+    assert lines(stepper.load(text), "not well-formed")
     raises(stepper.ModelError, "the XML is not well-formed", stepper.load, text, actuators="position")
 
 

@@ -157,8 +157,7 @@ def test_sizes_are_those_that_environments_have(num_envs):
     scene, envs = scene_of(model, looks_of(model)), np.arange(num_envs or 1)[-2:]
     sim = stepper.Stepper(model, num_envs)
     np.testing.assert_array_equal(sizes_of(sim, envs, scene), np.tile(scene.sizes, (len(envs), 1, 1)))
-    factor = 1.0 + np.arange(num_envs or 1)[:, None, None]
-    given = 1.1 * factor * model.geom_size
+    given = 1.1 * (1.0 + np.arange(num_envs or 1)[:, None, None]) * model.geom_size
     sim.randomize(geom_size=given if num_envs else given[0], geom_pos=np.broadcast_to(model.geom_pos, given.shape) if num_envs else None)
     found = sizes_of(sim, envs, scene)
     for g in range(model.ngeom):
@@ -315,8 +314,7 @@ def test_a_pull_ends_with_a_reset(steps, mask):
 
 
 def test_forces_that_the_user_writes_during_a_pull_stay():
-    sim = stepper.Stepper(stepper.load(BALL), 2)
-    view, forces = dragging(sim)
+    view, forces = dragging(stepper.Stepper(stepper.load(BALL), 2))
     forces[1, 2] = -30.0
     view._release()
     np.testing.assert_array_equal(forces[1], [0, 0, -30, 0, 0, 0])
@@ -436,8 +434,7 @@ def test_free_bodies_are_in_the_picture(pose, kind, size, angles, view):
     points = np.concatenate([
         d.geom_xpos[k] + (m.geom_aabb[k, :3] + corners * m.geom_aabb[k, 3:]) @ d.geom_xmat[k].reshape(3, 3).T for k in (1, 2)
     ])  # fmt: skip
-    reach = np.abs(in_the_picture(m, d, camera, points, aspect)).max()
-    assert 0.33 < reach < 1.0
+    assert 0.33 < np.abs(in_the_picture(m, d, camera, points, aspect)).max() < 1.0
 
 
 @pytest.mark.parametrize("reach", [0.0, 0.3, 2.0])

@@ -154,8 +154,7 @@ def test_places_are_those_of_the_present_once_the_state_is_another():
     for each in (envs, other):
         each.reset(seed=0)
     envs.step(np.ones((N, 7)))
-    qpos = np.array(other.sim.qpos)
-    envs.sim.set_state(qpos, np.zeros_like(envs.sim.qvel), np.arange(N) == 2)
+    envs.sim.set_state(np.array(other.sim.qpos), np.zeros_like(envs.sim.qvel), np.arange(N) == 2)
     tip = envs.sim.model.body_names.index("tips_arm")
     observation, _ = envs.reset(envs=[0])
     np.testing.assert_array_equal(observation[2, 14:17], other.sim.xpos[2, tip])

@@ -111,8 +111,7 @@ def test_noise_depends_on_the_seed_and_the_step_alone(num_envs, seed, steps, dat
     expected, found = alone.reset(seed=seed)[0], many.reset(seed=seed - place if seed >= place else [seed] * num_envs)[0]
     for _ in range(steps):
         np.testing.assert_array_equal(noise_of(found[place]), noise_of(expected))
-        others = [k for k in range(num_envs) if k != place and data.draw(st.booleans())]
-        found = many.reset(envs=others)[0]
+        found = many.reset(envs=[k for k in range(num_envs) if k != place and data.draw(st.booleans())])[0]
         np.testing.assert_array_equal(noise_of(found[place]), noise_of(expected))
         expected, found = alone.step(np.zeros(1))[0], many.step(np.zeros((num_envs, 1)))[0]
     np.testing.assert_array_equal(noise_of(found[place]), noise_of(expected))
@@ -277,8 +276,7 @@ def test_the_critic_sees_no_errors():
 def test_a_history_has_the_last_observations_the_oldest_first():
     true, found = seen(only(Observation("qpos"))), seen(only(Observation("qpos", history=3)))
     for k in range(7):
-        expected = true[[max(0, k - 2), max(0, k - 1), k], :, 0].T
-        np.testing.assert_array_equal(found[k], expected)
+        np.testing.assert_array_equal(found[k], true[[max(0, k - 2), max(0, k - 1), k], :, 0].T)
 
 
 def test_a_delay_shows_earlier_observations():
@@ -297,8 +295,7 @@ def test_noise_and_bias_have_their_distributions():
     n = 4000
     for error, mean, std in ((0.3, 0.0, 0.3 / 3**0.5), (normal(0.1, 0.2), 0.1, 0.2), (uniform(0.0, 1.0), 0.5, 1 / 12**0.5)):
         values = seen(only(Observation("qpos", noise=error), Observation("start", func=position, bias=error)), steps=1, num_envs=n)
-        true = seen(only(Observation("qpos")), steps=1, num_envs=n)
-        noise, bias = (values - true).transpose(2, 0, 1)
+        noise, bias = (values - seen(only(Observation("qpos")), steps=1, num_envs=n)).transpose(2, 0, 1)
         np.testing.assert_array_equal(np.round(bias[0], 9), np.round(bias[1], 9))
         assert not np.allclose(noise[0], noise[1])
         for errors in (noise[1], bias[1]):

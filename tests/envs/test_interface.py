@@ -89,9 +89,7 @@ def test_indices_begin_some_and_leave_the_rest():
         envs.step(np.full((5, 6), 0.3))
     mask = np.array([False, True, False, False, True])
     for seed, all_seeds in ((None, None), ([11, 12], [None, 12, None, None, 11]), ([5, 2], [1, 2, 3, 4, 5]), (7, 7)):
-        found = by_ids.reset(seed=seed, envs=[4, 1])
-        expected = by_mask.reset(seed=all_seeds, options={"reset_mask": mask})
-        same(found, expected)
+        same(by_ids.reset(seed=seed, envs=[4, 1]), by_mask.reset(seed=all_seeds, options={"reset_mask": mask}))
         same(by_ids.step(np.full((5, 6), 0.1))[:4], by_mask.step(np.full((5, 6), 0.1))[:4])
     np.testing.assert_array_equal(by_ids.episode_lengths, [5, 1, 5, 5, 1])
 
@@ -203,8 +201,7 @@ def test_errors_of_an_environments_sensors_follow_from_its_own_seed():
     envs = StepperVectorEnv(Heard(), 4)
     read = envs.reset(seed=5)[0]
     np.testing.assert_array_equal(StepperVectorEnv(Heard(), 9).reset(seed=5)[0][:4], read)
-    other = envs.reset(seed=[5, 6, 99, 8])[0]
-    np.testing.assert_array_equal((other == read)[:, 0], [True, True, False, True])
+    np.testing.assert_array_equal((envs.reset(seed=[5, 6, 99, 8])[0] == read)[:, 0], [True, True, False, True])
     envs.reset(seed=5)
     after = envs.reset()[0]
     envs.reset(seed=5)
@@ -285,8 +282,7 @@ def run(envs, steps=30):
     """Observations, rewards, flags and infos of some steps."""
     envs.reset(seed=0)
     rng = np.random.default_rng(0)
-    said = [envs.step(rng.uniform(-1, 1, envs.action_space.shape)) for _ in range(steps)]
-    return said
+    return [envs.step(rng.uniform(-1, 1, envs.action_space.shape)) for _ in range(steps)]
 
 
 def test_a_mask_reaches_wrappers():

@@ -105,8 +105,7 @@ def test_a_changed_default_that_python_ignores_is_an_error(change, typed, decora
 
 
 def test_a_constructor_of_ones_own_gives_defaults():
-    own = type("Own", (Hopper,), {"frame_skip": 3, "__init__": lambda self: None})
-    assert StepperEnv(own).task.frame_skip == 3
+    assert StepperEnv(type("Own", (Hopper,), {"frame_skip": 3, "__init__": lambda self: None})).task.frame_skip == 3
 
 
 @pytest.mark.parametrize("task", [Slide(), Hopper(frame_skip=2)])

@@ -308,8 +308,7 @@ def test_episodes_start_over_the_middles_of_all_bowls():
     ours = StepperVectorEnv(SUITE["quadruped-escape"][0], 200, escape=True)
     ours.reset(seed=0)
     np.testing.assert_array_equal(ours.sim.qpos[:, :2], 0.0)
-    places = ours.sim.geom_xpos[:, ours.sim.model.geom("terrain").id, :2]
-    assert len(np.unique(places, axis=0)) == 16
+    assert len(np.unique(ours.sim.geom_xpos[:, ours.sim.model.geom("terrain").id, :2], axis=0)) == 16
     angles = np.linspace(0.0, 2.0 * np.pi, 50)
     rings = np.stack([np.cos(angles), np.sin(angles)], axis=1) * [[[0.5]], [[15.0]], [[30.0]]]
     ground = stepper.sensors.HeightField(ours.sim.model, "terrain")

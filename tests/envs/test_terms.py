@@ -242,12 +242,10 @@ def test_commands_are_those_of_the_observation_that_the_action_follows():
     for _ in range(20):
         shown = observation[:, columns]
         observation = envs.step(np.zeros((30, 2)))[0]
-        same = np.isclose(seen[-1][:, :2], shown[:, :2])
-        assert same.all()
+        assert np.isclose(seen[-1][:, :2], shown[:, :2]).all()
         changes += (observation[:, 10] != shown[:, 0]).sum()
     assert changes > 30 * 20 * 0.02 / 0.11
-    stands = (np.abs(observation[:, columns]) == 0.0).all(axis=1)
-    assert 0 < stands.sum() < 20
+    assert 0 < (np.abs(observation[:, columns]) == 0.0).all(axis=1).sum() < 20
 
 
 def test_a_turning_command_turns_to_its_heading():

@@ -14,8 +14,7 @@ N = 5
 
 
 def test_gymnasiums_checker_accepts_it():
-    env = gymnasium.make("examples/FallingBlock-v0", disable_env_checker=True)
-    check_env(env.unwrapped, skip_render_check=True)
+    check_env(gymnasium.make("examples/FallingBlock-v0", disable_env_checker=True).unwrapped, skip_render_check=True)
 
 
 def test_it_is_the_textbooks_recursion_with_the_restitution_drawn():
@@ -81,8 +80,7 @@ def test_many_blocks_bounce_as_single_ones_of_their_restitution():
 
 
 def test_every_episode_of_every_block_has_its_own_restitution():
-    env = FallingBlocks(2000, autoreset_mode=AutoresetMode.SAME_STEP)
-    rows = episode(env, seed=1)
+    rows = episode(FallingBlocks(2000, autoreset_mode=AutoresetMode.SAME_STEP), seed=1)
     first, second = rows[0][3]["restitution"], rows[50][3]["restitution"]
     for drawn in (first, second):
         assert 0.1 <= drawn.min() < 0.11

@@ -62,8 +62,7 @@ def test_horizons_that_do_not_fit_and_models_with_quaternions_are_refused():
 
 def test_a_run_writes_its_curve_and_its_policy(tmp_path):
     learner = shac.train("stepper/Swimmer-v5", 0.02, shac.Plan(num_envs=4, horizon=20), tmp_path, quiet=True)
-    rows = (tmp_path / "curve.csv").read_text().splitlines()
-    assert len(rows) == learner.updates + 1
+    assert len((tmp_path / "curve.csv").read_text().splitlines()) == learner.updates + 1
     assert (tmp_path / "policy.npz").exists()
 
 

@@ -12,8 +12,7 @@ def test_what_is_identified_is_the_robot_and_can_be_drawn_from(tmp_path):
     assert friction[0] < FRICTION < friction[1]
     assert mass[0] > nominal().body("torso").mass
     assert friction[1] < nominal().geom_friction[0][0]
-    drawn = found.sample(4)
-    total = returns(drawn, episodes=4, actions=5)
+    total = returns(found.sample(4), episodes=4, actions=5)
     assert total.shape == (4,)
     # The draws are what runs: other returns than the model's from the same starts.
     assert (total != returns({}, episodes=4, actions=5)).all()

@@ -85,8 +85,7 @@ def test_contacts_of_mujoco_have_the_columns_of_a_stepper():
 
 @pytest.mark.parametrize(("name", "hint"), [("xpso", "did you mean xpos"), ("reset", "has no attribute 'reset'")])
 def test_a_world_is_for_reading(name, hint):
-    study = stepper.lab.Study(model=one_measure.SCENE)
-    world = world_of(study, "stepper", [{}])
+    world = world_of(stepper.lab.Study(model=one_measure.SCENE), "stepper", [{}])
     with pytest.raises(AttributeError) as error:
         getattr(world, name)
     assert hint in str(error.value)

@@ -131,8 +131,7 @@ def test_it_is_reproducible():
     first, again, other = scores(NOISY, 7, 8), scores(NOISY, 7, 8), scores(NOISY, 8, 8)
     np.testing.assert_array_equal(first, again)
     assert not np.any(first == other)
-    table = noisy_joints.table(range(1))
-    assert table == noisy_joints.table(range(1))
+    assert noisy_joints.table(range(1)) == noisy_joints.table(range(1))
 
 
 class Physics:

@@ -81,8 +81,7 @@ def test_two_masses_that_fit_equally_well_determine_neither():
     assert found["body_mass[a]"] == pytest.approx(1.384, rel=0.01)
     assert found.interval()[0].tolist() == [0.0, np.inf]
     (warning,) = (text for text in found.warnings if text.startswith("body_mass[a] "))
-    other = float(re.search(r"another estimate, with ([\d.]+), fits equally well", warning)[1])
-    assert other == pytest.approx(0.7, rel=0.01)
+    assert float(re.search(r"another estimate, with ([\d.]+), fits equally well", warning)[1]) == pytest.approx(0.7, rel=0.01)
 
 
 def test_bounds_exclude_a_second_mass():
@@ -243,8 +242,7 @@ def test_a_curved_weak_direction_widens_the_intervals_of_others():
     source = """<mujoco><option timestep="0.005"/><worldbody><body name="a"><joint name="q" axis="0 0 1" damping="{d}" stiffness="{k}"
       frictionloss="{f}" armature="0.008"/><inertial pos="0.1 0 0" mass="0.5" diaginertia="0.004 0.004 0.004"/></body></worldbody>
       <actuator><motor joint="q" gear="1"/></actuator></mujoco>"""
-    true = stepper.load(source.format(d=0.23, k=0.64, f=0.02))
-    sim = stepper.Stepper(true, options=HARD)
+    sim = stepper.Stepper(stepper.load(source.format(d=0.23, k=0.64, f=0.02)), options=HARD)
     made = sim.rollout(0.6 * SWEEP, round(PERIOD / sim.timestep), fields=("qpos",))["qpos"]
     outside = 0
     for seed in range(4):

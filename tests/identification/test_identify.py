@@ -60,8 +60,7 @@ def test_exact_data_give_exact_numbers_and_the_answer_can_be_used(tmp_path):
     assert abs(drawn.mean() / 0.35 - 1) < 1e-4
     assert drawn.std() > 0
     found.save(tmp_path / "found.json")
-    again = stepper.sysid.Identification.load(tmp_path / "found.json", found.model)
-    assert str(again) == str(found)
+    assert str(stepper.sysid.Identification.load(tmp_path / "found.json", found.model)) == str(found)
     raises(ValueError, "of model", stepper.sysid.Identification.load, tmp_path / "found.json", estimate)
 
 
@@ -98,8 +97,7 @@ def test_a_search_that_begins_where_friction_never_slides():
     soft = model.replace(actuator_gainprm=model.actuator_gainprm / 20, actuator_biasprm=model.actuator_biasprm / 20)
     truth = scene.model(1.3, 0.35)
     truth = truth.replace(actuator_gainprm=truth.actuator_gainprm / 20, actuator_biasprm=truth.actuator_biasprm / 20)
-    ctrl = np.linspace(0, 0.6, 60)[:, None]
-    episode = episode_of(truth, ctrl, 0.02, ("wrist_force", "box_x"))
+    episode = episode_of(truth, np.linspace(0, 0.6, 60)[:, None], 0.02, ("wrist_force", "box_x"))
     for starts in (1, 6):
         found = stepper.sysid.identify(
             soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(0.05, 10))], starts=starts
@@ -266,8 +264,7 @@ def test_log_cholesky_gives_bodies():
     assert (ordered[:, 0] > 0).all()
     assert (ordered[:, 2] <= ordered[:, 0] + ordered[:, 1] + 1e-12 * ordered[:, 2]).all()
     np.testing.assert_allclose(np.linalg.det(axes), 1, rtol=1e-9)
-    quat = parameters.shape.quaternion(axes)
-    np.testing.assert_allclose(matrices(quat), axes, atol=1e-9)
+    np.testing.assert_allclose(matrices(parameters.shape.quaternion(axes)), axes, atol=1e-9)
     mass, com, moments, axes = parameters.shape.bodies(np.zeros(10), 2.0, np.array([0.02, 0.03, 0.04]))
     assert mass == pytest.approx(2.0)
     np.testing.assert_allclose(com, 0, atol=1e-15)

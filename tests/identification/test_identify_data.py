@@ -16,10 +16,8 @@ MODEL = SCENE.model(*SCENE.truth)
 
 def log():
     """The scene as a log: row k is at time 0.02 k, and has the readings that control k - 1 led to."""
-    sim = stepper.Stepper(MODEL, options=HARD)
-    made = sim.rollout(SCENE.ctrl, 10, fields=("sensordata", "qpos", "qvel"))
-    first = np.zeros((1, MODEL.nsensordata))
-    observed = np.concatenate([first, made["sensordata"]])
+    made = stepper.Stepper(MODEL, options=HARD).rollout(SCENE.ctrl, 10, fields=("sensordata", "qpos", "qvel"))
+    observed = np.concatenate([np.zeros((1, MODEL.nsensordata)), made["sensordata"]])
     return {
         "time": 0.02 * np.arange(101),
         "ctrl": np.concatenate([SCENE.ctrl, SCENE.ctrl[-1:]]),

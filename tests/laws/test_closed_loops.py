@@ -363,8 +363,7 @@ def infeasible(seed: int) -> str:
 def test_infeasible_scenes_are_flagged(precision, seed):
     # The correction first moves as close as it can. The proof of infeasibility follows within 0.4 s, about twenty half-lives of a
     # position error.
-    sim = simulate(infeasible(seed), precision=precision, steps=200)
-    assert sim.status & Status.INFEASIBLE
+    assert simulate(infeasible(seed), precision=precision, steps=200).status & Status.INFEASIBLE
 
 
 def planar_loop(rods: int, tilt: str, times: int) -> str:
@@ -385,8 +384,7 @@ def planar_loop(rods: int, tilt: str, times: int) -> str:
 def test_redundant_rows_of_a_planar_loop_are_removed_in_any_orientation(times, rods, tilt, precision):
     sim = simulate(planar_loop(rods, tilt, times), precision=precision)
     before = sum(sim.energy())
-    status = flags_of(sim, 150)
-    assert not status & ~Status.UNRESOLVED
+    assert not flags_of(sim, 150) & ~Status.UNRESOLVED
     assert np.abs(sim.qvel).max() < 200
     # Energy error of a loop of 1 kg and 1 m by inertial forces at 2 ms, J.
     assert abs(sum(sim.energy()) - before) < 0.3

@@ -253,8 +253,7 @@ def recursion(h: float, v: float):
 def block(shape: str, h: float, v: float, **options) -> stepper.Stepper:
     """The block h above the floor; joint position 0 is touching."""
     model = stepper.load(BLOCK.format(half=0.1, geom=SHAPES[shape])).replace(geom_restitution=[E, E])
-    sim = simulate(model, integrator="euler", **options, qpos=[h], qvel=[v])
-    return sim
+    return simulate(model, integrator="euler", **options, qpos=[h], qvel=[v])
 
 
 @every(shape=SHAPES, stabilization=["baumgarte", "split", "none"])

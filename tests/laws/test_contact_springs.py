@@ -32,8 +32,7 @@ def options(law, **more):
 def test_a_weight_sinks_in_by_its_weight_over_the_stiffness(law, stiffness):
     mass = 2.0
     damping = 2 * np.sqrt(stiffness * mass)  # critical
-    model = ball(stiffness, damping, mass=mass)
-    sim = stepper.Stepper(model, options=options(law))
+    sim = stepper.Stepper(ball(stiffness, damping, mass=mass), options=options(law))
     sim.step(nstep=6000)
     assert stepper.Status(sim.status) & ~stepper.Status.DEEP == stepper.Status.OK
     # Six seconds are fifty times the slowest time constant, sqrt(m / K) = 0.1 s.
@@ -132,8 +131,7 @@ def test_the_load_of_a_table_is_shared_as_springs_share_it(law):
 @pytest.mark.parametrize("mu", [0.3, 0.8])
 def test_friction_is_that_of_the_force_that_the_spring_bears(mu):
     """A ball that slides without turning decelerates at mu g; and what holds does not creep."""
-    model = ball(5e4, 500.0, mu=mu, mass=2.0)
-    sim = stepper.Stepper(model, options=options("hard"))
+    sim = stepper.Stepper(ball(5e4, 500.0, mu=mu, mass=2.0), options=options("hard"))
     sim.step(nstep=1000)
     sim.set_state(qvel=[2.0, 0, 0, 0, 0, 0])
     sim.step(nstep=50)

@@ -46,8 +46,7 @@ MESH_ROOM = "".join(wall(axis, side, f'type="mesh" mesh="plate{axis}"') for axis
 
 def room(walls: str, friction: float, restitution: float, envs: int, **options):
     defaults = f'<default><geom friction="{friction} 0 0"/></default>'
-    text = f'<mujoco><option gravity="0 0 0"/>{defaults}<worldbody>{walls}{BALL}</worldbody></mujoco>'
-    model = stepper.load(text)
+    model = stepper.load(f'<mujoco><option gravity="0 0 0"/>{defaults}<worldbody>{walls}{BALL}</worldbody></mujoco>')
     model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
     return simulate(model, envs, **options)
 

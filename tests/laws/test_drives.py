@@ -35,8 +35,7 @@ def factor(integrator: str, x: float) -> float:
 def test_a_motor_spins_up_exponentially(ratio, control, integrator):
     """J w' = T (1 - w/w0), at full voltage or with more torque asked for than there is: 1 - w/w0 = e^(-t/tau), tau = J w0 / T."""
     stall, speed, gear, rotor = 0.2, 300.0, 5.0, 1e-4
-    inertia = J + gear**2 * rotor
-    tau = inertia * (speed / gear) / (gear * stall)
+    tau = (J + gear**2 * rotor) * (speed / gear) / (gear * stall)
     motor = DCMotor(stall_torque=stall, no_load_speed=speed, gear=gear, rotor_inertia=rotor, control=control)
     sim = wheel(Drive(motor=motor), integrator=integrator, h=ratio * tau)
     command = [1.0 if control == "voltage" else 10 * gear * stall]
@@ -173,8 +172,7 @@ def test_a_stiff_pd_with_limits_and_a_motor_settles(ratio, lag, integrator):
     for _ in range(1000):
         before = sim.qvel[0]
         sim.step([2.0])
-        gained = abs(sim.qvel[0] - before) * J / H
-        assert gained <= limit * (1 + 1e-9)
+        assert (abs(sim.qvel[0] - before) * J / H) <= limit * (1 + 1e-9)
         assert abs(sim.qvel[0]) <= speed
     sim.step([2.0], nstep=9000)
     # It slides along kp e = kd v: e^(-t / 0.1 s) of 2 rad after 20 s. The midpoint rule damps what it cannot resolve by (x-1)/(x+1) a step,

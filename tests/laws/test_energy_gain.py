@@ -158,8 +158,7 @@ SPINNING = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><geo
 def test_bodies_that_tumble_alone_are_not_flagged(seed, precision):
     """Up to a third of a radian a step: the midpoint rule keeps their energy, which the balance of a corrector would not know."""
     sim = simulate(SPINNING, precision=precision, timestep=5e-3)
-    rng = np.random.default_rng(seed)
-    sim.set_state(qvel=rng.uniform(-30, 30, sim.model.nv))
+    sim.set_state(qvel=np.random.default_rng(seed).uniform(-30, 30, sim.model.nv))
     start = sum(sim.energy())
     sim.step(nstep=100)
     assert not sim.status & UNRESOLVED

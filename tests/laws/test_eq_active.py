@@ -192,8 +192,7 @@ def test_a_state_contains_the_active_equalities():
         sim.step()
         restore(np.array([True, False, False]))
         assert sim.eq_active.tolist() == [[True, True, False], [False] * 3, [False] * 3]
-    fresh = simulate(scene(), qpos=one)
-    assert fresh.eq_active.tolist() == [False, True, True]
+    assert simulate(scene(), qpos=one).eq_active.tolist() == [False, True, True]
 
 
 # Equalities whose numbers differ between environments: `randomize(eq_data=...)`, so that a weld holds the pose of a grasp.
@@ -219,9 +218,7 @@ def moving(num_envs: int | None = 3, contact: str = "hard", **more) -> stepper.S
     """Stepper whose environments have different poses and velocities."""
     model = stepper.load(GRASP_SCENE)
     sim = stepper.Stepper(model, num_envs, options=LAWS[contact], **more)
-    rng = np.random.default_rng(0)
-    n = num_envs or 1
-    qvel = rng.normal(0, 0.5, (n, model.nv))
+    qvel = np.random.default_rng(0).normal(0, 0.5, (num_envs or 1, model.nv))
     sim.set_state(qvel=qvel if num_envs else qvel[0])
     sim.step(nstep=50)
     return sim
@@ -317,8 +314,7 @@ def test_an_environment_is_one_of_a_model_with_its_numbers(contact, precision):
     sim.eq_active[1] = [False, False, False, True]
     sim.step(nstep=60)
     for env in range(4):
-        changed = model.replace(eq_data=data[env])
-        alone = stepper.Stepper(changed, options=LAWS[contact], precision=precision)
+        alone = stepper.Stepper(model.replace(eq_data=data[env]), options=LAWS[contact], precision=precision)
         alone.eq_active[:] = sim.eq_active[env]
         alone.step(nstep=60)
         assert np.array_equal(alone.qpos, sim.qpos[env])

@@ -84,8 +84,7 @@ PUSHED = '<actuator><motor joint="x"/><motor joint="z"/></actuator>'
 
 def sliding(num_envs: int | None = 3) -> stepper.Stepper:
     """A ball that cannot turn, on the floor: one contact, with the friction of the floor."""
-    model = scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED)
-    return simulation(model, num_envs)
+    return simulation(scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED), num_envs)
 
 
 @given(st.floats(0.05, 5.0), st.floats(-3.1, 3.1), st.floats(-10.0, 15.0))
@@ -96,8 +95,7 @@ def test_a_sliding_contact_in_closed_form(speed, heading, push):
     lin = sim.linearize(ctrl=[[0.0, -push]], method="implicit")
     assert lin.implicit.all()
     # v+ = v - mu N h v+ / (m |v+|): the direction stays, so that v turns by less than its friction takes of it.
-    load = m * G + push
-    lost = mu * load * H / m
+    lost = mu * (m * G + push) * H / m
     across = np.eye(2) - np.outer(along, along)
     if speed < 2 * lost + 1e-3:
         return
@@ -317,7 +315,6 @@ def test_nothing_advances_and_a_single_environment_has_no_leading_axis():
 
 def test_a_batch_in_f32_is_differentiated_in_f64():
     model = scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED)
-    sim = stepper.Stepper(model, 2, options=Options(**SETTINGS["hard"]), precision="f32")
-    lin = sim.linearize(method="implicit")
+    lin = stepper.Stepper(model, 2, options=Options(**SETTINGS["hard"]), precision="f32").linearize(method="implicit")
     assert lin.A.dtype == np.float64
     assert lin.implicit.all()

@@ -355,8 +355,7 @@ SLOPES = st.floats(-6.5, -5.1).map(lambda x: 10.0**x)
 def mover(joint: str, slope: float, speed: float, *, overlap: float, condim: int = 3, timestep: float = 2e-3) -> stepper.Stepper:
     """A box that a joint moves along a face at `speed`, m/s, while the face approaches it at `slope` times that speed."""
     xml = (HINGE if joint == "hinge" else SLIDE).format(height=0.07 - overlap, slope=-slope, condim=condim)
-    sim = simulate(xml, timestep=timestep, tolerance=TOLERANCE, qvel=[speed / REACH if joint == "hinge" else speed])
-    return sim
+    return simulate(xml, timestep=timestep, tolerance=TOLERANCE, qvel=[speed / REACH if joint == "hinge" else speed])
 
 
 @given(joint=JOINTS, slope=SLOPES, approach=st.floats(0.0, 0.9), overlap=st.floats(0.0, 0.8), condim=st.sampled_from([3, 6]))

@@ -446,8 +446,7 @@ UPRIGHT = SLIDE.replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
                  id="contact that a motor takes all the weight from"),
 ])  # fmt: skip
 def test_a_column_is_flagged_in_the_environment_that_is_at_the_kink(*, model, options, qpos, ctrl, name, kink):
-    sim = simulate(model, 2, integrator="euler", **options, qpos=qpos)
-    lin = sim.linearize(ctrl=ctrl)
+    lin = simulate(model, 2, integrator="euler", **options, qpos=qpos).linearize(ctrl=ctrl)
     assert lin.kink_distance[0] <= 1.0
     np.testing.assert_array_equal(lin.kinks[name][:, 0] & int(kink) != 0, [True, False])
     assert not lin.near_kink[1]

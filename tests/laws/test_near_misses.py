@@ -36,8 +36,7 @@ def test_a_body_that_passes_above_another_keeps_its_velocity(mover, obstacle, fl
     timestep, solver, gap, speed = flyby
     geom, height = MOVERS[mover]
     world = OBSTACLES[obstacle] + f'<body pos="-.2 0 {height + gap}"><freejoint/>{geom}</body>'
-    sim = stepper_of(world, timestep, solver, restitution=restitution)
-    assert fly(sim, [speed, 0, 0, 0, 0, 0], 0.6) < ROUNDING[solver[1]]
+    assert fly(stepper_of(world, timestep, solver, restitution=restitution), [speed, 0, 0, 0, 0, 0], 0.6) < ROUNDING[solver[1]]
 
 
 @given(movers, movers, flybys)

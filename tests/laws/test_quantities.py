@@ -85,8 +85,7 @@ def test_constraint_forces_are_what_the_equation_of_motion_leaves(name):
     source = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
     source.dof_damping[:] = source.jnt_stiffness[:] = 0
     sim = stepper.Stepper(stepper.load(source, strict=False), ENVS, options=stepper.Options(integrator="euler"))
-    rng = np.random.default_rng(8)
-    sim.set_state(qvel=rng.normal(scale=0.3, size=(ENVS, source.nv)))
+    sim.set_state(qvel=np.random.default_rng(8).normal(scale=0.3, size=(ENVS, source.nv)))
     sim.step(nstep=150)
     free, mass = sim.qacc_smooth, sim.mass_matrix()
     sim.step()

@@ -25,8 +25,7 @@ GYRO, ANGLE, AXIS, ATTITUDE = slice(0, 3), 3, slice(4, 7), slice(7, 11)
 
 def errors(steps: int, num_envs: int, dt: float = 0.01, seed: int = 0, **transfers: Transfer) -> np.ndarray:
     """Readings of sensors at rest, (steps + 1, num_envs, nsensordata)."""
-    model = stepper.load(STILL.format(dt=dt))
-    sim = stepper.Stepper(model, num_envs, sensors=SensorModel(transfers), seed=seed)
+    sim = stepper.Stepper(stepper.load(STILL.format(dt=dt)), num_envs, sensors=SensorModel(transfers), seed=seed)
     rows = [sim.sensordata]
     for _ in range(steps):
         sim.step()
@@ -91,8 +90,7 @@ def test_a_fixed_bias_is_the_same_in_every_episode_and_what_is_drawn_is_about_it
 
 
 def test_bias_is_drawn_once_an_episode():
-    model = stepper.load(STILL.format(dt=0.01))
-    sim = stepper.Stepper(model, 4096, sensors=SensorModel({"gyro": Transfer(bias_std=0.2)}))
+    sim = stepper.Stepper(stepper.load(STILL.format(dt=0.01)), 4096, sensors=SensorModel({"gyro": Transfer(bias_std=0.2)}))
     first = sim.sensordata[:, GYRO]
     sim.step(nstep=10)
     np.testing.assert_array_equal(sim.sensordata[:, GYRO], first)
@@ -131,8 +129,7 @@ def test_the_allan_deviation_of_a_whole_imu_has_its_drift():
 def test_drift_and_noise_are_independent():
     """Differences of neighbours d_k + n_k - n_(k-1) have the variance d^2 + 2 n^2, -n^2 with the next one, and nothing with other axes'."""
     n, d = 0.3, 0.2
-    x = errors(400, 512, 0.01, gyro=Transfer(noise_std=n, drift_std=d / np.sqrt(0.01)))[:, :, GYRO]
-    step = np.diff(x, axis=0)
+    step = np.diff(errors(400, 512, 0.01, gyro=Transfer(noise_std=n, drift_std=d / np.sqrt(0.01)))[:, :, GYRO], axis=0)
     var = d**2 + 2 * n**2
     # Five standard deviations of a mean of products of two numbers of that variance; neighbours that are correlated count half.
     bound = 5 * np.sqrt(2 * 2) * var / np.sqrt(step.size)
@@ -175,8 +172,7 @@ def test_quantum_and_limits():
 
 
 def test_samples_are_held_for_their_period():
-    x = errors(60, 8, 0.01, angle=Transfer(noise_std=1.0, period=0.05))[:, :, ANGLE]
-    changed = np.any(np.diff(x, axis=0) != 0, axis=1)
+    changed = np.any(np.diff(errors(60, 8, 0.01, angle=Transfer(noise_std=1.0, period=0.05))[:, :, ANGLE], axis=0) != 0, axis=1)
     np.testing.assert_array_equal(np.flatnonzero(changed) + 1, np.arange(5, 61, 5))
 
 
@@ -186,8 +182,7 @@ def test_a_period_that_is_no_multiple_of_the_step_is_kept_on_average():
 
 
 def test_dropout_holds_the_last_sample():
-    x = errors(400, 64, angle=Transfer(noise_std=1.0, dropout=0.3))[:, :, ANGLE]
-    held = np.mean(np.diff(x, axis=0) == 0)
+    held = np.mean(np.diff(errors(400, 64, angle=Transfer(noise_std=1.0, dropout=0.3))[:, :, ANGLE], axis=0) == 0)
     assert abs(held - 0.3) < 5 * np.sqrt(0.21 / (400 * 64))
 
 
@@ -254,8 +249,7 @@ TRAY = """
 
 def test_a_wrist_carries_weight_inertia_and_what_lies_on_the_tray():
     """Force on the tray = m (a - g) - contacts, in any motion: Newton's law to rounding, and to 1e-8 as was asked for."""
-    model = stepper.load(TRAY)
-    sim = stepper.Stepper(model)
+    sim = stepper.Stepper(stepper.load(TRAY))
     struck = 0
     for k in range(600):
         sim.step([0.1 * np.sin(0.02 * k), 0.05 * np.cos(0.03 * k), 0.3 * np.sin(0.05 * k)])

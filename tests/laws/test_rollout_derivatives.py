@@ -88,8 +88,7 @@ def test_a_rollout_is_that_of_the_stepper_with_its_drives():
     ctrl = rng.uniform(-1, 1, (6, model.nu))
     made = rollout(sim, ctrl, 2, sensors=True)
     # Shapes of a single environment.
-    found = made.vjp(qpos=np.eye(6, model.nq) * 0 + 1, sensors=np.zeros((6, model.nsensordata)))
-    assert found.ctrl.shape == (6, model.nu)
+    assert made.vjp(qpos=np.eye(6, model.nq) * 0 + 1, sensors=np.zeros((6, model.nsensordata))).ctrl.shape == (6, model.nu)
     expected = sim.rollout(ctrl, 2, fields=["qpos", "qvel"])
     np.testing.assert_array_equal(made.qpos, expected["qpos"])
     np.testing.assert_array_equal(made.qvel, expected["qvel"])
@@ -173,8 +172,7 @@ def test_a_smoothed_gradient_feels_what_a_gap_hides():
     np.testing.assert_allclose(found.qvel, free, atol=error)
     np.testing.assert_allclose(found.qpos, -(1 - free) / h, atol=error / h)
     assert np.ptp(found.qvel) > 0  # Environments draw their own.
-    again = made.vjp(qvel=weights, smoothing=spread)
-    np.testing.assert_array_equal(again.qvel, found.qvel)
+    np.testing.assert_array_equal(made.vjp(qvel=weights, smoothing=spread).qvel, found.qvel)
 
 
 def test_a_smoothed_gradient_of_what_is_linear_is_the_gradient():
@@ -286,8 +284,7 @@ def test_gradients_of_random_contact_scenes_agree_with_differences_of_whole_roll
     judged = Judged(Counter(), [])
     for seed in range(12):
         judge(bodies_on_a_floor(seed, LAWS[law], steps=10), seed, judged)
-    rows = [judged.row(kind) for kind in ("no kink", "near a kink")]
-    _, known, good, wrong = np.sum(rows, axis=0)
+    _, known, good, wrong = np.sum([judged.row(kind) for kind in ("no kink", "near a kink")], axis=0)
     assert wrong == 0, judged.worst
     # Differences of an hundredth are agreement, and one derivative in a hundred may differ, as docs/how-to/derivatives.md says.
     assert good >= 0.99 * known, judged.worst

@@ -19,8 +19,7 @@ BODY = f"""<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>
 
 
 def spun(dt: float, integrator: str, seconds: float):
-    sim = simulate(BODY, timestep=dt, integrator=integrator, qvel=[0, 0, 0, 0, SPIN, TOUCH], steps=round(seconds / dt))
-    return sim
+    return simulate(BODY, timestep=dt, integrator=integrator, qvel=[0, 0, 0, 0, SPIN, TOUCH], steps=round(seconds / dt))
 
 
 def test_the_closed_form_starts_where_the_body_starts():

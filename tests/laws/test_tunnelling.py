@@ -270,8 +270,7 @@ def test_what_passes_through_unseen_is_flagged(wall, thing, timestep):
 def test_what_falls_through_rough_ground_unseen_is_flagged(kind):
     """A ball that falls by 0.4 m a step is 0.1 m above the ground before, and below its base after."""
     asset, geom = ground(kind, np.random.default_rng(0))
-    source = f'<mujoco><option timestep=".005"/>{asset}<worldbody>{geom}{BALL}</worldbody></mujoco>'
-    model = stepper.load(source, strict=False)
+    model = stepper.load(f'<mujoco><option timestep=".005"/>{asset}<worldbody>{geom}{BALL}</worldbody></mujoco>', strict=False)
     if kind == "mesh":
         model = model.replace(geom_concave=[True, False])
     sim = stepper.Stepper(model, 20, options=Options(contact="mujoco"))

@@ -93,8 +93,7 @@ def test_theta_and_another_model_are_named(envs, tmp_path):
     assert made(other).environment["randomized"]["dof_damping"]["max"] == damping.max(axis=0).tolist()
     # A task that randomises has no parameters yet before its first reset: nothing is said then.
     assert made(other).differences(envs) == []
-    own = stepper.envs.assets.model_file("reacher.xml")
-    text = Path(own).read_text()
+    text = Path(stepper.envs.assets.model_file("reacher.xml")).read_text()
     assert 'damping="1"' in text
     (tmp_path / "reacher.xml").write_text(text.replace('damping="1"', 'damping="2"', 1))
     heavier = gymnasium.make_vec("stepper/Reacher-v5", num_envs=2, xml_file=str(tmp_path / "reacher.xml"))
@@ -122,8 +121,7 @@ def test_a_single_environment_is_the_same_as_a_vector(envs):
 
 
 def test_versions_and_what_only_one_says_are_named(envs):
-    policy = made(envs)
-    past = json.loads(json.dumps(policy.environment))
+    past = json.loads(json.dumps(made(envs).environment))
     past["versions"]["stepper"] = "0.0.1"
     past["sensors"] = {"tip": 1}
     lines = differences(past, describe(envs))
@@ -243,8 +241,7 @@ def test_arrays_of_a_policy_are_of_real_numbers(envs, name, change):
 
 
 def test_a_damaged_clip_in_a_file_is_named(envs, tmp_path):
-    one = made(envs)
-    one.save(tmp_path / "p.npz")
+    made(envs).save(tmp_path / "p.npz")
     with np.load(tmp_path / "p.npz") as archive:
         arrays = dict(archive)
     arrays["settings"] = np.array(json.dumps(json.loads(str(arrays["settings"])) | {"clip": -1.0}))

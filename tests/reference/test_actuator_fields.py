@@ -135,8 +135,7 @@ def test_a_term_that_the_model_lacks_is_added_by_replace_alone():
     for field in ("actuator_gainprm", "actuator_biasprm"):
         with pytest.raises(stepper.ModelError, match=rf'environment 0: actuator "general": {field} is .*, and the model has.*small number'):
             stepper.Stepper(model, 1).randomize({f"{field}[general][1]": -2.0})
-        changed = model.replace({f"{field}[general][1]": -2.0})
-        stepper.Stepper(changed, 1).randomize({f"{field}[general][1]": -3.0})
+        stepper.Stepper(model.replace({f"{field}[general][1]": -2.0}), 1).randomize({f"{field}[general][1]": -3.0})
 
 
 def test_numbers_that_mujoco_does_not_read_either_are_left_out():

@@ -143,8 +143,7 @@ def difference(source, integrator, ctrl, qvel=None, displacement=None):
 @pytest.mark.parametrize("moves", [False, True])
 def test_servos_are_mujocos(name, integrator, moves):
     bodies, tendons, actuators, ctrl = SCENES[name]
-    source = text(bodies, tendons, actuators)
-    step, motion = difference(source, integrator, ctrl, None if moves else 0.0)
+    step, motion = difference(text(bodies, tendons, actuators), integrator, ctrl, None if moves else 0.0)
     assert step < BOUND and motion < BOUND
 
 

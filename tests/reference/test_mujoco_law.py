@@ -193,8 +193,7 @@ def scene(**parts):
 @pytest.mark.parametrize(("sweeps", "tolerance"), [(0, 0.0), (1, 0.0), (20, 1e-6), (20, 0.0)])
 @pytest.mark.parametrize("name", SCENES)
 def test_every_number_of_the_law_means_what_it_means_in_mujoco(name, sweeps, tolerance):
-    model = compiled(scene(**SCENES[name]), noslip_iterations=sweeps, noslip_tolerance=tolerance)
-    found = parity(model, 12 if sweeps else 20)
+    found = parity(compiled(scene(**SCENES[name]), noslip_iterations=sweeps, noslip_tolerance=tolerance), 12 if sweeps else 20)
     assert found.touching > 0.5
     assert found.same > 0.5
     assert found.agrees == 1.0
@@ -202,8 +201,7 @@ def test_every_number_of_the_law_means_what_it_means_in_mujoco(name, sweeps, tol
 
 @pytest.mark.parametrize("name", [name for name in KINDS if "mocap" not in name])
 def test_equalities_are_mujocos(name):
-    found = parity(compiled(LINKAGE.format(equality=KINDS[name])))
-    assert found.agrees == 1.0
+    assert parity(compiled(LINKAGE.format(equality=KINDS[name]))).agrees == 1.0
 
 
 def test_randomised_masses_keep_the_inverse_weights_of_the_model():

@@ -162,8 +162,7 @@ def test_jacobians(name):
 @pytest.mark.parametrize("name", [name for name in [*ROBOTS, *OTHERS] if name not in {"dm_control/lqr", "gymnasium_robotics/fetch"}])
 def test_forces_of_actuators_are_those_of_the_present_state(name):
     pair = Pair(name)
-    rng = np.random.default_rng(2)
-    pair.sim.step(rng.uniform(-1.2, 1.2, (ENVS, pair.model.nu)))
+    pair.sim.step(np.random.default_rng(2).uniform(-1.2, 1.2, (ENVS, pair.model.nu)))
     checked = 0
     for env, data in pair.data():
         # A random state of a stiff robot may fly apart; what is not finite is refused and says so.

@@ -264,8 +264,7 @@ def proximities() -> mujoco.MjModel:
 
 def test_rays_and_distances_are_mujocos():
     compiled = proximities()
-    model = stepper.load(compiled)
-    sim, rng = simulate(model), np.random.default_rng(5)
+    sim, rng = simulate(stepper.load(compiled)), np.random.default_rng(5)
     hits = 0
     for _ in range(300):
         qpos = np.concatenate([np.r_[rng.uniform(-0.7, 0.7, 3), random_quaternion(rng)] for _ in range(compiled.nbody - 1)])
@@ -349,8 +348,7 @@ def test_what_is_added_reads_what_the_file_has(name):
     model = stepper.load(m, strict=False)
     readings = written_again(m)
     readings = {name: reading for name, reading in readings.items() if name in model.sensor_names}
-    more = model.with_sensors({f"added {name}": reading for name, reading in readings.items()})
-    sim = stepper.Stepper(more, 4)
+    sim = stepper.Stepper(model.with_sensors({f"added {name}": reading for name, reading in readings.items()}), 4)
     rng = np.random.default_rng(0)
     for _ in range(5):
         sim.set_state(qvel=rng.normal(size=(4, model.nv)))

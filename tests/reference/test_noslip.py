@@ -48,8 +48,7 @@ def test_what_the_model_says():
     assert "7 noslip iterations at most with MuJoCo's contact law; hard contact ignores them" in text
     other = model.replace(noslip_iterations=3, noslip_tolerance=1e-8)
     assert (other.noslip_iterations, other.noslip_tolerance) == (3, 1e-8)
-    back = stepper.Model.from_bytes(other.to_bytes())
-    assert back == other
+    assert stepper.Model.from_bytes(other.to_bytes()) == other
     assert other != model
     for wrong in (2.5, -1.0, np.nan):
         raises(stepper.ModelError, "noslip_iterations", model.replace, noslip_iterations=wrong)
@@ -59,8 +58,7 @@ def test_what_the_model_says():
 def test_hard_contact_makes_no_sweeps_of_it():
     bits = []
     for sweeps in (0, 20):
-        sim = simulate(BLOCK.format(cone="elliptic", sweeps=sweeps, friction=0.3), steps=200)
-        bits.append(sim.qpos.tobytes())
+        bits.append(simulate(BLOCK.format(cone="elliptic", sweeps=sweeps, friction=0.3), steps=200).qpos.tobytes())
     assert bits[0] == bits[1]
 
 

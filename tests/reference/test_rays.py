@@ -130,8 +130,7 @@ def test_of_packages_meshes(name):
     points = at + 4.0 * away / np.linalg.norm(away, axis=-1, keepdims=True)
     share, geoms = compare(m, sim, states, (points, at + rng.normal(scale=0.05, size=at.shape) - points))
     assert share > 0.4
-    kinds = m.geom_type[np.unique(geoms[geoms >= 0])]
-    assert (kinds == mujoco.mjtGeom.mjGEOM_MESH).sum() >= 4
+    assert (m.geom_type[np.unique(geoms[geoms >= 0])] == mujoco.mjtGeom.mjGEOM_MESH).sum() >= 4
 
 
 def test_range_finders_see_a_field():
@@ -151,8 +150,7 @@ def test_range_finders_see_a_field():
     met = 0
     for k, q in enumerate(states):
         expected = forward(m, q, np.zeros(m.nv)).sensordata[places]
-        found = np.asarray(sim.sensordata_ideal)[k, columns]
-        np.testing.assert_allclose(found, expected, rtol=0, atol=BOUND)
+        np.testing.assert_allclose(np.asarray(sim.sensordata_ideal)[k, columns], expected, rtol=0, atol=BOUND)
         met += (expected > 0).sum()
     assert met > 30
     # The same rays asked of the batch.
@@ -254,8 +252,7 @@ def test_what_begins_inside_leaves():
     """Also a field, whose base is no floor of its own for who is above it: MuJoCo's rays meet the box below the heights from inside."""
     m = scene()
     m.geom_pos[1], m.geom_quat[1], m.geom_pos[0, 2] = 0, [1, 0, 0, 0], -50.0
-    model = stepper.load(m)
-    sim = stepper.Stepper(model)
+    sim = stepper.Stepper(stepper.load(m))
     sim.reset(qpos=np.concatenate([np.r_[20.0 + 3 * k, 0, 0, 1, 0, 0, 0] for k in range(6)]))
     distances, geoms = sim.rays([[0, 0, -0.1]] * 3 + [[26.0, 0, 0.05]], [[0, 0, -1], [0, -1, 0], [0, 0, 2.0], [1.0, 0, 0]])
     top, _ = sim.rays([[0, 0, 2.0]], [[0, 0, -1.0]])

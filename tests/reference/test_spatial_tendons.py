@@ -125,8 +125,7 @@ def test_moment_arms_are_the_derivatives_of_lengths():
             mujoco.mj_integratePos(model, moved, v, sign)
             sim.set_state(moved, v)
             ends.append(np.array(sim.sensordata_ideal)[::2])
-        slopes = (ends[0] - ends[1]) / 2e-6
-        assert relative_error(rates, slopes) < 1e-8
+        assert relative_error(rates, (ends[0] - ends[1]) / 2e-6) < 1e-8
 
 
 @every(path=["sites", "sphere with a side", "cylinder", "pulley"], rows=ROWS)
@@ -137,8 +136,7 @@ def test_a_step_of_mujocos_law_is_mujocos(path, rows):
             scene(f'<spatial name="t" {ROWS[rows]}>{PATHS[path]}</spatial>', option=f'integrator="{integrator}"')
         )
         prepare(model)
-        found = compare(stepper.load(model), states(model, 6, 0))
-        assert found.agrees == 1.0, integrator
+        assert compare(stepper.load(model), states(model, 6, 0)).agrees == 1.0, integrator
 
 
 # MuJoCo allows an inertia of tendons that wrap around nothing.
@@ -164,8 +162,7 @@ def test_a_step_with_inertia_of_mujocos_law_is_mujocos(path, more):
     for integrator in INTEGRATORS:
         model = mujoco.MjModel.from_xml_string(heavy(path, more, f'integrator="{integrator}"'))
         prepare(model)
-        found = compare(stepper.load(model), states(model, 6, 0))
-        assert found.agrees == 1.0, integrator
+        assert compare(stepper.load(model), states(model, 6, 0)).agrees == 1.0, integrator
 
 
 @pytest.mark.parametrize("path", STRAIGHT)
@@ -216,8 +213,7 @@ def test_a_step_with_an_actuator_is_mujocos(kind, integrator):
     source = scene(f'<spatial name="t">{path}</spatial>', ACTUATORS[kind], option=f'integrator="{integrator}"')
     model = mujoco.MjModel.from_xml_string(source)
     prepare(model)
-    found = compare(stepper.load(model), states(model, 12, 0))
-    assert found.agrees == 1.0
+    assert compare(stepper.load(model), states(model, 12, 0)).agrees == 1.0
 
 
 @pytest.mark.parametrize("armature", [0.0, 0.5])
@@ -271,8 +267,7 @@ def test_a_rope_ties_two_bodies():
 
 def test_a_saved_model_keeps_paths_and_muscles(tmp_path):
     """The model from the file is equal, and steps to the same bits."""
-    source = scene(f'<spatial name="t">{PATHS["sphere"]}</spatial>', ACTUATORS["muscle"])
-    model = stepper.load(source)
+    model = stepper.load(scene(f'<spatial name="t">{PATHS["sphere"]}</spatial>', ACTUATORS["muscle"]))
     model.save(tmp_path / "m.stepper")
     again = stepper.load(tmp_path / "m.stepper")
     assert again == model

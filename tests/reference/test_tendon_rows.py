@@ -51,15 +51,13 @@ def test_a_step_tends_to_mujocos_acceleration(name, integrator):
     model, rng = mujoco.MjModel.from_xml_string(source), np.random.default_rng(0)
     for _ in range(5):
         state = random_state(model, rng)
-        found = acceleration_of_short_steps(source, state, integrator)
-        assert relative_error(found, forward(model, *state).qacc_smooth) < 1e-7
+        assert relative_error(acceleration_of_short_steps(source, state, integrator), forward(model, *state).qacc_smooth) < 1e-7
 
 
 @every(integrator=["euler", "midpoint"], stiffness=[1.0, 1e2, 1e6, 1e10])
 def test_a_stiff_tendon_is_stable(stiffness, integrator):
     """Steps h with h sqrt(k / m) from 0.1 to far above 100: no growth of energy in 2000 steps without damping."""
-    source = TREE.format(tendon=f'<fixed stiffness="{stiffness}">{JOINTS}</fixed>')
-    model = mujoco.MjModel.from_xml_string(source)
+    model = mujoco.MjModel.from_xml_string(TREE.format(tendon=f'<fixed stiffness="{stiffness}">{JOINTS}</fixed>'))
     model.opt.gravity[:] = 0
     sim = simulate(model, integrator=integrator, timestep=5e-3, qpos=np.zeros(4), qvel=[1.0, -2.0, 0.5, 1.0])
     start = sum(sim.energy())
@@ -184,8 +182,7 @@ def test_one_step_is_numpys(kind, h):
 @pytest.mark.parametrize("kind", KINDS)
 def test_errors_go_to_zero_and_stay_there(kind):
     """From reset, where some are torn by a metre, in motion that dampers bring to rest."""
-    source = LINKAGE.format(equality=KINDS[kind])
-    model = mujoco.MjModel.from_xml_string(source)
+    model = mujoco.MjModel.from_xml_string(LINKAGE.format(equality=KINDS[kind]))
     model.dof_damping[:] = 4.0
     model.opt.gravity[:] = 0
     for integrator in ("euler", "midpoint"):
@@ -193,6 +190,5 @@ def test_errors_go_to_zero_and_stay_there(kind):
             sim = simulate(model, integrator=integrator, stabilization=stabilization, timestep=5e-3)
             sim.set_state(qvel=np.random.default_rng(5).normal(scale=0.1, size=model.nv))
             sim.step(nstep=4000)
-            rows = rows_of(model, forward(model, sim.qpos, sim.qvel))
-            assert np.abs(rows.error).max() < 1e-9
+            assert np.abs(rows_of(model, forward(model, sim.qpos, sim.qvel)).error).max() < 1e-9
             assert np.abs(sim.qvel).max() < 1e-6

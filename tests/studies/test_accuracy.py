@@ -161,8 +161,7 @@ def test_a_chart_and_a_tuning_take_the_same_horizons(tmp_path):
 
 
 def test_time_steps_divide_the_time_of_a_control_and_fronts_are_pareto():
-    study = pendulum()
-    assert timesteps(study, coarser=2, finer=2) == [0.02 / 16, 0.02 / 8, 0.02 / 4, 0.02 / 2, 0.02]
+    assert timesteps(pendulum(), coarser=2, finer=2) == [0.02 / 16, 0.02 / 8, 0.02 / 4, 0.02 / 2, 0.02]
     assert pareto([3, 1, 2, 4], [0.1, 1.0, 2.0, 0.1]) == [1, 0]
 
 
@@ -171,8 +170,7 @@ def test_a_chart_of_a_model_of_ones_own(tmp_path):
     for name in ("chart.png", "chart.csv", "chart.html", "chart.md"):
         assert (tmp_path / "scene" / name).stat().st_size > 500
     assert found.skipped == ()
-    engines = {dot.engine for dot in found.dots}
-    assert engines == {"stepper", "MuJoCo"}
+    assert {dot.engine for dot in found.dots} == {"stepper", "MuJoCo"}
     assert not any(dot.notes for dot in found.dots)
     for dot in found.dots:
         assert dot.us_single_env > 0
@@ -253,8 +251,7 @@ def test_the_cost_of_the_own_settings_is_said_with_their_error():
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_the_own_settings_are_tried_in_both_precisions_and_nothing_is_tried_twice(precision):
     """A line that says nothing of its precision is of 64 bits in a study of 32 too."""
-    options = stepper.Options(integrator="euler", iterations=20)
-    tried = dict(_lines(scene(options=options, precision=precision)))
+    tried = dict(_lines(scene(options=stepper.Options(integrator="euler", iterations=20), precision=precision)))
     other = {"f32": "f64", "f64": "f32"}[precision]
     assert (tried["the study's own"], tried[f"the study's own, {other}"]) == ({}, {"precision": other})
     assert not {"euler", "euler, f32"} & tried.keys()

@@ -59,8 +59,7 @@ KNOWN = [(additive, {0, 1}), (interacting, {0, 1, 2}), (cliff, {0, 1})]
 @pytest.mark.parametrize(("outcome", "truth"), KNOWN, ids=lambda known: getattr(known, "__name__", ""))
 def test_the_search_finds_known_smallest_sets(outcome: Callable[[Array], Array], truth: set[int]) -> None:
     """The set is the known one in at least 95 % of seeds, even if the order of importance is wrong."""
-    found = [set(searched(outcome, seed).smallest()) for seed in range(SEEDS)]
-    assert found.count(truth) >= 0.95 * SEEDS
+    assert [set(searched(outcome, seed).smallest()) for seed in range(SEEDS)].count(truth) >= 0.95 * SEEDS
 
 
 @pytest.mark.parametrize(("outcome", "truth"), KNOWN, ids=lambda known: getattr(known, "__name__", ""))
@@ -124,15 +123,13 @@ def test_numbers_of_worlds_are_those_of_the_binomial_bound() -> None:
     assert greatest_share(worlds := 0, worlds_for(0, 3), confidence_of(3)) <= 0.05
     assert worlds == 0
     assert pytest.approx(least_share(20, 20), rel=1e-12) == 0.05 ** (1 / 20)
-    trial = Trial(np.zeros(1), 0, 59, np.arange(59.0))
-    assert trial.quantile(0.95) == 58.0
+    assert Trial(np.zeros(1), 0, 59, np.arange(59.0)).quantile(0.95) == 58.0
 
 
 def test_models_of_worlds_stay_within_the_ranges() -> None:
     """Measured values differ from the true ones by exactly the tolerance, or less at both ends; others are nominal."""
     worlds, signs = SPACE.draw(np.random.default_rng(0), 500)
-    tolerances = np.array([0.25, 0.0, UNMEASURED, 0.01, 0.5, UNMEASURED])
-    models = SPACE.model(worlds, signs, tolerances)
+    models = SPACE.model(worlds, signs, np.array([0.25, 0.0, UNMEASURED, 0.01, 0.5, UNMEASURED]))
     assert (models >= 0.0).all()
     assert (models <= 1.0).all()
     assert np.allclose(np.abs(models - worlds)[:, :2], [0.25, 0.0], atol=1e-15)
@@ -216,8 +213,7 @@ def test_calibrate_a_study(tmp_path: Path) -> None:
     truth, signs = rng.uniform(size=(20_000, 2)), rng.choice([-1.0, 1.0], (20_000, 2))
     tolerance = {own.name: own.tolerance for own in found.parameters}
     errors = signs * [tolerance["slope"], tolerance["wind"]]
-    outside = (truth + errors < 0.0) | (truth + errors > 1.0)
-    model = truth + np.where(outside, -errors, errors)
+    model = truth + np.where((truth + errors < 0.0) | (truth + errors > 1.0), -errors, errors)
     # 0.05 is the claim. The standard error of the fraction of 20,000 worlds is 0.0015.
     assert (np.abs(share(*truth.T) - share(*model.T)) > 0.3 + 1e-9).mean() <= 0.05
     stored = json.loads((tmp_path / "toy/calibrate.json").read_text())

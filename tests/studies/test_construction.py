@@ -172,8 +172,7 @@ def test_a_study_and_its_copies_load_the_model_once():
 
 def test_another_model_is_loaded():
     study = Study(model=MJCF, parameters={"m": Parameter("body_mass[b]", low=1.0, high=2.0)})
-    other = replace(study, model=MJCF.replace(".1", ".2"))
-    assert other.loaded[0] != study.loaded[0]
+    assert replace(study, model=MJCF.replace(".1", ".2")).loaded[0] != study.loaded[0]
 
 
 # Policies of studies: files of `stepper.policies`, functions and objects with a memory.
@@ -207,8 +206,7 @@ def test_a_policy_of_stepper_drives_a_study(tmp_path):
     network().save(tmp_path / "servo.npz")
     study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
     found = stepper.lab.sweep(study, tmp_path / "out").sweep
-    same = replace(study, controller=stepper.lab.PolicyController(network()))
-    other = stepper.lab.sweep(same, tmp_path / "other").sweep
+    other = stepper.lab.sweep(replace(study, controller=stepper.lab.PolicyController(network())), tmp_path / "other").sweep
     assert [row["outcomes"] for row in found.table.rows] == [row["outcomes"] for row in other.table.rows]
     # What the file holds is what rows follow from, not where it is.
     (tmp_path / "copy").mkdir()

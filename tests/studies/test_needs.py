@@ -54,10 +54,8 @@ def test_the_used_part_of_a_cone_is_that_of_statics():
 
 
 def test_an_explicit_pair_has_its_own_cone():
-    more = '<contact><pair geom1="low" geom2="top" friction=".5 .5 .005 .0001 .0001"/></contact>'
-    study = heap(more)
-    pairs = {pair.names: pair for pair in touching(study, range(1))}
-    assert pairs["low", "top"].friction == 0.5
+    study = heap('<contact><pair geom1="low" geom2="top" friction=".5 .5 .005 .0001 .0001"/></contact>')
+    assert {pair.names: pair for pair in touching(study, range(1))}["low", "top"].friction == 0.5
 
 
 def contacts(model, qpos):
@@ -94,8 +92,7 @@ def test_explicit_pairs_may_touch_and_excluded_ones_do_not():
         for name, x, mask in (("a", 0, 0), ("b", 0.15, 0), ("c", 2, 1), ("d", 3, 1))
     )
     scene = f'<mujoco><worldbody>{balls}</worldbody><contact><pair geom1="b" geom2="a"/><exclude body1="c" body2="d"/></contact></mujoco>'
-    study = stepper.lab.Study.from_model(scene)
-    assert pairs_that_may_touch(*study.loaded) == {(1, 2)}
+    assert pairs_that_may_touch(*stepper.lab.Study.from_model(scene).loaded) == {(1, 2)}
 
 
 def test_pairs_of_bodies_are_those_whose_masks_meet():

@@ -65,8 +65,7 @@ def test_points_stand_at_their_values_and_pictures_fit_a_page(parameters, names,
     tried = {cell: (data.draw(values), data.draw(values)) for cell in every[:6]}
     levels, between = ([level(*cell, value) for cell, pair in tried.items() for value in pair[k]] for k in (0, 1))
     cliffs = [Cliff(*cell, 0.25, 0.26, 0.0, 1.0) for cell in tried]
-    sweep = Sweep(own, tuple(levels), tuple(cliffs), Table([]), (), tuple(between))
-    figure = figure_of(sweep)
+    figure = figure_of(Sweep(own, tuple(levels), tuple(cliffs), Table([]), (), tuple(between)))
     # Panels of outcomes are below those of shares.
     lines = {line.get_gid(): line for panel in figure.axes for line in panel.lines if line.get_gid()}
     assert lines

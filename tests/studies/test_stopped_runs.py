@@ -66,8 +66,7 @@ def test_steps_one_by_one_are_those_of_a_control():
 
 
 def test_what_is_run_for_its_beginning_alone_has_no_outcome():
-    study = ball(outcomes=stepper.lab.Outcome(name="height", measure="body ball z"))
-    part = run(study, range(2), until=0.1)
+    part = run(ball(outcomes=stepper.lab.Outcome(name="height", measure="body ball z")), range(2), until=0.1)
     assert part.reached == pytest.approx(0.1)
     assert not part.stopped
     assert np.isnan(part.outcomes["height"]).all()

@@ -101,8 +101,7 @@ def test_episodes_that_repeat_one_another_are_no_trials(tmp_path):
 
 
 def test_a_page_without_a_search_for_cliffs_says_so(tmp_path):
-    study = tray()
-    found = stepper.lab.sweep(study, tmp_path, cliffs=False)
+    found = stepper.lab.sweep(tray(), tmp_path, cliffs=False)
     shares = [level.share for level in found.sweep.levels_of("friction")]
     assert min(shares) < 0.5 < max(shares)
     assert "Not searched: cliffs=False, or --no-cliffs." in str(found)
@@ -569,8 +568,7 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
 def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
     new, _, said = message.partition("|")
     assert wrong in STUDY
-    file = write_study(tmp_path, STUDY.replace(wrong, new))
-    raises(ValueError, said, stepper.lab.sweep, file, tmp_path / "out")
+    raises(ValueError, said, stepper.lab.sweep, write_study(tmp_path, STUDY.replace(wrong, new)), tmp_path / "out")
 
 
 def test_a_parameter_that_fits_nothing_is_named(tmp_path):
@@ -790,8 +788,7 @@ def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path,
     again = stepper.recording.verify(tmp_path / "recorded")
     assert again
     assert again.steps == study.num_control_steps
-    other = study.episode({"gain": 1.9}, 2, seed=1)
-    assert other["outcomes"] != row["outcomes"]
+    assert study.episode({"gain": 1.9}, 2, seed=1)["outcomes"] != row["outcomes"]
     # Looked at step by step, twice over.
     steps = Episodes(study, {"gain": 1.9}, [2, 1]).repeated_steps()
     for _ in range(2):
@@ -889,8 +886,7 @@ def test_the_command_records_an_episode(tmp_path, monkeypatch, capsys):
     arguments = ("view", file, "--values", "goal=0.5", "--episode", "2", "--seed", "4", "--record", folder)
     assert stepper_command(monkeypatch, *arguments) == 0
     row = Study.from_file(file).episode({"goal": 0.5}, 2, seed=4)
-    told = f"episode 2: reached {row['outcomes']['reached']:.6g}: a success"
-    assert told in capsys.readouterr().out
+    assert f"episode 2: reached {row['outcomes']['reached']:.6g}: a success" in capsys.readouterr().out
     assert stepper_command(monkeypatch, "replay", folder) == 0
     for given, said in (
         (("--values", "gaol=0.5"), "did you mean goal?"),

@@ -214,10 +214,8 @@ EARLY = 80
 
 
 def cut(lines: list[str]) -> Iterator[int]:
-    """Yield the indices of lines that end a paragraph in mid-sentence.
-
-    A formula, code block or list after a paragraph completes it. Items of lists and commands after "Example:" need no full stop.
-    """
+    """Yield the indices of lines that end a paragraph in mid-sentence."""
+    # A formula, code block or list after a paragraph completes it. Items of lists and commands after "Example:" need no full stop.
     in_code, start = False, 0
     for k, line in enumerate(lines):
         if not line.strip() or line.lstrip().startswith("```") or in_code or line.startswith(("|", "#", "    ")):

@@ -17,10 +17,8 @@ FEET = 60
 
 
 def many_feet(height: float, keyframe: str = "", friction: float = 0.001) -> stepper.Model:
-    """A tray on many feet: one body, more contacts than a body of a heap has.
-
-    Their coefficients of friction grow by `friction` from foot to foot, so that none is redundant; with 0 they are alike.
-    """
+    """A tray on many feet: one body, more contacts than a body of a heap has."""
+    # Their coefficients of friction grow by `friction` from foot to foot, so that none is redundant; with 0 they are alike.
     feet = "".join(
         f'<geom size=".01" pos="{0.05 * (k % 10):g} {0.05 * (k // 10):g} 0" friction="{1 + friction * k:g}"/>' for k in range(FEET)
     )
@@ -67,10 +65,8 @@ SCENE = """<mujoco><worldbody><geom type="box" size=".05 .05 .05"/>
 
 @pytest.mark.parametrize("count", [5_000, 70_000])
 def test_a_ball_rests_on_one_of_many_fixed_boxes(count):
-    """Up to 65,535 geoms the numbers of pairs form a square table, and above only moving geoms have rows: both find the same contact.
-
-    MuJoCo's compiler is left out, because its time grows with the square of the number.
-    """
+    """Up to 65,535 geoms the numbers of pairs form a square table, and above only moving geoms have rows: both find the same contact."""
+    # MuJoCo's compiler is left out, because its time grows with the square of the number.
     description = describe(compile_source(Origin(SCENE)))
     box, ball = description["geoms"]
     places = 0.1 * np.stack(np.unravel_index(np.arange(count), (300, 300)), axis=1)

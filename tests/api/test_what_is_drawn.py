@@ -423,10 +423,8 @@ def in_the_picture(m, d, camera, points, aspect=4 / 3):
     view=st.tuples(st.floats(-180, 180), st.floats(-85, 85), st.floats(0.3, 3)),
 )
 def test_free_bodies_are_in_the_picture(pose, kind, size, angles, view):
-    """All corners of both bodies are in the picture, and the outermost is beyond a third of the way from its middle to an edge.
-
-    The near side of the scene sets the distance of the camera, so that corners on the far side may be closer to the middle.
-    """
+    """All corners of both bodies are in the picture, and the outermost is beyond a third of the way from its middle to an edge."""
+    # The near side of the scene sets the distance of the camera, so that corners on the far side may be closer to the middle.
     m = mujoco.MjModel.from_xml_string(FREE.format(*pose, kind, *size, *angles))
     azimuth, elevation, aspect = view
     d, camera = framed(m, azimuth, elevation, aspect)

@@ -15,12 +15,10 @@ pytestmark = needs_gymnasiums
 
 
 def step_and_refresh(env):
-    """Let an environment read everything at the state after the step.
-
-    A Runge-Kutta step of MuJoCo leaves positions and velocities of bodies and tendons as its last stage found them. Here they are
-    computed again. Of other integrators both engines read the beginning of the last step. Contacts and their forces stay those of the
-    last stage, in both engines.
-    """
+    """Let an environment read everything at the state after the step."""
+    # A Runge-Kutta step of MuJoCo leaves positions and velocities of bodies and tendons as its last stage found them. Here they are
+    # computed again. Of other integrators both engines read the beginning of the last step. Contacts and their forces stay those of the
+    # last stage, in both engines.
     if env.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
         return
     model, data, fresh = env.model, env.data, mujoco.MjData(env.model)

@@ -113,10 +113,8 @@ def compared(name, structure):
 
 
 def has_other_points(theirs, action):
-    """Whether steps of an action have contacts whose points stepper chooses in its own way.
-
-    Those are contacts of ellipsoids, of cylinders, of two boxes, and of a geom with several triangles of a height field.
-    """
+    """Whether steps of an action have contacts whose points stepper chooses in its own way."""
+    # Those are contacts of ellipsoids, of cylinders, of two boxes, and of a geom with several triangles of a height field.
     data, geom = copy.copy(theirs.physics.data.ptr), mujoco.mjtGeom
     data.ctrl[:] = action
     for _ in range(round(theirs.control_timestep() / theirs.physics.timestep())):

@@ -16,10 +16,8 @@ def cuboid(x: float, y: float, z: float) -> str:
 
 
 def prism(sides: int, half: float, *, faces_at_half: bool = False) -> np.ndarray:
-    """Corners of a regular prism along the z axis with the half length `half`, m, (2 sides, 3).
-
-    Edges along z are at the distance `half` from the axis, one of them at +x; with `faces_at_half`, side faces are.
-    """
+    """Corners of a regular prism along the z axis with the half length `half`, m, (2 sides, 3)."""
+    # Edges along z are at the distance `half` from the axis, one of them at +x; with `faces_at_half`, side faces are.
     angles = (np.arange(sides) + 0.5 * faces_at_half) * 2 * np.pi / sides
     radius = half / np.cos(np.pi / sides) if faces_at_half else half
     return np.array([(radius * np.cos(a), radius * np.sin(a), z) for a in angles for z in (-half, half)])

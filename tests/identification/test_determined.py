@@ -26,10 +26,8 @@ SLOW = ("pendulum, pseudo-inertia", "payload on a slide")
 
 
 def test_intervals_are_finite_where_the_data_determine_a_value():
-    """Finite intervals are those of determined values, and as many as their level says contain the truth.
-
-    `make identify IDENTIFY="--only determined"` makes 200 runs of each scene.
-    """
+    """Finite intervals are those of determined values, and as many as their level says contain the truth."""
+    # `make identify IDENTIFY="--only determined"` makes 200 runs of each scene.
     counts, runs = [], 0
     for name, scene in SCENES.items():
         seeds = range(1 if name in SLOW else 3)
@@ -180,11 +178,9 @@ def test_searches_where_the_simulation_diverges_are_left_out(monkeypatch):
 
 @pytest.mark.parametrize("seed", [15025, 15030, 15061, 15102, 15124, 15149])
 def test_noise_alone_does_not_determine_a_scale(seed):
-    """Scale and bias of a constant force have infinite intervals, although the noise of these seeds makes the scale 2 to 3.8 deviations.
-
-    The true scale is 0.3 standard deviations. If a rise of the cost by 4 sufficed, nine intervals would be finite, and eight would miss
-    the truth.
-    """
+    """Scale and bias of a constant force have infinite intervals, although the noise of these seeds makes the scale 2 to 3.8 deviations."""
+    # The true scale is 0.3 standard deviations. If a rise of the cost by 4 sufficed, nine intervals would be finite, and eight would miss
+    # the truth.
     found = SCENES[CONSTANT_FORCE].identified(seed)
     assert not found.determined.any()
     assert np.isinf(found.interval()[:, 1]).all()
@@ -209,10 +205,8 @@ def test_a_significant_scale_has_an_interval_with_the_truth():
 @example(seed=97, noise=2.5e-4, source=PENDULUM, driven=False)
 @example(seed=97, noise=2.5e-4, source=LIGHT, driven=True)
 def test_no_finite_interval_of_a_pendulum_excludes_the_mass(seed, noise, source, driven):
-    """The data determine first moments and inertia about the joint, for any mass and centre, driven or swinging freely with known damping.
-
-    In the ball nearly all inertia is that of the distance, so that the mass seems to be determined locally.
-    """
+    """The data determine first moments and inertia about the joint, for any mass and centre, driven or swinging with known damping."""
+    # In the ball nearly all inertia is that of the distance, so that the mass seems to be determined locally.
     rng = np.random.default_rng(seed)
     model = stepper.load(source)
     ratio = np.exp(rng.uniform(-0.5, 0.5))
@@ -235,10 +229,8 @@ def test_no_finite_interval_of_a_pendulum_excludes_the_mass(seed, noise, source,
 
 
 def test_a_curved_weak_direction_widens_the_intervals_of_others():
-    """Dry friction near zero: its logarithm has no lower end, and the stiffness that it changes keeps an interval with the truth.
-
-    The tangent at the estimate gives the stiffness an interval that misses the truth by 11 standard deviations.
-    """
+    """Dry friction near zero: its logarithm has no lower end, and the stiffness that it changes keeps an interval with the truth."""
+    # The tangent at the estimate gives the stiffness an interval that misses the truth by 11 standard deviations.
     source = """<mujoco><option timestep="0.005"/><worldbody><body name="a"><joint name="q" axis="0 0 1" damping="{d}" stiffness="{k}"
       frictionloss="{f}" armature="0.008"/><inertial pos="0.1 0 0" mass="0.5" diaginertia="0.004 0.004 0.004"/></body></worldbody>
       <actuator><motor joint="q" gear="1"/></actuator></mujoco>"""

@@ -24,11 +24,9 @@ STILL_HELD = 46
 
 
 def exact(made: dict[str, Array], truth: Array, count: int) -> tuple[Array, Array]:
-    """Mean and standard deviation of the logarithms of mass and friction over the truth, by a grid of simulations.
-
-    The start is taken as known. Friction above the grid holds as the largest value of the grid does, and has what is known beforehand of
-    all of it.
-    """
+    """Mean and standard deviation of the logarithms of mass and friction over the truth, by a grid of simulations."""
+    # The start is taken as known. Friction above the grid holds as the largest value of the grid does, and has what is known beforehand of
+    # all of it.
     mass, friction = (np.linspace(low, high, 26) for low, high in ((-0.08, 0.05), (-0.2, 0.17)))
     theta = np.stack(np.meshgrid(mass, friction, indexing="ij"), axis=-1).reshape(-1, 2) + np.log(truth)
     model = SCENE.model(*truth)
@@ -284,10 +282,8 @@ def test_differences_stay_within_bounds(std, room):
 
 
 def test_a_box_that_seems_to_slip_may_be_a_lighter_one_that_is_held():
-    """Guesses are drawn from the prior. In the first samples of the lift, the readings do not show whether the box is heavy and slips.
-
-    Of 20 intervals of 95 %, 15 or fewer contain the truth with a probability of 0.003. Without the held hypothesis, 14 and 15 did.
-    """
+    """Guesses are drawn from the prior. In the first samples of the lift, the readings do not show whether the box is heavy and slips."""
+    # Of 20 intervals of 95 %, 15 or fewer contain the truth with a probability of 0.003. Without the held hypothesis, 14 and 15 did.
     short = dataclasses.replace(grasped(), ctrl=grasped().ctrl[:28], marks={27: "lifted", 28: "lifted"})
     covers = np.array([follow_matched(short, seed).covers[:, 1] for seed in range(20)])
     assert (covers.sum(axis=0) > 15).all()

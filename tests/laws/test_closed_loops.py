@@ -52,11 +52,9 @@ def turning(model: mujoco.MjModel, sim, speed: float) -> None:
 
 @every(stabilization=["baumgarte", "split"], name=LOOPS)
 def test_the_loop_stays_closed_and_keeps_its_energy(name, stabilization):
-    """Ten seconds of turning at 2 and 1 ms: the gap falls as h^3 at the least as h^2, the loss of energy as h^2, and nothing is gained.
-
-    Baumgarte's term does work on the gaps, which falls as h^2 too; where rows become dependent (the kite in line) that is more than the
-    second order's error.
-    """
+    """Ten seconds of turning at 2 and 1 ms: the gap falls as h^3 at the least as h^2, the loss of energy as h^2, and nothing is gained."""
+    # Baumgarte's term does work on the gaps, which falls as h^2 too; where rows become dependent (the kite in line) that is more than the
+    # second order's error.
     model = mujoco.MjModel.from_xml_string(LOOPS[name])
     gained, lost, gaps = [], [], []
     for h in (2e-3, 1e-3):
@@ -184,9 +182,8 @@ def test_an_open_loop_keeps_the_angular_momentum_of_a_floating_robot(gap):
         assert np.abs(angular_momentum(model, sim) - before).max() < 1e-3 * np.abs(before).max()
 
 
-# Linearly dependent constraint rows: geometry makes rows dependent, mass ratios and chain length do not, in either precision.
-#
-# A removed row whose constraint is violated shows in the residual or in the status.
+# Linearly dependent constraint rows: geometry makes rows dependent, mass ratios and chain length do not, in either precision. A removed row
+# whose constraint is violated shows in the residual or in the status.
 
 PRECISIONS = pytest.mark.parametrize("precision", ["f64", "f32"])
 SEEDS = st.integers(0, 2**32 - 1)

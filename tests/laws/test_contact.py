@@ -153,12 +153,10 @@ def test_the_residual_of_bodies_tied_together_is_what_numpy_finds(condim, iterat
 
 @given(heaps(kinds=("sphere",)), st.sampled_from(["euler", "midpoint"]))
 def test_contacts_give_no_energy(scene, integrator):
-    """Balls have no gyroscopic terms, so without stabilisation the energy of every step can only fall.
-
-    Up to what the residual leaves, an impulse times a velocity of its size. The work of an impulse is its product with the mean of the
-    velocities before and after; the midpoint rule may take one that was leaving, at up to g h / 2, where Euler's rule weighs the free
-    velocity.
-    """
+    """Balls have no gyroscopic terms, so without stabilisation the energy of every step can only fall."""
+    # Up to what the residual leaves, an impulse times a velocity of its size. The work of an impulse is its product with the mean of the
+    # velocities before and after; the midpoint rule may take one that was leaving, at up to g h / 2, where Euler's rule weighs the free
+    # velocity.
     sim = simulate(scene.xml(), integrator=integrator, timestep=5e-3, stabilization="none", iterations=5000)
     sim.set_state(scene.qpos.ravel(), scene.qvel.ravel())
     leaving = 9.81 * sim.timestep / 2 if integrator == "midpoint" else 0.0
@@ -227,11 +225,9 @@ def test_an_overlap_elsewhere_takes_no_rebound_away(speed):
     assert fastest(box) == pytest.approx(fastest(""), abs=1e-3)
 
 
-# Scene 1: a block falls on the floor in one dimension.
-#
-# Right answer: the textbook's recursion, step for step, contact included: v <- v - g dt, then h <- h + v dt; where that is below the floor,
-# h <- 0 and v <- -e v. Height 0.20 m, velocity -0.10 m/s, dt 0.02 s, g 9.81 m/s^2, e 0.25: after 8 steps h 0.0427, v -1.6696. Any other
-# order of updates misses it. h is the height of the block's lowest point.
+# Scene 1: a block falls on the floor in one dimension. Right answer: the textbook's recursion, step for step, contact included: v <- v - g
+# dt, then h <- h + v dt; where that is below the floor, h <- 0 and v <- -e v. Height 0.20 m, velocity -0.10 m/s, dt 0.02 s, g 9.81 m/s^2, e
+# 0.25: after 8 steps h 0.0427, v -1.6696. Any other order of updates misses it. h is the height of the block's lowest point.
 
 DT, G, E = 0.02, 9.81, 0.25
 
@@ -274,10 +270,8 @@ def test_the_recursion_step_for_step(shape, stabilization):
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_with_default_settings_it_follows_until_it_rests(shape):
-    """The recursion never rests: it ends in a bounce of e g dt / (1 + e) every step, 0.039 m/s here.
-
-    Blocks that approach more slowly than the threshold (1 cm/s) rest instead, which at a step of 2 ms comes before that bounce of 4 mm/s.
-    """
+    """The recursion never rests: it ends in a bounce of e g dt / (1 + e) every step, 0.039 m/s here."""
+    # Blocks that approach more slowly than the threshold (1 cm/s) rest instead, which at a step of 2 ms comes before that bounce of 4 mm/s.
     sim = block(shape, 0.20, -0.10)
     for _, (h, v) in zip(range(20), recursion(0.20, -0.10), strict=False):
         sim.step()

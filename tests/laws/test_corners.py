@@ -111,10 +111,8 @@ def fall(mass: float) -> float:
 
 @given(restitutions, st.floats(1.0, 2.0), masses, rules)
 def test_a_tied_ball_that_cannot_rebound_stops_at_the_walls(restitution, friction, mass, integrator):
-    """Without a solution of Newton's law the impact is inelastic. It left 25 mm/s into the wall, that gravity gives the ball alone.
-
-    Gravity pulls the ball from the wall afterwards. With Euler's rule, gravity comes first.
-    """
+    """Without a solution of Newton's law the impact is inelastic. It left 25 mm/s into the wall, that gravity gives the ball alone."""
+    # Gravity pulls the ball from the wall afterwards. With Euler's rule, gravity comes first.
     velocity = strike_corner(restitution, friction, mass, integrator)
     after = [0.0 if integrator == "euler" else -fall(mass), 0.0]
     np.testing.assert_allclose(velocity, after, atol=1e-6)  # Tolerance of the solver.
@@ -122,10 +120,8 @@ def test_a_tied_ball_that_cannot_rebound_stops_at_the_walls(restitution, frictio
 
 @given(restitutions, masses, rules)
 def test_a_tied_ball_rebounds_by_newtons_law(restitution, mass, integrator):
-    """Newton's law applies to the velocity before the impact, and gravity acts afterwards: on both bodies, the heavier the slower.
-
-    Euler's rule, as textbooks have it, applies the law to the velocity that gravity and the equality leave.
-    """
+    """Newton's law applies to the velocity before the impact, and gravity acts afterwards: on both bodies, the heavier the slower."""
+    # Euler's rule, as textbooks have it, applies the law to the velocity that gravity and the equality leave.
     velocity = strike_corner(restitution, 0.0, mass, integrator)
     before, pull = np.array([SPEED, -SPEED]), np.array([fall(mass), 0])
     after = -restitution * (before - pull) if integrator == "euler" else -restitution * before - pull
@@ -205,11 +201,9 @@ SPINNING = {
 
 
 def silent_escapes(body: str, qpos: np.ndarray, qvel: np.ndarray, steps: int) -> np.ndarray:
-    """Environments in which an elastic body is outside of the room for three steps without a flag until then.
-
-    Contact points of bodies that spin by turns per step move away from a wall while the body approaches it. The search for the time of an
-    impact then moves the evaluation point behind the wall.
-    """
+    """Environments in which an elastic body is outside of the room for three steps without a flag until then."""
+    # Contact points of bodies that spin by turns per step move away from a wall while the body approaches it. The search for the time of an
+    # impact then moves the evaluation point behind the wall.
     body = f'<body><freejoint/><geom {SPINNING[body]} mass="1"/></body>'
     model = stepper.load(f'<mujoco><option gravity="0 0 0" timestep=".02"/><worldbody>{ROOM}{body}</worldbody></mujoco>')
     model = model.replace(geom_restitution=np.ones(model.ngeom))

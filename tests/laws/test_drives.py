@@ -219,10 +219,8 @@ def test_a_servo_behind_a_gear_lags_by_the_losses(integrator):
 
 @every(integrator=INTEGRATORS, seed=range(4))
 def test_a_gear_creates_no_energy(seed, integrator):
-    """Whatever the motor and the load do, losses only slow the wheel down, and it gains at the most what shaft and load put in.
-
-    Where it turns back within a step, the work before and after the turn is not known from its ends.
-    """
+    """Whatever the motor and the load do, losses only slow the wheel down, and it gains at the most what shaft and load put in."""
+    # Where it turns back within a step, the work before and after the turn is not known from its ends.
     rng = np.random.default_rng(seed)
     motor = DCMotor(gear=3.0, efficiency=rng.uniform(0.2, 1.0))
     sim = wheel(Drive(motor=motor, friction=rng.uniform(0, 0.05)), integrator=integrator, joint=f'frictionloss="{rng.uniform(0, 0.02)}"')

@@ -104,10 +104,8 @@ def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order):
 )
 @settings(max_examples=40, deadline=None)
 def test_vibrations_of_springs_and_servos_do_not_grow(rate, ratio, integrator, kind):
-    """The amplitude is at most that of the start, at any stiffness. `rate` is the time step times the frequency.
-
-    Extrapolations of the midpoint rule would not be stable there.
-    """
+    """The amplitude is at most that of the start, at any stiffness. `rate` is the time step times the frequency."""
+    # Extrapolations of the midpoint rule would not be stable there.
     h = 0.01
     stiffness, damping = (rate / h) ** 2, 2 * ratio * rate / h
     spring = f'stiffness="{stiffness}" damping="{damping}"' if kind == "spring" else ""

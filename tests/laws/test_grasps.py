@@ -52,10 +52,8 @@ def grasp(name: str) -> str:
 
 
 def hand_velocity(t: np.ndarray, *, travels: bool) -> np.ndarray:
-    """Velocities (y, z, turn) of the hand at the times `t`: lift, carry, quarter turn and way back, one second each, if it travels.
-
-    Then, or at once, the hand shakes by 12 mm at 1 Hz.
-    """
+    """Velocities (y, z, turn) of the hand at the times `t`: lift, carry, quarter turn and way back, one second each, if it travels."""
+    # Then, or at once, the hand shakes by 12 mm at 1 Hz.
 
     def ease(begin: float) -> np.ndarray:
         s = np.clip(t - begin, 0, 1)
@@ -199,10 +197,8 @@ def shaken_part(half: float, force: float) -> str:
 
 @every(half=[1e-3, 5e-4, 2e-4], timestep=[0.002, 0.01], precision=["f64", "f32"])
 def test_a_small_part_is_held_or_flagged(precision, timestep, half):
-    """A part of 0.4 to 2 mm that is shaken for 3 s with at most 6 m/s^2 moves by less than 1 % of its size, or NOT_CONVERGED is set.
-
-    In f64 no flag is allowed. In f32 one is allowed below 2 mm, because rounding can leave a larger residual than the default tolerance.
-    """
+    """A part of 0.4 to 2 mm that is shaken for 3 s with at most 6 m/s^2 moves by less than 1 % of its size, or NOT_CONVERGED is set."""
+    # In f64 no flag is allowed. In f32 one is allowed below 2 mm, because rounding can leave a larger residual than the default tolerance.
     for force in (0.1, 1.0):
         sim = stepper.Stepper(stepper.load(shaken_part(half, force)), options=stepper.Options(timestep=timestep), precision=precision)
         mass, start, status, most = HAND + 0.04 + sim.model.body_mass[-1], None, 0, 0.0

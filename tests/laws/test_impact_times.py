@@ -262,10 +262,9 @@ def test_a_bounce_beside_a_resting_stack_changes_nothing_of_it():
         np.testing.assert_allclose(forces, 3 * 9.81, atol=0.05)
 
 
-# Rolling and riding on surfaces that move is of second order: friction asks for the velocity of the place where the contact will be.
-#
-# A solid ball's centre moves on a circle in the room, with two sevenths of the table's rate (Weltner 1979, American Journal of
-# Physics 47, 984). The bounds of slopes are 1.9: 2 with what a fit leaves open where errors of the next order are still seen.
+# Rolling and riding on surfaces that move is of second order: friction asks for the velocity of the place where the contact will be. A
+# solid ball's centre moves on a circle in the room, with two sevenths of the table's rate (Weltner 1979, American Journal of Physics 47,
+# 984). The bounds of slopes are 1.9: 2 with what a fit leaves open where errors of the next order are still seen.
 
 DTS = [8e-3, 4e-3, 2e-3, 1e-3, 5e-4]
 TURN, BALL_RADIUS, START, SPEED, SECONDS = 3.0, 0.05, 0.3, 0.4, 2.0  # rad/s, m, m from the axis, m/s, s

@@ -89,10 +89,8 @@ def test_arms_that_begin_jammed_are_solved(seed):
 
 
 def test_motors_that_load_a_jam_do_not_make_it_unresolved():
-    """Without contacts 300 N m would throw the arms. While they do not move, the gain of energy is rounding error.
-
-    Coulomb's law has several solutions here. In one of them the jam opens. Of 400 random arms, this jam holds longest.
-    """
+    """Without contacts 300 N m would throw the arms. While they do not move, the gain of energy is rounding error."""
+    # Coulomb's law has several solutions here. In one of them the jam opens. Of 400 random arms, this jam holds longest.
     joints = arms(693).split("<joint ")
     text = joints[0] + "".join(f'<joint name="{k}" {joint}' for k, joint in enumerate(joints[1:]))
     motors = "".join(f'<motor joint="{k}" gear="300"/>' for k in range(len(joints) - 1))
@@ -150,11 +148,8 @@ def test_impulses_of_random_jams_belong_to_the_velocity_with_baumgartes_method(s
         assert np.abs(sim.qfrc_constraint - force).max() <= 1e-9 * (1 + np.abs(force).max())
 
 
-# Limbs on two hinges that touch a trunk: some impulses of such a contact have no effect.
-#
-# If one of these is in the friction cone, the contact holds itself at any load, like a wedge. The targets of its friction rows must then be
-# a
-# motion of the hinges.
+# Limbs on two hinges that touch a trunk: some impulses of such a contact have no effect. If one of these is in the friction cone, the
+# contact holds itself at any load, like a wedge. The targets of its friction rows must then be a motion of the hinges.
 
 HELD = [146, 196, 300, 313, 411, 485, 543, 641, 659, 667, 702, 801, 818, 839, 869, 943, 981]
 """Seeds of the first 1000 in which a contact that holds itself was not solved, and pushed with up to 1e11 N."""
@@ -165,10 +160,8 @@ ROTATION_FRICTION = ['condim="4" friction="{} 1e-3 0"', 'condim="6" friction="{}
 
 
 def limb(seed: int, rotation_friction: str = SLIDING) -> tuple[str, np.ndarray]:
-    """MJCF of a free trunk with a limb on two hinges, and the initial velocities of the hinges, rad/s.
-
-    `rotation_friction` are the attributes of both geoms that concern friction, with braces for the sliding coefficient.
-    """
+    """MJCF of a free trunk with a limb on two hinges, and the initial velocities of the hinges, rad/s."""
+    # `rotation_friction` are the attributes of both geoms that concern friction, with braces for the sliding coefficient.
     rng = np.random.default_rng(seed)
     first, second = (text(axis) for axis in rng.normal(size=(2, 3)))
     shape = rng.choice(["box", "capsule", "sphere"])

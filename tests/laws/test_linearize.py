@@ -471,10 +471,8 @@ CUP = scene(
 @pytest.mark.parametrize("contact", ["hard", "mujoco"])
 @pytest.mark.parametrize("kink", [Kink.WRAP, Kink.ADHESION])
 def test_a_switch_of_a_tendon_or_of_suction_is_a_kink(kink, contact, arguments):
-    """The end of a string and a cup, 3e-7 m from where the string touches a drum and suction begins, and far away.
-
-    Differences move them by 1e-6 m. Suction begins at the gap of the cup, with hard contact 1e-5 m above it.
-    """
+    """The end of a string and a cup, 3e-7 m from where the string touches a drum and suction begins, and far away."""
+    # Differences move them by 1e-6 m. Suction begins at the gap of the cup, with hard contact 1e-5 m above it.
     reach = 1e-5 if contact == "hard" else 0.0
     model, edge = (STRING, TANGENT) if kink == Kink.WRAP else (CUP, 0.11 + reach)
     for side in (3e-7, -3e-7):

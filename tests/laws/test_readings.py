@@ -109,10 +109,8 @@ def allan(x: np.ndarray, dt: float, tau: float) -> float:
 
 
 def test_the_allan_deviation_of_a_whole_imu_has_its_drift():
-    """Of the industrial gyro: white noise N^2 / tau, and the Gauss-Markov drift's (IEEE 952, annex C) with its in-run stability and 100 s.
-
-    sigma^2 = s^2 2 T/tau (1 - T / (2 tau) (3 - 4 e^(-tau/T) + e^(-2 tau/T))) for a drift of standard deviation s and correlation time T.
-    """
+    """Of the industrial gyro: white noise N^2 / tau and the Gauss-Markov drift (IEEE 952, annex C) with its in-run stability and 100 s."""
+    # sigma^2 = s^2 2 T/tau (1 - T / (2 tau) (3 - 4 e^(-tau/T) + e^(-2 tau/T))) for a drift of standard deviation s and correlation time T.
     dt, envs, seconds, T = 0.25, 96, 2000.0, 100.0
     density, stability = np.deg2rad(0.008), np.deg2rad(8 / 3600)
     # The drift begins at 0: five correlation times are left out.

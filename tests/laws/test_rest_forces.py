@@ -80,10 +80,8 @@ def test_what_rests_is_carried_with_its_weight(name, contact, precision):
 
 @pytest.mark.parametrize(("name", "contact"), [("ant", "hard"), ("ant", "mujoco"), ("humanoid", "mujoco")])
 def test_robots_that_lie_are_carried_with_their_weight_at_short_steps(name, contact):
-    """Many links on the floor: what closes a gap of rounding within a step of 0.1 ms would be a fifth of the weight.
-
-    The humanoid comes to rest by MuJoCo's law alone within the time; by hard contact it still rolls.
-    """
+    """Many links on the floor: what closes a gap of rounding within a step of 0.1 ms would be a fifth of the weight."""
+    # The humanoid comes to rest by MuJoCo's law alone within the time; by hard contact it still rolls.
     compiled = mujoco.MjModel.from_xml_path(str(SOURCES[f"gymnasium/{name}"]))
     compiled.dof_damping[:] *= 3
     model, weight = stepper.load(compiled, strict=False), compiled.body_mass.sum() * G

@@ -41,12 +41,10 @@ def energy(kp: float, q: float, v: float) -> float:
 
 
 def added_inertia(ratio: float, zeta: float, integrator: str) -> float:
-    """Inertia beyond its mass with which the midpoint rule is contractive for a damped spring.
-
-    The step takes k at the mean position; d at the mean velocity, and s/2 d times its change; the damping e = 3/2 s h k at the velocity
-    after it, which is the mean and half of the change. Times the mean velocity: with m + h (s d + e) / 2 the energy falls by
-    h (d + e) v_mean^2.
-    """
+    """Inertia beyond its mass with which the midpoint rule is contractive for a damped spring."""
+    # The step takes k at the mean position; d at the mean velocity, and s/2 d times its change; the damping e = 3/2 s h k at the velocity
+    # after it, which is the mean and half of the change. Times the mean velocity: with m + h (s d + e) / 2 the energy falls by h (d + e)
+    # v_mean^2.
     if integrator != "midpoint":
         return 0.0
     kp = MASS * (ratio / H) ** 2
@@ -57,12 +55,10 @@ def added_inertia(ratio: float, zeta: float, integrator: str) -> float:
 
 @every(integrator=IMPLICIT, zeta=DAMPING_RATIOS, ratio=RATIOS)
 def test_energy_never_grows(ratio, zeta, integrator):
-    """Both rules are contractive for a linear oscillator: no step gains energy beyond rounding, and damping ends the motion.
-
-    Energy is that of the oscillator itself with backward Euler's rule and without damping; with damping, the midpoint rule's is that of
-    some more inertia, of the order h^2 of the mass where a step resolves the motion. A rule that takes positions at the mean velocity
-    turns a stiff spring's velocity around with all of its energy, or cannot be contractive in that energy itself.
-    """
+    """Both rules are contractive for a linear oscillator: no step gains energy beyond rounding, and damping ends the motion."""
+    # Energy is that of the oscillator itself with backward Euler's rule and without damping; with damping, the midpoint rule's is that of
+    # some more inertia, of the order h^2 of the mass where a step resolves the motion. A rule that takes positions at the mean velocity
+    # turns a stiff spring's velocity around with all of its energy, or cannot be contractive in that energy itself.
     sim, kp = servo(ratio, zeta, integrator)
     sim.set_state(qpos=[0.3], qvel=[1.0])
     more = added_inertia(ratio, zeta, integrator)
@@ -79,11 +75,9 @@ def test_energy_never_grows(ratio, zeta, integrator):
 
 @every(of=["servo", "spring"], zeta=[0.05, 0.2, 0.7, 1.0, 2.0], ratio=[0.5, 1.0, 2.0, 5.0, 20.0, 100.0])
 def test_what_is_damped_dies_out_in_a_second(ratio, zeta, of):
-    """A damped servo or spring that a step of 5 ms does not resolve does not ring: 200 steps after it was pulled by 0.1 it is at rest.
-
-    As fast as the true motion to a tenth of its rate, or by a factor of ten in 20 steps where that is faster.
-    On the way it never has more energy than in the beginning.
-    """
+    """A damped servo or spring that a step of 5 ms does not resolve does not ring: 200 steps after it was pulled by 0.1 it is at rest."""
+    # As fast as the true motion to a tenth of its rate, or by a factor of ten in 20 steps where that is faster. On the way it never has
+    # more energy than in the beginning.
     h = 5e-3
     kp = (ratio / h) ** 2
     kv = 2 * zeta * np.sqrt(kp)
@@ -202,11 +196,9 @@ def test_a_bounded_servo_presses_a_wall_with_its_bound(kind, integrator):
 
 @pytest.mark.parametrize(("kp", "kv", "bound"), [(300.0, 20.0, 3.0), (600.0, 30.0, 5.0)])
 def test_bounded_servos_of_a_chain_do_not_hold_one_another_at_their_bounds(kp, kv, bound):
-    """Three coupled joints whose targets jump: at 2 ms and 1 ms they follow the motion at 31 us.
-
-    A servo at its bound gives in to its neighbours, and neighbours leave their bounds when it does. The error at 2 ms is below a fortieth
-    of the motion of 1 rad, and at 1 ms below a tenth of that. A search that never releases a servo is wrong by 0.2 rad at 2 ms.
-    """
+    """Three coupled joints whose targets jump: at 2 ms and 1 ms they follow the motion at 31 us."""
+    # A servo at its bound gives in to its neighbours, and neighbours leave their bounds when it does. The error at 2 ms is below a fortieth
+    # of the motion of 1 rad, and at 1 ms below a tenth of that. A search that never releases a servo is wrong by 0.2 rad at 2 ms.
     links = "".join(
         f'<body pos="0 0 {0.2 if k else 0}"><joint name="j{k}" axis="0 1 0"/>'
         '<geom type="capsule" size=".03" fromto="0 0 0 0 0 .2" mass="1" contype="0" conaffinity="0"/>'

@@ -309,10 +309,8 @@ def touching_points(sim: stepper.Stepper, qpos: np.ndarray, velocity: list[float
 @example(sides=6, upright=True, ground="box", tilt=0.3, turn=0.0, step=2e-3, speed=8.0, fall=5.0)
 @example(sides=6, upright=True, ground="field", tilt=0.3, turn=0.0, step=2e-3, speed=8.0, fall=5.0)
 def test_a_fast_hull_has_the_contact_points_of_a_resting_one(*, sides, upright, ground, tilt, turn, step, speed, fall):
-    """Contacts within the search distance at rest are contacts at any velocity, because the pose alone determines what touches.
-
-    Euler's rule detects contacts at the pose before the step, which is the same for both velocities.
-    """
+    """Contacts within the search distance at rest are contacts at any velocity, because the pose alone determines what touches."""
+    # Euler's rule detects contacts at the pose before the step, which is the same for both velocities.
     corners = prism(sides, HULL_HALF) if upright else lying(sides)
     model = scene(corners, ground, f'timestep="{step}"')
     sim = stepper.Stepper(model, options=stepper.Options(timestep=step, integrator="euler"))

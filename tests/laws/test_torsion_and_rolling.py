@@ -39,12 +39,10 @@ def test_a_spinning_sphere_stops_at_the_rate_of_torsional_friction(condim, integ
 
 
 def rolling(push: float, press: float, r: float, slide: float, roll: float) -> tuple[float, float]:
-    """Acceleration of a ball that rolls under an acceleration `push` along the ground and `press` onto it, and its v / w.
-
-    One cone holds sliding force f and torque t (per mass): (f / slide)^2 + (t / roll)^2 = press^2, opposed to the velocities in the same
-    metric, so that a ball that rolls also slips a little: slip / f = (slide / roll)^2 w / t. With r' = v / w = r + slip / w:
-    v' = push - f = r' (f r - t) / (2/5 r^2).
-    """
+    """Acceleration of a ball that rolls under an acceleration `push` along the ground and `press` onto it, and its v / w."""
+    # One cone holds sliding force f and torque t (per mass): (f / slide)^2 + (t / roll)^2 = press^2, opposed to the velocities in the same
+    # metric, so that a ball that rolls also slips a little: slip / f = (slide / roll)^2 w / t. With r' = v / w = r + slip / w: v' = push -
+    # f = r' (f r - t) / (2/5 r^2).
     f, lever = 0.0, r
     for _ in range(200):
         t = roll * np.sqrt(press**2 - (f / slide) ** 2)
@@ -195,10 +193,8 @@ def test_a_car_under_random_control_is_solved_with_bounded_forces(integrator):
     assert most < 2.5 / (4e-3 * 1e-6)
 
 
-# Scene 3: a box on an incline, a tenth of a degree to either side of the friction angle atan mu.
-#
-# Right answer: below it the box does not move at all; above it, it slides with a = g (sin theta - mu cos theta). MuJoCo creeps at 44 to
-# 888 um/s at 10 degrees with mu 1.
+# Scene 3: a box on an incline, a tenth of a degree to either side of the friction angle atan mu. Right answer: below it the box does not
+# move at all; above it, it slides with a = g (sin theta - mu cos theta). MuJoCo creeps at 44 to 888 um/s at 10 degrees with mu 1.
 
 MU = 0.5
 NEAR = np.radians(0.1)
@@ -225,11 +221,9 @@ def acceleration(theta: float, steps: int, dt: float, choice: dict) -> float:
 @every_dt
 @every_choice
 def test_below_the_friction_angle_nothing_moves_in_a_hundred_thousand_steps(dt, choice):
-    """Nothing creeps: v = 0 to the rounding of g dt (1e-17 to 1e-15 m/s), once the warm start has converged.
-
-    The four corners of the box share the load in many ways, and friction is nearly used up: from a cold start the solver may spend its
-    sweeps for a few steps. It then says so, and the box moves by no more than the residual of those steps.
-    """
+    """Nothing creeps: v = 0 to the rounding of g dt (1e-17 to 1e-15 m/s), once the warm start has converged."""
+    # The four corners of the box share the load in many ways, and friction is nearly used up: from a cold start the solver may spend its
+    # sweeps for a few steps. It then says so, and the box moves by no more than the residual of those steps.
     sim = on_slope(CRITICAL - NEAR, dt, choice)
     for _ in range(100):
         sim.step()
@@ -261,9 +255,8 @@ def test_above_it_the_box_accelerates_as_coulomb_says(dt, choice):
     assert acceleration(theta, 100_000, dt, choice) == pytest.approx(expected, rel=1e-9)
 
 
-# Large coefficients of friction: in hard contact those above 30 act as 30, for which stacked cubes settle at steps of 1 to 20 ms.
-#
-# The bound leaves torsional friction below it alone, and MuJoCo's contact law has no bound.
+# Large coefficients of friction: in hard contact those above 30 act as 30, for which stacked cubes settle at steps of 1 to 20 ms. The bound
+# leaves torsional friction below it alone, and MuJoCo's contact law has no bound.
 
 LARGEST = 30.0
 """Coefficient above which larger ones act as this one. Its cone has a half-angle of 88.1 degrees."""
@@ -281,10 +274,8 @@ def stack(friction: str, step: float, condim: int = 3) -> stepper.Model:
 
 @every(precision=["f64", "f32"], step=[1e-3, 2e-3, 5e-3, 1e-2, 2e-2], friction=["1", "3", "10", "30", "1e9 1e9 1e9"])
 def test_stacked_cubes_settle_at_every_friction(friction, step, precision):
-    """Cubes that land on edges lie flat after a second, and move by less than 0.1 mm and 0.2 mrad in the next one.
-
-    A residual of the default tolerance, 1e-4 m/s, at an edge 5 cm from the middle of a face is 2e-3 rad/s.
-    """
+    """Cubes that land on edges lie flat after a second, and move by less than 0.1 mm and 0.2 mrad in the next one."""
+    # A residual of the default tolerance, 1e-4 m/s, at an edge 5 cm from the middle of a face is 2e-3 rad/s.
     sim = simulate(stack(friction, step), precision=precision, steps=round(1.0 / step))
     # Position correction leaves up to 0.01 mm per contact, thus 0.02 mm of the upper cube. Measured: up to 0.009 mm.
     np.testing.assert_allclose(sim.qpos[[2, 9]], [0.05, 0.15], atol=2.5e-5)

@@ -60,11 +60,9 @@ SINGLE = {
 
 @every(dt=[1e-3, 5e-3, 2e-2], body=SINGLE)
 def test_the_midpoint_rule_keeps_momentum_exactly_and_energy_without_drift(body, dt):
-    """Over a hundred periods, or as long.
-
-    A step leaves rounding and what eight iterations leave, (h omega / 2)^8 of 1e-4, in the momentum; energy swings by
-    (h omega)^2 of it, and as much in the second half of the time as in the first.
-    """
+    """Over a hundred periods, or as long."""
+    # A step leaves rounding and what eight iterations leave, (h omega / 2)^8 of 1e-4, in the momentum; energy swings by (h omega)^2 of it,
+    # and as much in the second half of the time as in the first.
     sim = simulate(SINGLE[body], timestep=dt, integrator="midpoint")
     sim.set_state(qvel=np.array([0.3, 0.1, -0.2, 0, SPIN, TOUCH])[-sim.model.nv :])
     linear, angular = sim.momentum()
@@ -125,11 +123,9 @@ def test_internal_torques_leave_momentum_alone(name, integrator):
 @pytest.mark.parametrize(("within", "stabilization"), [(True, "split"), (False, "baumgarte")])
 @pytest.mark.parametrize("integrator", ORDERS)
 def test_limits_and_contacts_among_the_limbs_leave_momentum_alone(integrator, within, stabilization):
-    """Impacts jump within a step, which leaves every rule the first order; half of it is what three samples of jumps are worth.
-
-    The projection of "split" moves joints at unchanged joint velocities, and momentum is M(q) v. A robot that starts 0.5 rad outside its
-    ranges, as the ant at qpos0, hence changes its momentum by that violation times its speed, whatever the time step.
-    """
+    """Impacts jump within a step, which leaves every rule the first order; half of it is what three samples of jumps are worth."""
+    # The projection of "split" moves joints at unchanged joint velocities, and momentum is M(q) v. A robot that starts 0.5 rad outside its
+    # ranges, as the ant at qpos0, hence changes its momentum by that violation times its speed, whatever the time step.
     steps, model = [4e-3, 2e-3, 1e-3], weightless("gymnasium/ant", within=within)
     assert slope(steps, drifts(model, steps, integrator=integrator, stabilization=stabilization)) > 0.5
 

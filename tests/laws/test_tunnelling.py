@@ -107,10 +107,9 @@ def test_what_is_struck_fast_and_unforeseen_is_reported():
             break
 
 
-# TUNNELLED is set where something may have passed through something unseen, and nowhere else.
-#
-# What meets is decided here by MuJoCo's distances (`mj_geomDistance`) at two hundred places of the step's path, which shapes take with the
-# velocity after the step from where contacts were found.
+# TUNNELLED is set where something may have passed through something unseen, and nowhere else. What meets is decided here by MuJoCo's
+# distances (`mj_geomDistance`) at two hundred places of the step's path, which shapes take with the velocity after the step from where
+# contacts were found.
 
 LAWS = pytest.mark.parametrize("contact", ["hard", "mujoco"])
 STEPS = pytest.mark.parametrize("timestep", [1e-3, 2e-3, 5e-3])
@@ -182,11 +181,9 @@ def is_below(sim, heights):
 @LAWS
 @pytest.mark.parametrize("kind", ["plane", "field", "mesh"])
 def test_a_robot_on_rough_ground_does_not_tunnel(kind, contact, timestep):
-    """Thirty random actions of 20 ms of eight robots: limbs at up to some m/s, centimetres a step, and nothing passes through anything.
-
-    Soft contacts give by centimetres where feet are thrown at the ground. Of a mesh a ball is lost whose centre is behind a triangle: there
-    alone the step may say so.
-    """
+    """Thirty random actions of 20 ms of eight robots: limbs at up to some m/s, centimetres a step, and nothing passes through anything."""
+    # Soft contacts give by centimetres where feet are thrown at the ground. Of a mesh a ball is lost whose centre is behind a triangle:
+    # there alone the step may say so.
     rng = np.random.default_rng(0)
     (asset, geom), (body, servos) = ground(kind, rng), quadruped()
     heights = np.random.default_rng(0).uniform(0, HIGH, (POINTS, POINTS))

@@ -50,10 +50,8 @@ def poses(model, rng):
 
 
 def core_enters(data) -> bool:
-    """Whether the first geom's centre line (a capsule's; a ball's is a point) enters the second, a box or cylinder.
-
-    MuJoCo then finds a way out that is not the shortest, or none at all: a capsule through a box is 0.019 m apart by `mj_geomDistance`.
-    """
+    """Whether the first geom's centre line (a capsule's; a ball's is a point) enters the second, a box or cylinder."""
+    # MuJoCo then finds a way out that is not the shortest, or none at all: a capsule through a box is 0.019 m apart by `mj_geomDistance`.
     half = data.model.geom_size[0, 1] if data.model.geom_type[0] == mujoco.mjtGeom.mjGEOM_CAPSULE else 0.0
     points = data.geom_xpos[0] + np.linspace(-half, half, 2001)[:, None] * data.geom_xmat[0].reshape(3, 3)[:, 2]
     x = np.abs((points - data.geom_xpos[1]) @ data.geom_xmat[1].reshape(3, 3))

@@ -257,11 +257,9 @@ LEG = """<body pos="{x} {y} 0"><joint axis="0 1 0" damping="2" armature=".01"/>
 
 
 def test_mujoco_stops_before_its_own_solution_on_feet_of_nearly_rigid_friction():
-    """Feet of solimp 0.015 to 1 with impratio 100 and six rows, as Unilab's Go1 has them.
-
-    MuJoCo stops where the objective, some 1e3, no longer decreases by what its rounding lets it see. Stepper's velocity is that of
-    MuJoCo's problem, solved further by Newton's method.
-    """
+    """Feet of solimp 0.015 to 1 with impratio 100 and six rows, as Unilab's Go1 has them."""
+    # MuJoCo stops where the objective, some 1e3, no longer decreases by what its rounding lets it see. Stepper's velocity is that of
+    # MuJoCo's problem, solved further by Newton's method.
     legs = "".join(LEG.format(x=x, y=y) for x in (-0.2, 0.2) for y in (-0.1, 0.1))
     model = mujoco.MjModel.from_xml_string(FEET.format(legs=legs))
     prepare(model)

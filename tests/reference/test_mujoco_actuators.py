@@ -42,10 +42,8 @@ def test_forces_lengths_and_velocities(kind):
 
 @every(gear=["0 0 0 1 0 0", "0 0 0 .1 0 -.05", "0 0 0 -2 1 3", "1 0 0 1 0 0"], sites=[("tip", "hull"), ("hull", "base"), ("base", "hand")])
 def test_setpoints_of_angles_are_those_nearest_to_them(sites, gear):
-    """Servos of a rotational gear with a reference, on a free base: setpoints up to several turns away, and what is no such servo.
-
-    MuJoCo takes a setpoint on the circle where the gear is a rotation alone and the servo pulls back with as much as it pulls with.
-    """
+    """Servos of a rotational gear with a reference, on a free base: setpoints up to several turns away, and what is no such servo."""
+    # MuJoCo takes a setpoint on the circle where the gear is a rotation alone and the servo pulls back with as much as it pulls with.
     target = f'site="{sites[0]}" refsite="{sites[1]}" gear="{gear}"'
     servos = {
         "position": f'position {target} kp="20" kv="3"',
@@ -145,10 +143,8 @@ def test_an_early_activation_is_that_after_the_step(integrator, contact):
 
 @every(delay=[0.3, 1, 1.5, 2.49999999999999, 2.5, 3, 7], samples=[1, 2, 3, 5, 8], interp=["zoh", "linear"])
 def test_controls_are_as_late_as_mujocos(delay, samples, interp):
-    """Delays in steps, whatever acts between two controls, and where the history is too short. The first control is 0, as MuJoCo's are.
-
-    MuJoCo's history of controls begins with zeros, a delay line here with the first control (docs/reference/actuators.md).
-    """
+    """Delays in steps, whatever acts between two controls, and where the history is too short. The first control is 0, as MuJoCo's are."""
+    # MuJoCo's history of controls begins with zeros, a delay line here with the first control (docs/reference/actuators.md).
     # A power of two: sums of time steps have no rounding error, which could delay MuJoCo's samples by a step.
     h = 1 / 256
     scene = WHEEL.format(history=f'delay="{delay * h}" nsample="{samples}" interp="{interp}"').replace('".01"', f'"{h}"')

@@ -169,11 +169,9 @@ def test_a_mocap_body_touches_where_it_was_put():
 
 
 def test_a_centre_of_mass_that_mujoco_rounds_to_the_bodys_origin():
-    """Meshes have their centre some 1e-9 m from where their author meant it, since their vertices are of single precision.
-
-    MuJoCo takes a centre so near the body's origin as being there (`body_sameframe`), which changes its mass matrix by the mass times that;
-    here it stays where the model says. With the centre at the origin both are the same to rounding.
-    """
+    """Meshes have their centre some 1e-9 m from where their author meant it, since their vertices are of single precision."""
+    # MuJoCo takes a centre so near the body's origin as being there (`body_sameframe`), which changes its mass matrix by the mass times
+    # that; here it stays where the model says. With the centre at the origin both are the same to rounding.
     text = """<mujoco><worldbody><body><freejoint/><inertial pos="-2.4e-9 -8e-10 -1.4e-9" mass="178" diaginertia="8.8 8.8 8.8"/></body>
       <body pos="1 0 0"><joint axis="0 1 0"/><inertial pos="3e-9 0 0" mass="2" diaginertia=".1 .2 .1"/></body></worldbody></mujoco>"""
     rounded = mujoco.MjModel.from_xml_string(text)
@@ -248,10 +246,8 @@ def test_flags_switch_it_off_as_in_mujoco():
     (1e3, 0.0, 'fluidshape="ellipsoid"'), (0.0, 1e4, 'fluidshape="ellipsoid"'),
 ])  # fmt: skip
 def test_drag_takes_energy_out_however_strong(density, viscosity, shape, integrator):
-    """A plate that tumbles through syrup at h b |v| / m from 1 to 1e6: its kinetic energy falls in every step.
-
-    Lift and added mass, which an ellipsoid has besides, do no work, but they are explicit: for them the medium is not heavier than water.
-    """
+    """A plate that tumbles through syrup at h b |v| / m from 1 to 1e6: its kinetic energy falls in every step."""
+    # Lift and added mass, which an ellipsoid has besides, do no work, but they are explicit: for them the medium is not heavier than water.
     text = f"""<mujoco>{MEDIUM.format(density=density, viscosity=viscosity, wind="0 0 0")}<worldbody><body><freejoint/>
       <geom type="box" size=".2 .1 .02" density="500" {shape}/></body></worldbody></mujoco>"""
     sim = simulate(stepper_weightless(text), timestep=1e-2, integrator=integrator, qvel=[3, -2, 1, 5, -4, 6])
@@ -306,10 +302,8 @@ def fluid_forces(kind: str, size, coef, rng, *, wind: str = "3 -2 1", speed: flo
 @every(thin=[1.0, 1e-2, 1e-4], large=[1.0, 1e-3])
 @pytest.mark.parametrize(("speed", "wind"), [(10.0, "3 -2 1"), (1e-3, "0 0 0")])
 def test_ellipsoids_of_any_size_and_thinness_at_any_speed(thin, large, speed, wind):
-    """Every coefficient by itself and all together, on ellipsoids and boxes: plates and needles too.
-
-    MuJoCo 4 makes the projected area of directions and of shares of the largest axis, so that no size or speed is cut off.
-    """
+    """Every coefficient by itself and all together, on ellipsoids and boxes: plates and needles too."""
+    # MuJoCo 4 makes the projected area of directions and of shares of the largest axis, so that no size or speed is cut off.
     rng = np.random.default_rng(5)
     for kind in ("ellipsoid", "box"):
         for axes in ([1.0, 0.7, thin], [1.0, thin, 0.8 * thin]):

@@ -66,11 +66,9 @@ def apart(model: mujoco.MjModel, controls: np.ndarray) -> float:
 
 @pytest.mark.parametrize("timestep", [4e-3, 1e-3])
 def test_springs_of_fixed_tendons_are_implicit(timestep):
-    """dm_control's fish swims in a medium with a spring between its fins; here springs of tendons are implicit with every integrator.
-
-    Without that spring every step is MuJoCo's to rounding, medium and all. With it the difference of a step is that of an implicit spring,
-    k x (1 - 1 / (1 + h^2 k / m)), and falls with the third power of the step, or the square of it where the spring is resolved.
-    """
+    """dm_control's fish swims in a medium with a spring between its fins; here springs of tendons are implicit with every integrator."""
+    # Without that spring every step is MuJoCo's to rounding, medium and all. With it the difference of a step is that of an implicit
+    # spring, k x (1 - 1 / (1 + h^2 k / m)), and falls with the third power of the step, or the square of it where the spring is resolved.
     model = mujoco.MjModel.from_xml_path(str(SOURCES["dm_control/fish"]))
     model.opt.timestep = timestep
     controls = np.tile(np.random.default_rng(0).uniform(-1, 1, model.nu), (100, 1))
@@ -118,9 +116,8 @@ def test_euler_is_mujocos():
     assert sim.act == pytest.approx(data.act, abs=1e-12)
 
 
-# Contact-free motion against a converged reference, the orders of convergence, and energy.
-#
-# The reference is DOP853 at tolerance 1e-13 on MuJoCo's accelerations with dq/dt = q (0, omega) / 2: it shares nothing with the engine.
+# Contact-free motion against a converged reference, the orders of convergence, and energy. The reference is DOP853 at tolerance 1e-13 on
+# MuJoCo's accelerations with dq/dt = q (0, omega) / 2: it shares nothing with the engine.
 
 BOUND = 1e-8  # Of issue 2. Measured: 2e-13 to 3e-12.
 
@@ -137,11 +134,9 @@ STIFF = {("humanoid", "rk4"): [2e-3, 1e-3, 5e-4]}
 
 @every(integrator=ORDERS, name=SCENES)
 def test_order_of_convergence(name, integrator):
-    """The humanoid has springs, dampers and a constant control.
-
-    Within 0.2 of the order: the next term of the error is h times a rate of the motion smaller, which bends a line over a factor of 4 in h
-    by a tenth, while the next order is 1 away.
-    """
+    """The humanoid has springs, dampers and a constant control."""
+    # Within 0.2 of the order: the next term of the error is h times a rate of the motion smaller, which bends a line over a factor of 4 in
+    # h by a tenth, while the next order is 1 away.
     order, steps = ORDERS[integrator]
     steps = STIFF.get((name, integrator), steps)
     errors = [state_error(scene(name)[0], run(name, 0.4, integrator, dt), converged(name, 0.4)) for dt in steps]

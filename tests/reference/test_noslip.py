@@ -17,10 +17,8 @@ BLOCK = """<mujoco><option timestep=".002" cone="{cone}" noslip_iterations="{swe
 
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
 def test_a_block_on_a_slope_creeps_without_the_sweeps_and_stays_with_them(cone):
-    """The regularised law creeps by more than a millimetre a second, and the sweeps leave less than a hundredth of that.
-
-    The slope is 0.446 and friction 1.5, of which a pyramid may have half along each axis; friction 0.3 slides with the sweeps, too.
-    """
+    """The regularised law creeps by more than a millimetre a second, and the sweeps leave less than a hundredth of that."""
+    # The slope is 0.446 and friction 1.5, of which a pyramid may have half along each axis; friction 0.3 slides with the sweeps, too.
     moved = {}
     for sweeps in (0, 20):
         model = stepper.load(BLOCK.format(cone=cone, sweeps=sweeps, friction=1.5))
@@ -70,9 +68,8 @@ def test_implicit_derivatives_are_refused_by_name_and_differences_are_not():
     assert np.isfinite(sim.linearize(method="fd").A).all()
 
 
-# Rows of MuJoCo's contact law whose approximate inverse inertia is 0 or tiny, so that they are almost rigid.
-#
-# Contacts have such rows on a body that turns about its own centre of mass: a wheel, the first link of an arm, the base of a finger.
+# Rows of MuJoCo's contact law whose approximate inverse inertia is 0 or tiny, so that they are almost rigid. Contacts have such rows on a
+# body that turns about its own centre of mass: a wheel, the first link of an arm, the base of a finger.
 
 PIVOT = """<mujoco><worldbody><geom type="box" size=".02 .02 .02"/>
 <body pos=".0399 0 0"><joint axis="1 0 0"/><geom type="box" size=".02 .01 .007"/></body></worldbody></mujoco>"""

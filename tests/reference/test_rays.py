@@ -37,10 +37,8 @@ def scene() -> mujoco.MjModel:
 
 
 def endless(m: mujoco.MjModel) -> mujoco.MjModel:
-    """The same with planes without end, as they are for contacts and for rays here, and every geom's own frame.
-
-    MuJoCo takes a frame that is nearly its body's for that, which turns a mesh of fetch's by 1e-7.
-    """
+    """The same with planes without end, as they are for contacts and for rays here, and every geom's own frame."""
+    # MuJoCo takes a frame that is nearly its body's for that, which turns a mesh of fetch's by 1e-7.
     m.geom_size[m.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE), :2] = 0.0
     m.geom_sameframe[:] = 0
     return m

@@ -64,10 +64,8 @@ def test_the_search_finds_known_smallest_sets(outcome: Callable[[Array], Array],
 
 @pytest.mark.parametrize(("outcome", "truth"), KNOWN, ids=lambda known: getattr(known, "__name__", ""))
 def test_certificates_hold_on_fresh_worlds(outcome: Callable[[Array], Array], truth: set[int]) -> None:
-    """Whenever a certificate of the found tolerances holds, at most 5 % of 20,000 fresh worlds exceed the margin, in 95 % of the seeds.
-
-    With 20,000 worlds the standard error of a fraction of 5 % is 0.15 %.
-    """
+    """Whenever a certificate of the found tolerances holds, at most 5 % of 20,000 fresh worlds exceed the margin, in 95 % of the seeds."""
+    # With 20,000 worlds the standard error of a fraction of 5 % is 0.15 %.
     right = tried = 0
     for seed in range(20):
         search = searched(outcome, seed)
@@ -82,10 +80,8 @@ def test_certificates_hold_on_fresh_worlds(outcome: Callable[[Array], Array], tr
 
 
 def test_tolerances_of_an_additive_outcome_are_the_widest() -> None:
-    """For the additive outcome, errors of 2 a and b must stay within what the two unmeasured parameters leave of the margin.
-
-    These add at most 0.04, so that 2 a + b <= 0.06 always passes, and 2 a + b > 0.14 always fails where the signs agree.
-    """
+    """For the additive outcome, errors of 2 a and b must stay within what the two unmeasured parameters leave of the margin."""
+    # These add at most 0.04, so that 2 a + b <= 0.06 always passes, and 2 a + b > 0.14 always fails where the signs agree.
     for seed in range(5):
         search = searched(additive, seed)
         tolerances = search.widest(search.smallest())
@@ -95,10 +91,8 @@ def test_tolerances_of_an_additive_outcome_are_the_widest() -> None:
 
 
 def test_a_certificate_that_should_fail_does() -> None:
-    """With a true fraction of 10 % of worlds above the margin, a certificate of 208 worlds holds by chance with a probability below 1 %.
-
-    In 40 seeds the probability of two or more such certificates is below 6 %; the seeds are fixed, and none occurs.
-    """
+    """With a true fraction of 10 % of worlds above the margin, a certificate of 208 worlds holds by chance with a probability below 1 %."""
+    # In 40 seeds the probability of two or more such certificates is below 6 %; the seeds are fixed, and none occurs.
     outcome = lambda x: (x[:, 0] < 0.1).astype(float)  # noqa: E731
     for seed in range(SEEDS):
         search = searched(outcome, seed)

@@ -11,26 +11,13 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from mjcf import mjcf
 from models import SOURCES, mujoco_model, stepper_model
 from refusals import raises
 from stepper.loading.mjcf import source
 from stepper.loading.mjcf.omissions import FLAGS
 
-PENDULUM = """
-<mujoco model="pendulum">
-  <option timestep="0.004"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="1 1 1"/>
-    <body name="arm" pos="0 0 2">
-      <joint name="pivot" type="hinge" axis="0 1 0" damping="0.1" range="-90 90" stiffness="2" springref="10" armature="0.01"/>
-      <geom name="rod" type="capsule" fromto="0 0 0 0 0 -1" size="0.05" friction="0.7 0.01 0.002"/>
-    </body>
-  </worldbody>
-  <actuator><motor name="torque" joint="pivot" gear="3" ctrlrange="-1 1"/></actuator>
-  <sensor><jointpos name="angle" joint="pivot"/></sensor>
-  <keyframe><key name="up" qpos="1.5"/></keyframe>
-</mujoco>
-"""
+PENDULUM = mjcf("pendulum")
 
 # One element of each kind that is left out, on this scene, and what the message must name.
 SCENE = """

@@ -11,6 +11,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import arm, joint, link, robot, sheet, sphere
+from mjcf import mjcf
 from models import simulate
 from stepper.cli.studies import explain
 
@@ -178,15 +179,7 @@ def _colliding_bodies(model):
     return {tuple(sorted(pair)) for pair in contacts_of(large)["body"].tolist()}
 
 
-KEYS = """<mujoco><worldbody><geom name="floor" type="plane" size="9 9 1"/>
-  <body pos="0 0 .1"><freejoint/><geom name="low" type="box" size=".1 .1 .1"/></body>
-  <body pos="0 0 .3"><freejoint/><geom name="high" type="box" size=".1 .1 .1"/></body></worldbody>
-  <keyframe>
-    <key name="apart" qpos="0 0 .1 1 0 0 0  0 0 .3 1 0 0 0"/>
-    <key name="jammed" qpos="0 0 .098 1 0 0 0  0 0 .2 1 0 0 0"/>
-    <key qpos="0 0 .08 1 0 0 0  0 0 .3 1 0 0 0"/>
-    <key name="flat" qpos="0 0 .0995 1 0 0 0  0 0 .3 1 0 0 0"/>
-  </keyframe></mujoco>"""
+KEYS = mjcf("keyframes_that_overlap")
 
 
 def test_keyframes_with_deep_overlaps_are_named_with_the_pair_and_the_remedy():

@@ -6,19 +6,13 @@ import pytest
 import stepper
 from hypothesis import given
 from hypothesis import strategies as st
+from mjcf import mjcf
 from models import SOURCES, stepper_model
 from refusals import raises
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 from stepper.shared.selectors import Selector, numbers_of, parse, places, rows_of
 
-SCENE = """<mujoco><option gravity="0 0 -9.81"/><worldbody><geom name="floor" type="plane" size="1 1 1"/>
-  <body name="base"><freejoint name="root"/><geom name="a,b" size=".1"/><geom size=".2" pos="1 0 0"/>
-    <body name="arm"><joint name="hip" axis="0 1 0" range="-1 1" stiffness="2" damping=".1" armature=".01" frictionloss=".1"/>
-      <geom name="left_foot" size=".1" pos="0 0 -1"/><geom name="right_foot" size=".1" pos="0 1 -1"/></body></body>
-  <body name="cart"><joint name="7" type="slide" damping="1"/><geom name="it's [x]" size=".1" mass="2" pos="5 0 0"/></body></worldbody>
-  <contact><pair name="sole" geom1="floor" geom2="right_foot"/></contact>
-  <actuator><position name="servo" joint="hip" kp="5" kv=".5"/><motor name="motor" joint="7"/></actuator>
-  <sensor><jointpos name="angle" joint="hip"/></sensor></mujoco>"""
+SCENE = mjcf("selectors")
 MODEL = stepper.load(SCENE)
 ITEMS = st.text(min_size=1, max_size=12) | st.integers(-5, 20) | st.text("ab,[]'\"\\ 0*?=:.", min_size=1, max_size=6)
 FIELDS_OF_ELEMENTS = st.sampled_from([name for name, field in FIELDS.items() if field.element] + [*COMPOUNDS, "sensor.delay", "thing"])

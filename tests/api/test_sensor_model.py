@@ -5,33 +5,13 @@ import json
 import numpy as np
 import pytest
 import stepper
+from mjcf import mjcf
 from models import simulate
 from refusals import raises
 from stepper import SensorModel, Transfer
 from stepper.sensors import Combination, RayFan, SensorSpec, devices
 
-SCENE = """
-<mujoco>
-  <option timestep="0.002"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="1 1 1"/>
-    <body name="arm" pos="0 0 1">
-      <joint name="pivot" type="hinge" axis="0 1 0" damping="0.1"/>
-      <geom name="rod" type="capsule" fromto="0 0 0 0 0 -.5" size="0.05"/>
-      <site name="imu" pos="0 0 -.3"/>
-    </body>
-  </worldbody>
-  <actuator><motor name="torque" joint="pivot"/></actuator>
-  <sensor>
-    <jointpos name="angle" joint="pivot" noise="0.01"/>
-    <jointvel name="rate" joint="pivot" cutoff="0.5"/>
-    <gyro name="gyro" site="imu"/>
-    <accelerometer name="acceleration" site="imu"/>
-    <framequat name="attitude" objtype="site" objname="imu"/>
-    <clock name="clock"/>
-  </sensor>
-</mujoco>
-"""
+SCENE = mjcf("imu_on_a_pendulum")
 ALL = Transfer(
     scale_std=0.01, misalignment_std=0.01, bias_std=0.1, drift_std=0.3, drift_time=0.5, noise_std=0.02, quantum=1e-4, limits=(-50, 50),
     period=0.004, delay=0.005, jitter=0.003, dropout=0.1,

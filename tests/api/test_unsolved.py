@@ -8,27 +8,12 @@ import pytest
 import stepper
 from golden import scenes
 from jams import OVERLAP, SLOT
+from mjcf import mjcf
 from models import simulate
 from refusals import raises
 
-STACK = """
-<mujoco>
-  <worldbody>
-    <geom name="floor" type="plane" size="5 5 1"/>
-    <body pos="0 0 .1"><freejoint/><geom name="low" type="box" size=".1 .1 .1" mass="1"/></body>
-    <body pos="0 0 .3"><freejoint/><geom name="high" type="box" size=".1 .1 .1" mass="100"/></body>
-  </worldbody>
-</mujoco>
-"""
-HINGE = """
-<mujoco>
-  <worldbody>
-    <body>
-      <joint name="elbow" axis="0 1 0" range="-1 1" limited="true"/><geom size=".05" pos=".3 0 0" contype="0" conaffinity="0"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+STACK = mjcf("overlapping_boxes")
+HINGE = mjcf("hinge_beyond_its_range")
 
 
 def stack(**options) -> stepper.Stepper:
@@ -60,14 +45,7 @@ SQUEEZED = SLOT.format(half=0.11)
 
 BLOCKED = OVERLAP.format(joint='axis="0 1 0"')
 
-OUT_OF_REACH = """
-<mujoco>
-  <worldbody>
-    <body name="a"><joint axis="0 1 0"/><geom size=".05" contype="0" conaffinity="0"/></body>
-  </worldbody>
-  <equality><connect name="pin" body1="a" body2="world" anchor=".1 0 0"/></equality>
-</mujoco>
-"""
+OUT_OF_REACH = mjcf("connect_out_of_reach")
 """A body on a hinge with a pin, whose anchor in the world `model.replace` may move out of reach."""
 
 
@@ -94,16 +72,7 @@ def far_anchor(model: stepper.Model) -> np.ndarray:
     return data
 
 
-FRAGILE = """
-<mujoco>
-  <worldbody>
-    <body name="hand" mocap="true"><geom size=".05"/></body>
-    <body name="arm" pos="0 0 1"><joint name="elbow" axis="0 1 0"/><geom size=".05" pos=".3 0 0"/></body>
-    <body name="box" pos="3 0 1"><freejoint name="root"/><geom size=".05"/></body>
-  </worldbody>
-  <actuator><motor name="servo" joint="elbow"/></actuator>
-</mujoco>
-"""
+FRAGILE = mjcf("fragile")
 
 
 def test_a_rejected_step_has_an_infinite_residual_and_names_its_cause():

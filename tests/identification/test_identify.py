@@ -8,6 +8,7 @@ import pytest
 import stepper
 from identification.repetitions import Kept, Row, noisy
 from identification.scenes import HARD, by_sensor, held, pushed
+from mjcf import mjcf
 from models import stepper_model
 from refusals import raises
 from sections import section_of
@@ -110,16 +111,7 @@ def test_a_search_that_begins_where_friction_never_slides():
     assert any("not determined" in text for text in alone.warnings)
 
 
-ARM = """<mujoco><option timestep=".002"/><worldbody><body name="upper"><joint name="shoulder" axis="0 1 0" damping=".4" armature=".02"/>
-  <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/>
-  <body name="fore" pos=".3 0 0"><joint name="elbow" axis="0 1 0" damping=".2" frictionloss=".1" stiffness="1.5"/>
-  <geom type="capsule" size=".025" fromto="0 0 0 .25 .02 0" mass=".6"/>
-  <body name="load" pos=".25 0 0"><joint name="roll" axis="1 0 0" damping=".05"/>
-  <inertial pos=".03 .01 -.02" mass=".5" diaginertia=".002 .003 .0025" quat=".9 .1 .2 .3"/><geom size=".02" mass="0"/>
-  <site name="s"/></body></body></body></worldbody>
-  <actuator><motor name="a" joint="shoulder" gear="12"/><position name="b" joint="elbow" kp="30" kv="1"/>
-  <motor name="c" joint="roll"/></actuator>
-  <sensor><force name="force" site="s"/><torque name="torque" site="s"/><jointpos name="q" joint="elbow"/></sensor></mujoco>"""
+ARM = mjcf("two_link_arm")
 
 
 def shaken(T=120):

@@ -8,6 +8,7 @@ import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mjcf import mjcf
 from models import simulate
 from parametrized import every
 from refusals import raises
@@ -197,19 +198,7 @@ def test_a_state_contains_the_active_equalities():
 
 # Equalities whose numbers differ between environments: `randomize(eq_data=...)`, so that a weld holds the pose of a grasp.
 
-GRASP_SCENE = """
-<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="plane" size="9 9 1"/>
-<body name="arm" pos="0 0 1"><joint name="a" axis="0 1 0" damping=".1"/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass=".5"/>
-<body name="hand" pos=".3 0 0"><joint name="b" axis="0 1 0"/><geom type="sphere" size=".03" mass=".2"/>
-<body name="tool" pos="0 .1 .05" euler="20 30 40"><geom type="sphere" size=".02" mass=".05" pos="0 0 .1"/></body></body></body>
-<body name="box" pos=".4 0 .9" euler="10 20 30"><freejoint/>
-<geom type="box" size=".05 .04 .03" mass=".3" contype="0" conaffinity="0"/></body>
-<body name="ball" pos="1 0 .5"><freejoint/><geom type="sphere" size=".05" mass="1"/></body></worldbody>
-<tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef=".5"/></fixed></tendon>
-<equality><weld name="grasp" body1="tool" body2="box" anchor=".01 .02 .03" torquescale=".4" active="false"/>
-<connect name="pin" body1="ball" anchor="0 0 .2" active="false"/>
-<joint name="gear" joint1="a" joint2="b" polycoef=".1 .5 .2 0 0" active="false"/>
-<tendon name="lock" tendon1="t" polycoef=".2 0 0 0 0" active="false"/></equality></mujoco>"""
+GRASP_SCENE = mjcf("grasp")
 GRASP, PIN, GEAR, LOCK = range(4)
 LAWS = {"hard": stepper.Options(), "mujoco": stepper.Options(contact="mujoco", integrator="euler", tolerance=1e-12)}
 

@@ -8,6 +8,7 @@ import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mjcf import mjcf
 from scipy import stats
 from stepper import SensorModel, Transfer
 from stepper.sensors import devices
@@ -217,32 +218,7 @@ def test_misalignment_mixes_the_axes():
     np.testing.assert_allclose(sim.sensordata_ideal[GYRO], [0, 3, 0], atol=1e-14)
 
 
-TRAY = """
-<mujoco>
-  <option timestep="0.002"/>
-  <worldbody>
-    <geom type="plane" size="1 1 1" pos="0 0 -5"/>
-    <body name="arm" pos="0 0 1">
-      <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/><joint name="tilt" type="hinge" axis="0 1 0"/>
-      <geom type="capsule" size=".05 .1" mass="2" contype="0" conaffinity="0"/>
-      <body name="tray" pos="0 0 .3">
-        <geom name="pan" type="sphere" size=".1" mass="1.5"/>
-        <site name="wrist" pos="0 0 -.1" euler="20 30 40"/>
-      </body>
-    </body>
-    <body name="ball" pos="0 0 1.6"><freejoint/><geom name="ball" size=".1" mass=".7"/></body>
-  </worldbody>
-  <actuator><position joint="x" kp="500" kv="50"/><position joint="z" kp="5000" kv="200"/>
-  <position joint="tilt" kp="500" kv="20"/></actuator>
-  <sensor>
-    <force name="force" site="wrist"/><torque name="torque" site="wrist"/>
-    <framelinacc name="acceleration" objtype="body" objname="tray"/><subtreelinvel name="velocity" body="tray"/>
-    <touch name="touch" site="wrist"/>
-    <contact name="net" geom1="pan" geom2="ball" data="found force pos normal" reduce="netforce"/>
-    <framexaxis objtype="site" objname="wrist"/><frameyaxis objtype="site" objname="wrist"/><framezaxis objtype="site" objname="wrist"/>
-  </sensor>
-</mujoco>
-"""
+TRAY = mjcf("tray")
 
 
 def test_a_wrist_carries_weight_inertia_and_what_lies_on_the_tray():

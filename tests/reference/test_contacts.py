@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from mjcf import mjcf
 from models import random_quaternion, simulate
 from rotations import about, product
 
@@ -171,16 +172,7 @@ def test_distances_are_those_of_mujoco(a, b):
     assert compared > 10
 
 
-HILLS = """
-<mujoco>
-  <option gravity="0 0 0" timestep="1e-9" ccd_tolerance="1e-12" ccd_iterations="500"/>
-  <asset><hfield name="hills" nrow="7" ncol="9" size="1 0.8 0.3 0.1"/></asset>
-  <worldbody>
-    <geom type="hfield" hfield="hills" margin="0.06" pos="0.1 0.2 0.3" euler="0 0 20"/>
-    <body><freejoint/><geom type="sphere" size="0.05" margin="0.06"/></body>
-  </worldbody>
-</mujoco>
-"""
+HILLS = mjcf("hills")
 
 
 def test_height_fields_are_those_of_mujoco():
@@ -206,15 +198,7 @@ def test_height_fields_are_those_of_mujoco():
 
 # Points of two boxes of which one reaches over the edge of the other, their faces inclined a little, beside MuJoCo's.
 
-SCENE = """
-<mujoco>
-  <option gravity="0 0 0"/>
-  <worldbody>
-    <body name="below"><freejoint/><geom type="box" size="0.008 0.008 0.004" mass="0.1"/></body>
-    <body name="above" pos="0 0 0.025"><freejoint/><geom type="box" size="0.021 0.021 0.021" mass="0.1"/></body>
-  </worldbody>
-</mujoco>
-"""
+SCENE = mjcf("overhanging_boxes")
 DEPTH = 1.5e-4
 """Overlap of the faces, m."""
 

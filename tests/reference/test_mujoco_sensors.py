@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from mjcf import mjcf
 from models import SOURCES, forward, random_quaternion, random_state, simulate
 from parametrized import every
 from stepper.loading.mjcf.sensors import MISSING
@@ -100,20 +101,7 @@ def readings(mujoco_model, model, data) -> tuple[np.ndarray, list[str]]:
     return np.concatenate(kept), words
 
 
-ASSORTED = """
-<mujoco><worldbody>
-  <body name="fixed" pos=".1 .2 .3" euler="10 20 30"><geom size=".1" mass=".5"/>
-    <body name="socket" pos="0 .1 .2"><joint name="ball" type="ball" pos=".01 .02 .03" stiffness="2" armature=".01"/>
-      <geom size=".1" pos=".1 0 0"/>
-      <body name="slider" pos=".3 0 0" euler="0 40 0"><joint name="slide" type="slide" axis="1 2 3" ref=".1" springref=".2" stiffness="5"/>
-        <joint name="hinge" axis="0 1 1" ref=".3"/><geom type="box" size=".1 .05 .02" pos="0 .1 0"/></body></body></body>
-  <body name="floater"><freejoint/><geom type="capsule" size=".05 .2" pos="0 .1 0"/>
-    <body name="fin" pos="0 .2 0"><joint name="fin" type="ball"/><geom size=".05" pos=".1 0 0"/></body></body>
-  <body name="hand" mocap="true" pos="0 0 2" euler="30 0 0"><geom size=".1"/></body>
-</worldbody>
-<tendon><fixed name="belt"><joint joint="slide" coef="2"/><joint joint="hinge" coef="-.5"/></fixed></tendon>
-<actuator><position joint="slide" kp="20" kv="1"/><general joint="hinge" gear="3" gainprm="5" biasprm="1 2 3" biastype="affine"/>
-  <motor tendon="belt" gear="2"/></actuator></mujoco>"""
+ASSORTED = mjcf("assorted_sensors")
 
 CHOSEN = [
     "assorted",

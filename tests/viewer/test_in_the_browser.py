@@ -6,20 +6,11 @@ import time
 import numpy as np
 import pytest
 import stepper
+from mjcf import mjcf
 from stepper.viewer import Player, View
 from stepper.viewer.window import Window
 
-SCENE = """<mujoco><asset>
-  <mesh name="wedge" vertex="-.2 -.2 -.2  .2 -.2 -.2  -.2 .2 -.2  .2 .2 -.2  0 0 .2"/>
-</asset><worldbody>
-  <geom name="floor" type="plane" size="0 0 .1" pos="0 0 -.6" rgba=".9 .9 .95 1"/>
-  <body pos="-.9 0 .2"><freejoint/><geom size=".2" rgba="1 0 0 1"/></body>
-  <body pos="-.3 0 .2"><freejoint/><geom type="box" size=".15 .15 .15" rgba="0 .8 0 1"/></body>
-  <body pos=".3 0 .2" euler="90 0 0"><freejoint/><geom type="capsule" size=".15 .15" rgba="0 0 1 1"/></body>
-  <body pos=".9 0 .2"><freejoint/><geom type="cylinder" size=".15 .2" rgba="1 0 1 1"/></body>
-  <body pos="-.3 0 .8"><freejoint/><geom type="ellipsoid" size=".2 .15 .25" rgba="0 .8 .8 1"/></body>
-  <body pos=".3 0 .8"><freejoint/><geom type="mesh" mesh="wedge" rgba=".9 .5 0 1"/></body>
-</worldbody></mujoco>"""
+SCENE = mjcf("browser")
 HUES = {1: (1, 0, 0), 2: (0, 0.8, 0), 3: (0, 0, 1), 4: (1, 0, 1), 5: (0, 0.8, 0.8), 6: (0.9, 0.5, 0)}
 """Colours by body."""
 

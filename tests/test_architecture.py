@@ -54,6 +54,12 @@ BOTTOM = {"_stepper", "_arrays", "_options", "_status", "_hints", "_quantities"}
 """Modules beside the folders that everything may import: the binary, its arguments, settings, messages and quantities."""
 FACE = {"__main__", "elements"}
 """Modules beside the folders that are for users alone: nothing in a folder imports them, or the names of `stepper` itself."""
+CRATE = {
+    "": "mod a;\nmod c;\npub use a::One;",
+    "a": "mod b;\npub use b::Two;\npub struct One;\nuse crate::c::Three;",
+    "a::b": "pub struct Two;",
+    "c": "pub struct Three;",
+}
 
 
 def dependencies(crate: str) -> set[str]:
@@ -132,14 +138,6 @@ def test_folders_of_the_core_use_one_another_one_way():
         if place:
             found.setdefault(place, set()).update(u.partition("::")[0] for u in used if u and u.partition("::")[0] != place)
     assert {place: used - CORE_FOLDERS[place] for place, used in found.items() if used - CORE_FOLDERS[place]} == {}
-
-
-CRATE = {
-    "": "mod a;\nmod c;\npub use a::One;",
-    "a": "mod b;\npub use b::Two;\npub struct One;\nuse crate::c::Three;",
-    "a::b": "pub struct Two;",
-    "c": "pub struct Three;",
-}
 
 
 def test_a_name_that_is_handed_on_is_of_the_file_that_defines_it():

@@ -13,11 +13,17 @@ from corpus.measure import measure
 from corpus.packages import PACKAGES, Package
 from corpus.report import write_markdown
 from corpus.row import FRAGMENT, MEASURED, SAME, STILL, Episode, Motion, Row
-from refusals import raises
+from checks import raises
 from rows import read_csv, write_csv
 
 WELL = Episode(steps=500, ours=Motion(1.0, 2.0), theirs=Motion(1.0, 2.0))
 ROW = Row(PACKAGES[0].name, PACKAGES[0].version, "a.xml", "0", MEASURED, model="1", nv=3, strict=True, random=WELL, rest=WELL)
+PENDULUM = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".1" pos="0 0 -1"/></body></worldbody>
+  <actuator><motor joint="a"/></actuator></mujoco>"""
+URDF = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+  <inertia ixx="1" ixy="1" ixz="1" iyy="1" iyz="1" izz="1"/></inertial><visual><geometry><mesh filename="none.dae"/></geometry></visual>
+  </link>
+  <joint name="j" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
 
 
 def with_random(**changes) -> Row:
@@ -81,14 +87,6 @@ def test_meshes_of_urdf_are_found_beside_it_and_above(tmp_path):
     for reference in ("package://arm_description/meshes/link.stl", "package://another_name/meshes/link.stl", "../meshes/link.stl"):
         assert resolve(reference, tmp_path, urdf) == mesh
     raises(FragmentError, r"missing\.stl", resolve, "package://arm_description/missing.stl", tmp_path, urdf)
-
-
-PENDULUM = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".1" pos="0 0 -1"/></body></worldbody>
-  <actuator><motor joint="a"/></actuator></mujoco>"""
-URDF = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/>
-  <inertia ixx="1" ixy="1" ixz="1" iyy="1" iyz="1" izz="1"/></inertial><visual><geometry><mesh filename="none.dae"/></geometry></visual>
-  </link>
-  <joint name="j" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
 
 
 def test_a_file_is_measured(tmp_path):

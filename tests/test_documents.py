@@ -20,7 +20,7 @@ import stepper.envs
 import typer
 from atlas import scenes
 from generated import SECTIONS
-from refusals import raises
+from checks import raises
 from sections import section_of, write_section
 from stepper.cli.app import application
 from stepper.derivatives import Linearization
@@ -32,6 +32,8 @@ DOCUMENTS = sorted(
 )
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 WITH_CODE = [page for page in PAGES if any(block.language in ("python", "sh") for block in page_blocks.blocks(page.read_text()))]
+REPOSITORY = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
+BENCHMARKS = Path(__file__).parents[1] / "docs/benchmarks"
 
 
 def named(path):
@@ -150,9 +152,6 @@ def test_documented_functions_are_not_hidden_by_their_modules(page):
             assert getattr(importlib.import_module(place), public) is found
 
 
-REPOSITORY = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
-
-
 @pytest.mark.parametrize(("file", "line"), [
     # Mkdocstrings shows the signature of a class only if it merges the constructor into it.
     ("mkdocs.yml", r"^ +merge_init_into_class: true$"),
@@ -244,9 +243,6 @@ def test_names_that_pages_import_are_documented():
 def test_the_documentation_needs_no_rust():
     makefile = (ROOT / "Makefile").read_text()
     assert "cargo" not in re.search(r"^docs: .*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1]
-
-
-BENCHMARKS = Path(__file__).parents[1] / "docs/benchmarks"
 
 
 def test_every_topic_is_in_one_group():

@@ -22,6 +22,11 @@ from terrains.measure import SPREAD
 from terrains.report import steps, times
 
 PLAN = Plan(num_envs=2, peers=2, precisions=("f64",), settings=("default", "fast"), rounds=2)
+ARM = """<mujoco><worldbody><body><joint name="a" axis="0 0 1"/><geom size=".1"/><body pos="1 0 0"><joint name="b" axis="0 0 1"/>
+<geom size=".1"/><site name="tip" pos="1 0 0"/></body></body></worldbody></mujoco>"""
+MACHINE = {"cpu_level": "avx2"}
+THEIRS = {"microseconds": 6.0, "contacts": 1.0, "penetration": 0.0}
+OURS = THEIRS | {"microseconds": 2.0, "ratio": 3.0, "flags": {}, "sweeps": 1.0, "newton_steps": 1.0, "unsolved": 0.0}
 
 
 @pytest.fixture(scope="module")
@@ -81,10 +86,6 @@ def test_targets_are_those_of_scenes_and_their_phases():
     assert {name for name in TARGETS if name not in rows | {scene.name for scene in ALL}} == set()
 
 
-ARM = """<mujoco><worldbody><body><joint name="a" axis="0 0 1"/><geom size=".1"/><body pos="1 0 0"><joint name="b" axis="0 0 1"/>
-<geom size=".1"/><site name="tip" pos="1 0 0"/></body></body></worldbody></mujoco>"""
-
-
 def test_an_arm_reaches_what_it_can():
     model = mujoco.MjModel.from_xml_string(ARM)
     angles = np.array([0.3, 0.5])
@@ -124,9 +125,6 @@ def anatomy(name, precision, micros, solve, floor):
 
 def figures(ratio, unsolved):
     return {"ratio": ratio, "microseconds": 10.0, "unsolved": unsolved}
-
-
-MACHINE = {"cpu_level": "avx2"}
 
 
 def test_targets_say_what_is_reached_at_the_floor_and_in_the_way(tmp_path):
@@ -172,10 +170,6 @@ def test_no_ground_is_higher_than_it_says(ground):
         around = x + np.array([-0.1, 0.0, 0.1]), y + np.array([-0.1, 0.0, 0.1])
         highest = np.max(ground.height(*(np.ravel(a) for a in np.meshgrid(*around))))
         assert 9.0 - distance <= highest + 1e-6  # heights of fields are in single precision
-
-
-THEIRS = {"microseconds": 6.0, "contacts": 1.0, "penetration": 0.0}
-OURS = THEIRS | {"microseconds": 2.0, "ratio": 3.0, "flags": {}, "sweeps": 1.0, "newton_steps": 1.0, "unsolved": 0.0}
 
 
 def test_the_table_compares_with_the_faster_setting():

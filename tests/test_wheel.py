@@ -41,6 +41,7 @@ print(json.dumps({
     "said": said,
 }))
 """
+API = [f"tests/api/test_{name}.py" for name in ("stepper", "state", "record", "doctor")]
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +76,6 @@ def test_it_steps_a_saved_model_where_there_is_only_numpy(wheel, tmp_path):
     assert there["inside"]
     assert there["absent"] == [None, None, None]
     assert 'pip install "stepper-sim[mjcf]"' in there["said"]
-
-
-API = [f"tests/api/test_{name}.py" for name in ("stepper", "state", "record", "doctor")]
 
 
 @pytest.fixture(scope="module")

@@ -69,6 +69,8 @@ LEFT = {
 PAGES = {"docs": (0, 63), "README.md": (0, 0)}
 """Long sentences and words that are left in the documentation. The numbers may only fall."""
 STUB = ROOT / "python/stepper/_stepper.pyi"
+LINE = "Speed above which a contact counts as slipping and not as sticking, for contacts of bodies"
+"""Line that is long enough to end there."""
 
 
 def comments(place: str) -> list[Comment]:
@@ -317,10 +319,6 @@ def test_no_comment_is_broken(folder):
     files = [file for file in sorted((ROOT / folder).rglob("*")) if file.suffix in {".rs", ".py", ".pyi"} and "target" not in file.parts]
     assert files
     assert [line for file in files for line in broken_lines(file)] == []
-
-
-LINE = "Speed above which a contact counts as slipping and not as sticking, for contacts of bodies"
-"""Line that is long enough to end there."""
 
 
 @pytest.mark.parametrize(("name", "text", "broken"), [

@@ -6,7 +6,7 @@ import gymnasium
 import jax
 import numpy as np
 import stepper
-from refusals import raises
+from checks import raises
 from stepper.adapters.jax_rollout import rollout
 
 HOPPER = Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml"

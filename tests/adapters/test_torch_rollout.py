@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stepper
 import torch
-from refusals import raises
+from checks import raises
 from stepper.adapters.torch_rollout import rollout
 
 HOPPER = Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from envs.test_hooks import Grouped
-from refusals import raises
+from checks import raises
 from stepper.adapters.torchrl import StepperTorchRLEnv
 from stepper.envs import StepperVectorEnv
 from tensordict.nn import TensorDictModule

@@ -7,7 +7,7 @@ import pytest
 import stepper
 from models import stepper_model
 from recordings import edit_header
-from refusals import raises
+from checks import raises
 from stepper import ActuatorModel, Drive
 from stepper.actuators import PID, DCMotor
 
@@ -23,6 +23,9 @@ EVERYTHING = ActuatorModel(
     },
     default=Drive(lag=0.01),
 )
+ODD = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1"/><site name="s"/></body></worldbody>
+  <tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon><actuator><motor name="site" site="s" gear="1 0 0 0 1 0"/>
+  <motor name="tendon" tendon="t"/><general name="lag" joint="j" dyntype="filter" dynprm=".1"/></actuator></mujoco>"""
 
 
 def sim_of(num_envs=None, *, actuators=EVERYTHING, **settings):
@@ -158,11 +161,6 @@ def test_numbers_out_of_range_are_named(drive, message):
 ])  # fmt: skip
 def test_what_cannot_be_said(make, message):
     raises((TypeError, ValueError), message, make)
-
-
-ODD = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1"/><site name="s"/></body></worldbody>
-  <tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon><actuator><motor name="site" site="s" gear="1 0 0 0 1 0"/>
-  <motor name="tendon" tendon="t"/><general name="lag" joint="j" dyntype="filter" dynprm=".1"/></actuator></mujoco>"""
 
 
 @pytest.mark.parametrize(("name", "drive", "message"), [

@@ -14,6 +14,18 @@ from stepper.loading.mjcf import describe
 from stepper.loading.origins import Origin
 
 FEET = 60
+SCENE = """<mujoco><worldbody><geom type="box" size=".05 .05 .05"/>
+<body pos="0 0 .15"><freejoint/><geom size=".05"/></body></worldbody></mujoco>"""
+HINGE = """<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep=".002"/><worldbody>
+  <body><joint name="hinge" axis="0 1 0" range="-1 1" limited="true"/><geom size=".1" pos=".3 0 0"/></body>
+  <body pos="2 0 0"><joint name="ball" type="ball" range="0 .5" limited="true"/><geom size=".1" pos=".1 0 0"/></body>
+  <body pos="4 0 0"><joint name="slide" type="slide" range="-.1 .1" limited="true"/><geom size=".1"/></body></worldbody>
+  <tendon><fixed limited="true" range="-3 .3"><joint joint="slide" coef="2"/></fixed></tendon></mujoco>"""
+BALL = (
+    """<mujoco><worldbody><geom type="plane" size="0 0 1"/><body pos="0 0 {z}"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+)
+TURNED = [np.cos(0.4), np.sin(0.4), 0, 0]
+BODY = '<geom size=".1" mass="4" pos=".3 0 .2"/>'
 
 
 def many_feet(height: float, keyframe: str = "", friction: float = 0.001) -> stepper.Model:
@@ -59,10 +71,6 @@ def test_a_pickle_has_the_same_room():
     assert len(other.contacts()) == FEET
 
 
-SCENE = """<mujoco><worldbody><geom type="box" size=".05 .05 .05"/>
-<body pos="0 0 .15"><freejoint/><geom size=".05"/></body></worldbody></mujoco>"""
-
-
 @pytest.mark.parametrize("count", [5_000, 70_000])
 def test_a_ball_rests_on_one_of_many_fixed_boxes(count):
     """Up to 65,535 geoms the numbers of pairs form a square table, and above only moving geoms have rows: both find the same contact."""
@@ -78,17 +86,6 @@ def test_a_ball_rests_on_one_of_many_fixed_boxes(count):
     # The slop, by which contacts overlap at rest.
     assert sim.qpos[:3] == pytest.approx([0, 0, 0.1], abs=2e-5)
     assert not sim.status & (stepper.Status.NOT_CONVERGED | stepper.Status.TUNNELLED)
-
-
-HINGE = """<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep=".002"/><worldbody>
-  <body><joint name="hinge" axis="0 1 0" range="-1 1" limited="true"/><geom size=".1" pos=".3 0 0"/></body>
-  <body pos="2 0 0"><joint name="ball" type="ball" range="0 .5" limited="true"/><geom size=".1" pos=".1 0 0"/></body>
-  <body pos="4 0 0"><joint name="slide" type="slide" range="-.1 .1" limited="true"/><geom size=".1"/></body></worldbody>
-  <tendon><fixed limited="true" range="-3 .3"><joint joint="slide" coef="2"/></fixed></tendon></mujoco>"""
-BALL = (
-    """<mujoco><worldbody><geom type="plane" size="0 0 1"/><body pos="0 0 {z}"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
-)
-TURNED = [np.cos(0.4), np.sin(0.4), 0, 0]
 
 
 @pytest.mark.parametrize(("qpos", "overshoot"), [
@@ -157,9 +154,6 @@ def test_a_rollout_has_the_depth_of_all_its_steps(precision):
     many.step(nstep=60)
     assert np.array_equal(one.max_penetration, many.max_penetration)
     assert one.get_state() == many.get_state()
-
-
-BODY = '<geom size=".1" mass="4" pos=".3 0 .2"/>'
 
 
 def scene(joints, body=BODY):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import stepper
 from models import STATE, simulate, stepper_model
-from refusals import raises
+from checks import raises
 
 ROBOT = "dm_control/humanoid"
 

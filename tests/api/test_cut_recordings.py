@@ -16,7 +16,7 @@ from file_sizes import disk_of
 from hypothesis import given
 from hypothesis import strategies as st
 from recordings import PENDULUM, edit_file, edit_header
-from refusals import raises
+from checks import raises
 from stepper.recording import RecordingError, RecordingWarning, recorder
 from stepper.recording.format import KINDS, ROWS, find_blocks, read_header
 from stepper.shared.files import LOCK

@@ -14,6 +14,11 @@ import stepper
 from array_docs import arrays_of
 from stub_docs import STUB, documented, rewritten, spoken
 
+ROOT = Path(__file__).parents[2] / "python/stepper"
+EXCEPTIONS: frozenset[str] = frozenset()
+"""Places of arrays without a shape or a unit. The list may only become shorter."""
+HINGE = '<mujoco{option}><worldbody><body><joint name="j" type="hinge"/><geom size=".1"/></body></worldbody></mujoco>'
+
 
 def test_the_stub_has_the_docstrings_of_the_binary():
     assert rewritten(STUB.read_text()) == STUB.read_text(), "run: python tests/helpers/stub_docs.py"
@@ -42,11 +47,6 @@ def test_every_public_name_is_documented(name):
 def test_fields_of_a_model_say_unit_and_shape():
     assert stepper.Model.body_mass.__doc__ == "Mass, kg: (nbody,)."
     assert stepper.Model.geom_friction.__doc__ == "Sliding (1), torsional (m), rolling (m) friction: (ngeom, 3)."
-
-
-ROOT = Path(__file__).parents[2] / "python/stepper"
-EXCEPTIONS: frozenset[str] = frozenset()
-"""Places of arrays without a shape or a unit. The list may only become shorter."""
 
 
 def test_docstrings_name_the_shape_and_the_unit_of_each_array():
@@ -97,9 +97,6 @@ def test_every_phrase_that_is_translated_is_said():
     assert len(phrases) > 10
     sources = [re.sub(r"\\\n\s*", "", path.read_text()) for path in SOURCES]
     assert [phrase for phrase in phrases if not any(phrase in source for source in sources)] == []
-
-
-HINGE = '<mujoco{option}><worldbody><body><joint name="j" type="hinge"/><geom size=".1"/></body></worldbody></mujoco>'
 
 
 @pytest.mark.parametrize(("call", "message"), [

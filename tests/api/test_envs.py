@@ -9,7 +9,7 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as hypothesis
 from models import STATE, simulate, stepper_model
-from refusals import raises
+from checks import raises
 from stepper import ActuatorModel, Drive, Stepper
 from stepper.envs import StepperVectorEnv
 from stepper.viewer.frames import shown_envs
@@ -17,6 +17,12 @@ from stepper.viewer.frames import shown_envs
 HOPPER = "dm_control/hopper"
 DELAYED = stepper.SensorModel(default=stepper.Transfer(delay=0.013))
 DRIVES = stepper.ActuatorModel(default=stepper.Drive(delay=0.017, lag=0.02))
+HAND_MOVED = """
+<mujoco><option timestep="0.005"/><worldbody>
+  <geom type="plane" size="5 5 0.1"/>
+  <body name="hand" mocap="true" pos="0 0 0.3"><geom type="box" size="0.3 0.3 0.02"/></body>
+  <body pos="0.05 0 0.45"><freejoint/><geom type="box" size="0.1 0.1 0.1"/></body>
+</worldbody></mujoco>"""
 
 
 def batch(num_envs=7, steps=9, **settings):
@@ -67,14 +73,6 @@ def test_some_are_kept_and_given_to_another_stepper():
     same(all_of(other), untouched, [2])
     other.set_state(kept[0])
     same(all_of(other), all_of(sim), of=[1, 1, 1, 1])
-
-
-HAND_MOVED = """
-<mujoco><option timestep="0.005"/><worldbody>
-  <geom type="plane" size="5 5 0.1"/>
-  <body name="hand" mocap="true" pos="0 0 0.3"><geom type="box" size="0.3 0.3 0.02"/></body>
-  <body pos="0.05 0 0.45"><freejoint/><geom type="box" size="0.1 0.1 0.1"/></body>
-</worldbody></mujoco>"""
 
 
 @pytest.mark.parametrize("threads", [1, 2])

@@ -20,7 +20,7 @@ from file_sizes import disk_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import joint, link, robot
-from refusals import raises
+from checks import raises
 from stepper.cli.app import COMMANDS, application, main
 from stepper.lab import Outcome, Parameter, Study
 from stepper.lab.study.journal import rows_of
@@ -65,6 +65,7 @@ selector = "gravity[2]"
 low = -10.0
 high = -9.0
 """
+ESCAPES = ["../../../escaped", "..", ".", "...", "a/b", "/a", "a\\b", "C:", "C:a", "", " a", "a\n", "\0", "\ud800", "x" * 201, "é" * 101]
 
 
 @pytest.fixture(scope="module")
@@ -366,9 +367,6 @@ def test_a_folder_that_cannot_be_locked_is_an_error_with_a_remedy(tmp_path):
 
 
 # Names
-
-
-ESCAPES = ["../../../escaped", "..", ".", "...", "a/b", "/a", "a\\b", "C:", "C:a", "", " a", "a\n", "\0", "\ud800", "x" * 201, "é" * 101]
 
 
 @pytest.mark.parametrize("name", ESCAPES)

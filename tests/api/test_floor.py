@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import joint, link, robot, sphere
 from models import SOURCES, simulate, stepper_model
-from refusals import raises
+from checks import raises
 from stepper.loading import origin_of
 from stepper.loading.mjcf import describe, requested
 from stepper.viewer.looks import looks_of
@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[2]
 QUADRUPED = ROOT / "examples/quadruped.urdf"
 BALL = "<mujoco><worldbody><body pos='0 0 .5'><freejoint/><geom name='ball' size='.1'/></body></worldbody></mujoco>"
 OBJ = "v -.2 -.1 -.3\nv .2 -.1 -.3\nv 0 .2 -.3\nv 0 0 .3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+PLANE = "<geom {} type='plane' size='1 1 1'/>"
 
 
 def test_a_quadruped_stands_with_position_servos():
@@ -134,9 +135,6 @@ def test_a_spec_is_a_source():
     assert stepper.load(spec).geom_names == ["mark", "ball"]
     spec.worldbody.add_geom(size=[0, 0, 0])
     raises(stepper.ModelError, r"mujoco\.MjSpec: MuJoCo's compiler cannot read it: .*size", stepper.load, spec)
-
-
-PLANE = "<geom {} type='plane' size='1 1 1'/>"
 
 
 @pytest.mark.parametrize(("arguments", "more", "error", "said"), [

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import stepper
 from models import simulate, stepper_model
-from refusals import raises
+from checks import raises
 
 HOPPER, ANT = "dm_control/hopper", "gymnasium/ant"
 SCENE = """
@@ -36,6 +36,10 @@ SCENE = """
   <sensor><jointpos joint="a"/><accelerometer site="here"/></sensor>
   <contact><pair geom1="floor" geom2="ball"/></contact>
 </mujoco>"""
+OPEN = {"tendon_range", "jnt_actfrcrange", "actuator_ctrlrange", "actuator_forcerange"}
+"""Whose lower bound may be -inf and upper inf."""
+RIGID = {"eq_stiffness", "geom_stiffness", "pair_stiffness"}
+"""Whose infinity is rigid."""
 
 
 @pytest.fixture(scope="module")
@@ -257,12 +261,6 @@ def test_too_little_memory_is_an_error_whatever_of_it_is_too_little():
 def fields():
     """Names of the fields that `Model.replace` takes: each is a property."""
     return [name for name in dir(stepper.Model) if isinstance(getattr(stepper.Model, name), property)]
-
-
-OPEN = {"tendon_range", "jnt_actfrcrange", "actuator_ctrlrange", "actuator_forcerange"}
-"""Whose lower bound may be -inf and upper inf."""
-RIGID = {"eq_stiffness", "geom_stiffness", "pair_stiffness"}
-"""Whose infinity is rigid."""
 
 
 def test_every_field_refuses_what_is_no_number(model):

@@ -21,6 +21,21 @@ ROBOT = "gymnasium/ant"
 ENVS = 20
 FOREVER = 10**9
 SOON = 0.2  # seconds, in which more than one part of a long call is made
+MOCAP = """<mujoco><worldbody><body name="hand" mocap="true" pos="0 0 1"><geom size=".1" contype="0" conaffinity="0"/></body>
+  <body name="ball" pos="0 0 1"><freejoint/><geom size=".05" contype="0" conaffinity="0"/></body></worldbody>
+  <equality><connect body1="hand" body2="ball" anchor="0 0 0"/></equality>
+  <sensor><framepos objtype="body" objname="hand"/></sensor></mujoco>"""
+MODEL = "gymnasium/ant"
+PACKAGE = Path(stepper.__file__).parent
+PATIENCE = 60.0
+"""Seconds after which a command that does not end fails the test: it ends within two on an idle machine."""
+
+RUN = """
+import signal
+from stepper.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a shell starts the tests in the background
+main()
+"""
 
 
 @contextlib.contextmanager
@@ -118,12 +133,6 @@ def test_parts_of_a_long_call_make_the_bits_of_single_steps():
     assert one.qvel.tobytes() == other.qvel.tobytes()
 
 
-MOCAP = """<mujoco><worldbody><body name="hand" mocap="true" pos="0 0 1"><geom size=".1" contype="0" conaffinity="0"/></body>
-  <body name="ball" pos="0 0 1"><freejoint/><geom size=".05" contype="0" conaffinity="0"/></body></worldbody>
-  <equality><connect body1="hand" body2="ball" anchor="0 0 0"/></equality>
-  <sensor><framepos objtype="body" objname="hand"/></sensor></mujoco>"""
-
-
 def test_mocap_bodies_are_where_the_longer_way_has_brought_them():
     sim = simulate(MOCAP, timestep=1e-3, steps=2)
     sim.mocap_pos[0] = [1e3, 0, 1]
@@ -191,19 +200,6 @@ def test_a_handler_that_raises_nothing_stops_nothing():
     finally:
         signal.signal(signal.SIGUSR1, before)
     assert seen == [signal.SIGUSR1]
-
-
-MODEL = "gymnasium/ant"
-PACKAGE = Path(stepper.__file__).parent
-PATIENCE = 60.0
-"""Seconds after which a command that does not end fails the test: it ends within two on an idle machine."""
-
-RUN = """
-import signal
-from stepper.cli import main
-signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a shell starts the tests in the background
-main()
-"""
 
 
 @pytest.fixture(scope="module")

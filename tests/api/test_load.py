@@ -13,7 +13,7 @@ import pytest
 import stepper
 from mjcf import mjcf
 from models import SOURCES, mujoco_model, stepper_model
-from refusals import raises
+from checks import raises
 from stepper.loading.mjcf import source
 from stepper.loading.mjcf.omissions import FLAGS
 

@@ -23,6 +23,11 @@ CHAIN = """<mujoco><worldbody>{ground}<body name="a" pos="0 0 1">{joint}<geom na
   <body name="c" pos=".2 0 0"><joint axis="0 1 0"/><geom name="gc" size=".15" mass="1"/></body></body></body></worldbody></mujoco>"""
 FLOOR = '<geom name="floor" type="plane" size="9 9 1"/>'
 SPIN = '<joint axis="0 0 1"/>'
+KEYS = mjcf("keyframes_that_overlap")
+LEG = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+  <body name="base" pos="0 0 1"><freejoint/><geom name="trunk" size=".1"/>
+  <body name="leg"><joint name="j" axis="0 1 0"/><geom name="foot" pos="0 0 -.4" size=".03"/></body></body></worldbody>
+  <keyframe>{keys}</keyframe></mujoco>"""
 
 
 def load(source, **arguments):
@@ -179,9 +184,6 @@ def _colliding_bodies(model):
     return {tuple(sorted(pair)) for pair in contacts_of(large)["body"].tolist()}
 
 
-KEYS = mjcf("keyframes_that_overlap")
-
-
 def test_keyframes_with_deep_overlaps_are_named_with_the_pair_and_the_remedy():
     _, (text,) = load(KEYS, overlaps="keep")
     lines = text.splitlines()
@@ -213,12 +215,6 @@ def test_the_command_explain_lists_overlaps_of_keyframes(tmp_path, capsys):
     (tmp_path / "keys.xml").write_text(KEYS.partition("<keyframe>")[0] + "</mujoco>")
     explain(str(tmp_path / "keys.xml"))
     assert capsys.readouterr().out.endswith("Overlaps of more than 1 mm in keyframes:\n  nothing\n")
-
-
-LEG = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
-  <body name="base" pos="0 0 1"><freejoint/><geom name="trunk" size=".1"/>
-  <body name="leg"><joint name="j" axis="0 1 0"/><geom name="foot" pos="0 0 -.4" size=".03"/></body></body></worldbody>
-  <keyframe>{keys}</keyframe></mujoco>"""
 
 
 @settings(max_examples=20, deadline=None)

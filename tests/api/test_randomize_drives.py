@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import stepper
 from models import stepper_model
-from parametrized import every
-from refusals import raises
+from checks import every
+from checks import raises
 from stepper import ActuatorModel, Drive
 from stepper.actuators import PID, DCMotor
 

@@ -9,13 +9,20 @@ import pytest
 import stepper
 from bench_episode import EPISODE, record
 from models import simulate, stepper_model
-from parametrized import every
+from checks import every
 from recordings import PENDULUM, edit_file, edit_header, joined
-from refusals import raises
+from checks import raises
 from stepper.recording.format import FORMAT, find_blocks, read_header
 
 ROBOT = "gymnasium/ant"
 N, STEPS = 5, 30
+ARM = """
+<mujoco><option timestep="0.002" gravity="0 0 0"/>
+  <worldbody><body><joint name="a" axis="0 1 0" actuatorfrcrange="-3 3"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+  <body><joint name="b" axis="0 1 0"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody>
+  <actuator><motor name="plain" joint="a" forcerange="-2 2"/><motor name="driven" joint="b"/><position name="servo" joint="b" kp="100"
+  forcerange="-1 1"/><motor name="second" joint="a"/></actuator></mujoco>"""
+RENEW = "renew it: PYTHONPATH=python:tests/helpers .venv/bin/python tests/helpers/bench_episode.py; and adapt benches/src/replay.rs"
 
 
 def run(path, *, num_envs=N, precision="f64", threads=1, **settings):
@@ -239,14 +246,6 @@ def test_failures_of_sensing_are_counted_by_sensor():
     assert abs(still.sum() - 0.3 * 4 * steps) < 5 * np.sqrt(0.21 * 4 * steps)
 
 
-ARM = """
-<mujoco><option timestep="0.002" gravity="0 0 0"/>
-  <worldbody><body><joint name="a" axis="0 1 0" actuatorfrcrange="-3 3"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
-  <body><joint name="b" axis="0 1 0"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody>
-  <actuator><motor name="plain" joint="a" forcerange="-2 2"/><motor name="driven" joint="b"/><position name="servo" joint="b" kp="100"
-  forcerange="-1 1"/><motor name="second" joint="a"/></actuator></mujoco>"""
-
-
 @every(integrator=["midpoint", "implicit", "euler"], num_envs=[1, 11])
 def test_efforts_at_their_bounds_are_counted_by_actuator(integrator, num_envs):
     drives = stepper.ActuatorModel({"driven": stepper.Drive(motor=stepper.actuators.DCMotor(stall_torque=4.0, no_load_speed=50.0))})
@@ -318,9 +317,6 @@ def test_sensors_with_a_limit_per_environment_are_replayed(tmp_path):
     assert sim.sensordata.ravel().tolist() == [0.5, 1.0]
     assert stepper.recording.verify(tmp_path / "run")
     assert sensors == stepper.SensorModel.from_dict(sensors.to_dict())
-
-
-RENEW = "renew it: PYTHONPATH=python:tests/helpers .venv/bin/python tests/helpers/bench_episode.py; and adapt benches/src/replay.rs"
 
 
 def shape_of(value):

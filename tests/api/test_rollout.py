@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import stepper
 from models import stepper_model
-from parametrized import every
-from refusals import raises
+from checks import every
+from checks import raises
 from stepper import Status
 
 ROBOT = "dm_control/humanoid"
 T, ENVS = 12, 19
 NSTEP = 3
+SHARED = np.zeros((T, ENVS, 28))
 
 
 def controls(shape=(T, ENVS)):
@@ -138,9 +139,6 @@ def test_forces_and_mocap_are_held():
         sim.xfrc_applied[3, 1, 0] = 50.0
     expected = step_by_step(one, controls(), 1)
     assert np.array_equal(other.rollout(controls())["qpos"], expected["qpos"])
-
-
-SHARED = np.zeros((T, ENVS, 28))
 
 
 @pytest.mark.parametrize(("change", "error", "message"), [

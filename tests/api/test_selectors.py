@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mjcf import mjcf
 from models import SOURCES, stepper_model
-from refusals import raises
+from checks import raises
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 from stepper.shared.selectors import Selector, numbers_of, parse, places, rows_of
 
@@ -16,6 +16,11 @@ SCENE = mjcf("selectors")
 MODEL = stepper.load(SCENE)
 ITEMS = st.text(min_size=1, max_size=12) | st.integers(-5, 20) | st.text("ab,[]'\"\\ 0*?=:.", min_size=1, max_size=6)
 FIELDS_OF_ELEMENTS = st.sampled_from([name for name, field in FIELDS.items() if field.element] + [*COMPOUNDS, "sensor.delay", "thing"])
+LEGS = """<mujoco><worldbody><body name="base"><freejoint name="floating_base_joint"/><geom name="g" size=".1"/>
+  <body name="a"><joint name="FL_joint"/><geom size=".1" pos="0 0 .5"/></body>
+  <body name="b"><joint name="FR_joint"/><geom size=".1" pos="0 .5 .5"/></body></body></worldbody></mujoco>"""
+ROBOTS = ["gymnasium/humanoid", "gymnasium/pusher_v5", "dm_control/quadruped", "dm_control/manipulator", "dm_control/finger"]
+TYPES = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 
 
 @given(
@@ -269,11 +274,6 @@ def test_names_of_joints_select_all_their_degrees_of_freedom_beside_indices():
     assert rows_of(model, "dof", None) == [0, 1, 2, 3]
 
 
-LEGS = """<mujoco><worldbody><body name="base"><freejoint name="floating_base_joint"/><geom name="g" size=".1"/>
-  <body name="a"><joint name="FL_joint"/><geom size=".1" pos="0 0 .5"/></body>
-  <body name="b"><joint name="FR_joint"/><geom size=".1" pos="0 .5 .5"/></body></body></worldbody></mujoco>"""
-
-
 def test_a_wrong_shape_of_a_pattern_lists_what_the_pattern_selects():
     """A pattern for the joints of the legs also fits the free joint of the base."""
     sim = stepper.Stepper(stepper.load(LEGS), 4)
@@ -288,10 +288,6 @@ def test_a_wrong_shape_of_a_pattern_lists_what_the_pattern_selects():
         sim.randomize({"dof_damping[FL_joint,FR_joint]": np.ones((4, 3))})
     assert "selects" not in str(error.value)
     sim.randomize({"dof_damping[F*_joint]": np.ones((4, 2))})
-
-
-ROBOTS = ["gymnasium/humanoid", "gymnasium/pusher_v5", "dm_control/quadruped", "dm_control/manipulator", "dm_control/finger"]
-TYPES = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -7,7 +7,7 @@ import pytest
 import stepper
 from mjcf import mjcf
 from models import simulate
-from refusals import raises
+from checks import raises
 from stepper import SensorModel, Transfer
 from stepper.sensors import Combination, RayFan, SensorSpec, devices
 
@@ -16,6 +16,12 @@ ALL = Transfer(
     scale_std=0.01, misalignment_std=0.01, bias_std=0.1, drift_std=0.3, drift_time=0.5, noise_std=0.02, quantum=1e-4, limits=(-50, 50),
     period=0.004, delay=0.005, jitter=0.003, dropout=0.1,
 )  # fmt: skip
+SEEN = """
+<mujoco><worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/><geom name="wall" type="box" size=".1 5 5" pos="3 0 5"/>
+  <body name="head" pos="0 0 2"><joint name="tilt" axis="0 1 0"/><geom name="skull" size=".3"/><site name="eye" pos=".1 0 0"/></body>
+</worldbody><sensor><jointpos name="angle" joint="tilt"/><gyro name="gyro" site="eye"/>
+<accelerometer name="feel" site="eye"/></sensor></mujoco>"""
 
 
 @pytest.fixture(scope="module")
@@ -173,14 +179,6 @@ def test_mjcf_declares_noise_and_cutoff(model):
 def test_what_mjcf_declares_and_is_read_otherwise_is_listed(history, what):
     loaded = stepper.load(f'<mujoco><option timestep=".01"/><sensor><clock name="watch" {history}/></sensor></mujoco>')
     assert any("watch" in line and what in line for line in loaded.explain().splitlines())
-
-
-SEEN = """
-<mujoco><worldbody>
-  <geom name="floor" type="plane" size="1 1 1"/><geom name="wall" type="box" size=".1 5 5" pos="3 0 5"/>
-  <body name="head" pos="0 0 2"><joint name="tilt" axis="0 1 0"/><geom name="skull" size=".3"/><site name="eye" pos=".1 0 0"/></body>
-</worldbody><sensor><jointpos name="angle" joint="tilt"/><gyro name="gyro" site="eye"/>
-<accelerometer name="feel" site="eye"/></sensor></mujoco>"""
 
 
 def test_fans_of_rays_and_combinations_are_added(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import stepper
 from models import STATE, simulate, stepper_model
-from refusals import raises
+from checks import raises
 
 HOPPER, HUMANOID = "dm_control/hopper", "dm_control/humanoid"
 MOCAP = """<mujoco><worldbody><body name="hand" mocap="true" pos="0 0 1"><geom size=".1"/></body>

@@ -8,11 +8,14 @@ import pytest
 import stepper
 from golden import scenes
 from models import mujoco_model, random_state, simulate, stepper_model
-from parametrized import every
-from refusals import raises
+from checks import every
+from checks import raises
 
 ROBOT = "dm_control/humanoid"
 N = 10
+TWO_BALLS = """<mujoco><option timestep="1e-3"/><worldbody><geom name="floor" type="plane" size="0 0 1"/>
+  <body name="lower" pos="0 0 .1"><freejoint/><geom name="g0" size=".1" mass="1"/></body>
+  <body name="upper" pos="0 0 .3"><freejoint/><geom name="g1" size=".1" mass="2"/></body></worldbody></mujoco>"""
 
 
 def falling(num_envs: int | None = N, **options) -> stepper.Stepper:
@@ -216,11 +219,6 @@ def test_a_pickle_keeps_what_the_user_applied():
 
 
 # Contacts
-
-
-TWO_BALLS = """<mujoco><option timestep="1e-3"/><worldbody><geom name="floor" type="plane" size="0 0 1"/>
-  <body name="lower" pos="0 0 .1"><freejoint/><geom name="g0" size=".1" mass="1"/></body>
-  <body name="upper" pos="0 0 .3"><freejoint/><geom name="g1" size=".1" mass="2"/></body></worldbody></mujoco>"""
 
 
 def test_contacts_say_who_touches_whom_where_and_how_hard():

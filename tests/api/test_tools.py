@@ -10,7 +10,7 @@ import pytest
 import stepper
 from hypothesis import given
 from hypothesis import strategies as st
-from refusals import raises
+from checks import raises
 from stepper.recording.format import KINDS, read_header, read_rows
 
 XML = """<mujoco><worldbody><light pos="0 0 3"/><camera name="side" pos="0 -2 1" xyaxes="1 0 0 0 0 1"/><body name="arm">
@@ -21,6 +21,15 @@ COMPILED = mujoco.MjModel.from_xml_string(XML)
 SIM = stepper.Stepper(MODEL, 2)
 OPTIONS = stepper.Options()
 LIN = stepper.Stepper(MODEL).linearize(sensors=True)
+WORDS = {
+    "contact": ("hard", "mujoco"), "integrator": ("euler", "midpoint", "implicit", "implicitfast", "discrete", "rk4", None),
+    "solver": ("auto", "pgs", "newton"), "stabilization": ("baumgarte", "split", "none"),
+}  # fmt: skip
+NUMBERS = {
+    **dict.fromkeys(("timestep", "tolerance", "rtol", "error"), (lambda x: 0 < x < np.inf)),
+    **dict.fromkeys(("slop", "max_correction_speed", "restitution_threshold"), (lambda x: x >= 0)),
+    "baumgarte": lambda x: 0 <= x <= 1,
+}
 
 
 def new(tmp_path, steps=3):
@@ -123,17 +132,6 @@ class TestPictures:
                 with pytest.raises((TypeError, ValueError), match=re.escape(f"env is {env!r}, must be a whole number from -2 to 1")):
                     renderer.render(SIM, env)
             raises(TypeError, r"must be a stepper\.Stepper: stepper\.viewer\.Renderer\(sim\.model\)\.render\(sim\)", renderer.render, MODEL)
-
-
-WORDS = {
-    "contact": ("hard", "mujoco"), "integrator": ("euler", "midpoint", "implicit", "implicitfast", "discrete", "rk4", None),
-    "solver": ("auto", "pgs", "newton"), "stabilization": ("baumgarte", "split", "none"),
-}  # fmt: skip
-NUMBERS = {
-    **dict.fromkeys(("timestep", "tolerance", "rtol", "error"), (lambda x: 0 < x < np.inf)),
-    **dict.fromkeys(("slop", "max_correction_speed", "restitution_threshold"), (lambda x: x >= 0)),
-    "baumgarte": lambda x: 0 <= x <= 1,
-}
 
 
 @pytest.mark.parametrize("option", WORDS)

@@ -12,7 +12,7 @@ import stepper
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import simulate, stepper_model
-from refusals import raises
+from checks import raises
 from stepper._hints import _guesses
 from stepper.derivatives import rollout
 from stepper.lab.study.parameters import Parameter, check
@@ -34,6 +34,22 @@ TAKERS = {
     "selector": lambda name: check({"p": Parameter(name, low=0.1, high=1.0)}, MODEL),
 }
 """Calls that take the name of a field, by the argument that has it."""
+TWO = stepper.Stepper(
+    stepper.load(SCENE.replace("<joint", '<joint type="slide" axis="0 1 0"/><joint').replace("<motor", '<motor joint="x"/><motor')), 2
+)
+"""Two environments, each with two joints and two motors."""
+ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="arm" pos="1 0 1"><joint name="hip" axis="0 1 0"/>
+  <geom name="arm" size=".1" pos=".3 0 0"/><site name="tip"/></body></worldbody><actuator><motor name="motor" joint="hip"/></actuator>
+  <sensor><accelerometer name="imu" site="tip"/></sensor></mujoco>"""
+ARM_MODEL = stepper.load(ARM)
+ARM_SIM = stepper.Stepper(ARM_MODEL, 4)
+ROOTS = {"sim": stepper.Stepper, "model": stepper.Model, "stepper": stepper, "mujoco": mujoco}
+OWNERS = {
+    "engine": (stepper, ARM_SIM, ARM_MODEL), "Stepper": (ARM_SIM,), "Model": (ARM_MODEL,), "State": (ARM_SIM.get_state(),),
+    "Body": (ARM_MODEL.body("arm"),), "Geom": (ARM_MODEL.geom("arm"),), "Joint": (ARM_MODEL.joint("hip"),),
+    "Site": (ARM_MODEL.site("tip"),), "Sensor": (ARM_MODEL.sensor("imu"),),
+}  # fmt: skip
+ARM = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
 
 
 @st.composite
@@ -111,12 +127,6 @@ def test_identify_names_the_right_selector(text, hint):
     assert hint in str(error.value)
 
 
-TWO = stepper.Stepper(
-    stepper.load(SCENE.replace("<joint", '<joint type="slide" axis="0 1 0"/><joint').replace("<motor", '<motor joint="x"/><motor')), 2
-)
-"""Two environments, each with two joints and two motors."""
-
-
 @pytest.mark.parametrize(("call", "message"), [
     (lambda: SIM.randomize(geom_friction=0.3), r"^geom_friction is 0\.3 \(float\), a single number, must be an array of shape \(1, 3\)$"),
     (lambda: TWO.randomize(gravity=-9.81), r"^gravity is -9\.81 \(float\), a single number, must be an array of shape \(2, 3\)$"),
@@ -188,14 +198,6 @@ def test_fields_of_randomize_are_hints_of_a_stepper(field):
         raises(AttributeError, rf"sim\.model\.{field}", attempt)
 
 
-ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="arm" pos="1 0 1"><joint name="hip" axis="0 1 0"/>
-  <geom name="arm" size=".1" pos=".3 0 0"/><site name="tip"/></body></worldbody><actuator><motor name="motor" joint="hip"/></actuator>
-  <sensor><accelerometer name="imu" site="tip"/></sensor></mujoco>"""
-ARM_MODEL = stepper.load(ARM)
-ARM_SIM = stepper.Stepper(ARM_MODEL, 4)
-ROOTS = {"sim": stepper.Stepper, "model": stepper.Model, "stepper": stepper, "mujoco": mujoco}
-
-
 def absent_names(text):
     """Names and keywords after sim, model, stepper or mujoco in a text that do not exist."""
     wrong = []
@@ -229,13 +231,6 @@ def test_names_of_the_engine_are_absent_from_it():
         assert [name for name in _guesses()[section] if hasattr(owner, name)] == []
 
 
-OWNERS = {
-    "engine": (stepper, ARM_SIM, ARM_MODEL), "Stepper": (ARM_SIM,), "Model": (ARM_MODEL,), "State": (ARM_SIM.get_state(),),
-    "Body": (ARM_MODEL.body("arm"),), "Geom": (ARM_MODEL.geom("arm"),), "Joint": (ARM_MODEL.joint("hip"),),
-    "Site": (ARM_MODEL.site("tip"),), "Sensor": (ARM_MODEL.sensor("imu"),),
-}  # fmt: skip
-
-
 @pytest.mark.parametrize("section", OWNERS)
 def test_every_listed_attribute_is_answered_with_its_replacement(section):
     for name, text in _guesses()[section].items():
@@ -267,9 +262,6 @@ def test_a_method_without_parentheses_is_an_error_with_the_call(name):
     assert method.__doc__ == getattr(stepper.Stepper, name).__doc__
     with pytest.raises(AttributeError, match=r"has no attribute|without an attribute '__array_interfac__'$"):
         getattr(method, "__array_interfac__")  # noqa: B009
-
-
-ARM = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
 
 
 @pytest.fixture

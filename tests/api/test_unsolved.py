@@ -10,10 +10,18 @@ from golden import scenes
 from jams import OVERLAP, SLOT
 from mjcf import mjcf
 from models import simulate
-from refusals import raises
+from checks import raises
 
 STACK = mjcf("overlapping_boxes")
 HINGE = mjcf("hinge_beyond_its_range")
+SQUEEZED = SLOT.format(half=0.11)
+"""Block that overlaps the walls on both of its sides by a centimetre."""
+
+BLOCKED = OVERLAP.format(joint='axis="0 1 0"')
+
+OUT_OF_REACH = mjcf("connect_out_of_reach")
+"""A body on a hinge with a pin, whose anchor in the world `model.replace` may move out of reach."""
+FRAGILE = mjcf("fragile")
 
 
 def stack(**options) -> stepper.Stepper:
@@ -40,15 +48,6 @@ def test_a_solved_step_has_no_worst_row():
     assert sim.worst_row() is None
 
 
-SQUEEZED = SLOT.format(half=0.11)
-"""Block that overlaps the walls on both of its sides by a centimetre."""
-
-BLOCKED = OVERLAP.format(joint='axis="0 1 0"')
-
-OUT_OF_REACH = mjcf("connect_out_of_reach")
-"""A body on a hinge with a pin, whose anchor in the world `model.replace` may move out of reach."""
-
-
 @pytest.mark.parametrize(("scene", "stabilization"), [(SQUEEZED, "split"), (BLOCKED, "split"), (BLOCKED, "baumgarte")])
 def test_an_infeasible_step_has_a_residual_and_names_its_row(scene, stabilization):
     """The residual is at least the smallest unmet target that counts as infeasible, 1 cm/s, and at most the largest target, 1 m/s."""
@@ -70,9 +69,6 @@ def far_anchor(model: stepper.Model) -> np.ndarray:
     data = np.array(model.eq_data, float)
     data[0, 3:6] += [0.4, 0.0, 0.0]
     return data
-
-
-FRAGILE = mjcf("fragile")
 
 
 def test_a_rejected_step_has_an_infinite_residual_and_names_its_cause():

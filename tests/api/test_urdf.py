@@ -10,13 +10,14 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import LIMIT, arm, joint, link, robot, sphere
-from refusals import raises
+from checks import raises
 from stepper.loading.urdf import VARIABLES
 from stepper.loading.urdf_actuators import POSITION_FREQUENCY, VELOCITY_FREQUENCY
 from stepper.loading.urdf_elements import LEFT_OUT, READ
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+NAMES = ("package://robot/meshes/left/hand.obj", "package://robot/meshes/right/hand.obj")
 
 
 def urdf(*names, extension=""):
@@ -41,9 +42,6 @@ def load(folder, text, **arguments):
     file = folder / "robot.urdf"
     file.write_text(text)
     return stepper.load(file, **arguments)
-
-
-NAMES = ("package://robot/meshes/left/hand.obj", "package://robot/meshes/right/hand.obj")
 
 
 def test_packages_are_found_in_the_folders_above_the_file(package):

@@ -13,8 +13,8 @@ import stepper.cli.view
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import SOURCES
-from parametrized import every
-from refusals import raises
+from checks import every
+from checks import raises
 from rotations import matrix
 from stepper.cli import main
 from stepper.viewer import shapes
@@ -46,6 +46,11 @@ ALL_KINDS = """<mujoco><asset>
     <geom name="ghost" size=".1" rgba="1 1 1 0"/>
   </body>
 </worldbody></mujoco>""".format(" ".join(f"{(7 * k) % 11}" for k in range(35)))
+ARM = """<mujoco><worldbody><geom type="plane" size="0 0 1"/><geom name="far wall" type="box" size="1 1 1" pos="50 0 0"/>
+  <body pos="0 0 1"><joint name="first" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 {reach} 0 0" size=".02"/>
+  <body pos="{reach} 0 0"><joint axis="0 1 0"/><geom size=".05" pos=".2 0 0"/></body></body></worldbody></mujoco>"""
+FREE = """<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="{} {} {}"><freejoint/>
+  <geom type="{}" size="{} {} {}" euler="{} {} {}"/></body><body pos="2 0 0"><freejoint/><geom size=".3"/></body></worldbody></mujoco>"""
 
 
 def volume(mesh):
@@ -380,13 +385,6 @@ def test_without_viser_it_says_what_to_install(command, monkeypatch, tmp_path):
     (tmp_path / "a.xml").write_text(BALL)
     said = command(str(tmp_path / "a.xml"))
     assert 'viser is needed for the view in the browser, and is not installed: pip install "stepper-sim[viewer]"' in said
-
-
-ARM = """<mujoco><worldbody><geom type="plane" size="0 0 1"/><geom name="far wall" type="box" size="1 1 1" pos="50 0 0"/>
-  <body pos="0 0 1"><joint name="first" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 {reach} 0 0" size=".02"/>
-  <body pos="{reach} 0 0"><joint axis="0 1 0"/><geom size=".05" pos=".2 0 0"/></body></body></worldbody></mujoco>"""
-FREE = """<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="{} {} {}"><freejoint/>
-  <geom type="{}" size="{} {} {}" euler="{} {} {}"/></body><body pos="2 0 0"><freejoint/><geom size=".3"/></body></worldbody></mujoco>"""
 
 
 def framed(m, azimuth=90.0, elevation=-45.0, aspect=4 / 3):

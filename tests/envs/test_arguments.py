@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from loading_scenes import arm
-from refusals import raises
+from checks import raises
 from stepper._arrays import array_of
 from stepper.adapters.native import make_native, with_autoreset
 from stepper.envs import Observation, StepperEnv, StepperVectorEnv, Task
@@ -29,6 +29,13 @@ from stepper.policies.ppo_settings import check_bounds
 
 NAME = "stepper/InvertedPendulum-v5"
 MODEL = stepper.load("<mujoco><worldbody><body><joint/><geom size='.1' pos='.2 0 0'/></body></worldbody></mujoco>")
+CALLS = {
+    "vector": lambda **given: StepperVectorEnv("InvertedPendulum", **given),
+    "make_vec": lambda **given: gymnasium.make_vec(NAME, num_envs=1, **given),
+    "make": lambda **given: gymnasium.make(NAME, **given),
+    "single": lambda **given: StepperEnv("InvertedPendulum", **given),
+    "native": lambda **given: make_native(NAME, 1, **given),
+}
 
 
 @given(st.sampled_from(AutoresetMode), st.sampled_from(["member", "name", "value", "lower"]))
@@ -83,15 +90,6 @@ def test_a_library_has_the_mode_that_it_needs():
     assert with_autoreset({"autoreset_mode": "SAME_STEP"}, same, "L") == {"autoreset_mode": same}
     with pytest.raises(ValueError, match="autoreset_mode is NEXT_STEP, must be SAME_STEP for rsl_rl: leave it out"):
         with_autoreset({"autoreset_mode": "NEXT_STEP"}, same, "rsl_rl")
-
-
-CALLS = {
-    "vector": lambda **given: StepperVectorEnv("InvertedPendulum", **given),
-    "make_vec": lambda **given: gymnasium.make_vec(NAME, num_envs=1, **given),
-    "make": lambda **given: gymnasium.make(NAME, **given),
-    "single": lambda **given: StepperEnv("InvertedPendulum", **given),
-    "native": lambda **given: make_native(NAME, 1, **given),
-}
 
 
 @pytest.mark.parametrize("call", CALLS)

@@ -15,7 +15,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from refusals import raises
+from checks import raises
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task, per_moment, square_sum
 from stepper.sensors import SensorModel, Transfer
 
@@ -27,6 +27,9 @@ OWN = {"Levels": Levels, "Robot": Robot}
 NAMES = [*OWN, *sorted(name for name in gymnasium.registry if name.startswith("stepper/"))]
 SEEN = ("ctrl", "time", "status", "qfrc_actuator", "qacc", "cfrc_ext", "qfrc_applied", "xfrc_applied")
 """Quantities of the stepper that a step leaves."""
+SCENE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+  <actuator><motor joint="x" ctrlrange="-1 1" ctrllimited="true"/></actuator><sensor><jointpos joint="x"/></sensor></mujoco>"""
+CHANGES = ("step", "steps", "some", "control", "reset", "set", "restore", "push", "mass")
 
 
 @functools.cache
@@ -77,10 +80,6 @@ def test_a_batch_says_what_single_environments_say(name, mode):
         found = ours.step(action)
         same(found, theirs.step(action))
         over = found[2] | found[3]
-
-
-SCENE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
-  <actuator><motor joint="x" ctrlrange="-1 1" ctrllimited="true"/></actuator><sensor><jointpos joint="x"/></sensor></mujoco>"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,9 +212,6 @@ def change(sim, kind, envs):
             sim.xfrc_applied[envs, 1, 2] += 0.5
         case "mass":
             sim.randomize({"body_ipos[arm][0]": 0.9 * sim.model.body_ipos[1, 0]}, envs=envs)
-
-
-CHANGES = ("step", "steps", "some", "control", "reset", "set", "restore", "push", "mass")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from envs.cases import SLIDE, Slide, same
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from refusals import raises
+from checks import raises
 from stepper.envs import Group, Observation, Rng, StepperEnv, StepperVectorEnv, Task, contact_forces, normal, scale, uniform
 from stepper.envs.commands import VelocityCommand
 from stepper.shared.streams import Streams
@@ -19,6 +19,9 @@ from stepper.shared.streams import Streams
 SCENE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
   <actuator><motor joint="x" ctrlrange="-1 1" ctrllimited="true"/></actuator></mujoco>"""
 LIMIT = 3
+LEG = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><geom name="wall" type="box" size=".1 1 1" pos="1 0 1"/>
+  <body pos="0 0 .4"><joint type="slide" axis="0 0 1"/><geom name="shank" type="capsule" size=".03" fromto="0 0 0 0 0 -.3" mass="1"/>
+  <geom name="foot" size=".1" pos="0 0 -.3" mass="1"/></body></worldbody></mujoco>"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,11 +150,6 @@ def test_a_carried_name_that_there_is_not_is_an_error():
         carried = ("levle",)
 
     raises(ValueError, r"Wrong.carried names \['levle'\], .*it returns level, end, steps", lambda: StepperVectorEnv(Wrong(), 1))
-
-
-LEG = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><geom name="wall" type="box" size=".1 1 1" pos="1 0 1"/>
-  <body pos="0 0 .4"><joint type="slide" axis="0 0 1"/><geom name="shank" type="capsule" size=".03" fromto="0 0 0 0 0 -.3" mass="1"/>
-  <geom name="foot" size=".1" pos="0 0 -.3" mass="1"/></body></worldbody></mujoco>"""
 
 
 @pytest.mark.filterwarnings("ignore::stepper.ModelWarning")

@@ -16,13 +16,16 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import vector
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
-from parametrized import every
-from refusals import raises
+from checks import every
+from checks import raises
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.sensors import SensorModel, Transfer
 
 NAMES = sorted(TASKS)
+FREE = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
+SLIDER = """<mujoco><worldbody><body><joint name="slider" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+  <actuator><motor joint="slider" ctrlrange="-5 5" ctrllimited="true"/></actuator></mujoco>"""
 
 
 @pytest.mark.parametrize("name", [*(f"{name}-v5" for name in NAMES), "FallingBlock-v0", "Grasp-v0"])
@@ -215,9 +218,6 @@ def test_errors_of_an_environments_sensors_follow_from_its_own_seed():
     assert envs.reset()[0][1] not in (read[1], some[1])
 
 
-FREE = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
-
-
 @pytest.mark.parametrize(("file", "said"), [
     (FREE, "keyframe is 'stance', which the model has not"),
     (FREE + "<keyframe><key name='stance'/></keyframe>", "no geom 'foot'"),
@@ -231,10 +231,6 @@ def test_a_robot_that_cannot_follow_commands_is_refused(file, said):
             return stepper.load(f"<mujoco>{file}</mujoco>")
 
     raises(ValueError, said, lambda: StepperVectorEnv(Mine(), 2))
-
-
-SLIDER = """<mujoco><worldbody><body><joint name="slider" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
-  <actuator><motor joint="slider" ctrlrange="-5 5" ctrllimited="true"/></actuator></mujoco>"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ import stepper
 from cases import Slide
 from hypothesis import given
 from hypothesis import strategies as st
-from refusals import raises
+from checks import raises
 from stepper.envs import TASKS, Group, MujocoTask, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.tasks import Hopper
 

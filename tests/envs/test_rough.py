@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper.envs
-from refusals import raises
+from checks import raises
 from stepper.envs import StepperVectorEnv
 from stepper.envs.locomotion import G1Rough, Go1Rough
 from stepper.envs.locomotion.rewards import SCAN, action_scale, foot_heights, foot_speeds, ground_normal

@@ -16,6 +16,8 @@ from stepper.envs.suite.base import reading
 from stepper.envs.suite.quadruped import _Bowl
 
 suite = pytest.importorskip("dm_control.suite")
+OTHERWISE = {"dog": {"inertial_sensors": 3, "foot_forces": 12, "touch_sensors": 4}, "quadruped": {"accelerometer": 3, "force_torque": 24}}
+"""How many of the first numbers of rows of observations are stepper's own, by domain: see `stepper.envs.suite.quadruped` and `dog`."""
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -100,10 +102,6 @@ def copy_tile(physics, ours):
     physics.model.hfield_size[0, 2:] = heights.max(), 0.5
     physics.model.hfield_data[:] = (heights[row : row + side, column : column + side] / heights.max()).ravel()
     physics.named.model.geom_pos["terrain", "z"] = place[2]
-
-
-OTHERWISE = {"dog": {"inertial_sensors": 3, "foot_forces": 12, "touch_sensors": 4}, "quadruped": {"accelerometer": 3, "force_torque": 24}}
-"""How many of the first numbers of rows of observations are stepper's own, by domain: see `stepper.envs.suite.quadruped` and `dog`."""
 
 
 def compared(name, structure):

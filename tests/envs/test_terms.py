@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper
-from refusals import raises
+from checks import raises
 from stepper.envs import (
     Observation,
     Reward,
@@ -34,6 +34,10 @@ ROBOT = """<mujoco><option timestep="0.01"/><worldbody><geom name="floor" type="
   <actuator><position name="hip" joint="hip" kp="20" kv="1"/><position name="elbow" joint="elbow" kp="20" kv="1"/></actuator>
   <keyframe><key name="stance" qpos="0 0 .35 1 0 0 0 .2 -.3" ctrl=".2 -.3"/></keyframe></mujoco>"""
 MODEL = stepper.load(ROBOT)
+CART = """<mujoco><worldbody><body name="cart" quat=".7071067811865476 0 0 .7071067811865476"><joint name="x" type="slide" axis="1 0 0"/>
+  <geom size=".1" mass="1"/><body name="pole"><joint name="hinge" axis="0 1 0"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 0 0 .5" mass=".1"/>
+  </body></body></worldbody><actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
 
 
 def speed(now, target=0.0):
@@ -179,12 +183,6 @@ def test_pushes_change_velocities_in_the_world_at_their_times():
         wrong = type("Wrong", (Floating,), {"events": lambda self: (every((0.02, 0.02), push("leg", x=(1.0, 1.0))),)})
         other = StepperVectorEnv(wrong(), 1)
         other.reset(seed=0), other.step(np.zeros((1, 2)))
-
-
-CART = """<mujoco><worldbody><body name="cart" quat=".7071067811865476 0 0 .7071067811865476"><joint name="x" type="slide" axis="1 0 0"/>
-  <geom size=".1" mass="1"/><body name="pole"><joint name="hinge" axis="0 1 0"/>
-  <geom type="capsule" size=".02" fromto="0 0 0 0 0 .5" mass=".1"/>
-  </body></body></worldbody><actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from refusals import raises
+from checks import raises
 from stepper.envs import Reset, Rng, terrain
 from stepper.envs.terrain import Terrain, TerrainCurriculum
 from stepper.sensors import HeightField
@@ -28,6 +28,9 @@ LINE = np.linspace(-4.0, 4.0, 81)
 
 kinds = st.sampled_from(sorted(KINDS))
 difficulties = st.floats(0.0, 1.0)
+GROUND = Terrain(sub_terrains={"flat": terrain.Flat(proportion=3.0), "rough": terrain.RandomRough()}, num_rows=4, border_width=1.0)
+
+BALL = stepper.Stepper(stepper.load('<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'))
 
 
 def scene(ground):
@@ -156,11 +159,6 @@ def levels_of(**given):
 ])  # fmt: skip
 def test_wrong_arguments_are_errors(kind, given, said):
     raises((TypeError, ValueError), said, kind, **given)
-
-
-GROUND = Terrain(sub_terrains={"flat": terrain.Flat(proportion=3.0), "rough": terrain.RandomRough()}, num_rows=4, border_width=1.0)
-
-BALL = stepper.Stepper(stepper.load('<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'))
 
 
 def begin(levels, state, streams, envs):

@@ -8,7 +8,7 @@ import stepper
 from falling_block import FallingBlock, FallingBlocks
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from refusals import raises
+from checks import raises
 
 N = 5
 

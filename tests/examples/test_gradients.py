@@ -7,7 +7,7 @@ import gymnasium
 import pytest
 from envs.cases import needs_gymnasiums
 from gymnasium.vector import AutoresetMode
-from refusals import raises
+from checks import raises
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
 import grasp  # noqa: E402

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 from envs.cases import needs_gymnasiums
-from refusals import raises
+from checks import raises
 from stepper.policies import load, make
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")

@@ -16,6 +16,9 @@ from noisy_joints import IDEAL, NOISY, STEPS, scores
 from tray import CASES, MASS, PUSH, G, threshold
 
 DTS = sorted({0.001, 0.02, *(dt for _, dt in CASES)})
+# Heavier sledges stop while the vehicle brakes.
+MASSES = np.array([2.0, 10.0, 15.0])
+LIFTED_MASSES = np.linspace(0.5, 2.5, 101)
 
 
 @pytest.mark.parametrize("dt", DTS)
@@ -56,10 +59,6 @@ def test_a_ball_that_is_held_rests_in_the_hand():
     assert sim.status == 0
 
 
-# Heavier sledges stop while the vehicle brakes.
-MASSES = np.array([2.0, 10.0, 15.0])
-
-
 @pytest.mark.parametrize("brake", [40.0, 58.0, 60.0, 80.0])
 def test_tow_is_that_of_the_theory(brake):
     """The rope is taut below mu M g = 58.86 N and slack above."""
@@ -78,9 +77,6 @@ def test_tow_is_that_of_the_theory(brake):
 def test_the_page_has_the_table_that_the_command_prints(capsys):
     tow.main()
     assert capsys.readouterr().out in (Path(tow.__file__).parent / "README.md").read_text()
-
-
-LIFTED_MASSES = np.linspace(0.5, 2.5, 101)
 
 
 def thresholds(sideways: float, contact: str = "hard") -> list[float]:

@@ -19,6 +19,10 @@ from numerics import slope
 DEFAULT, *OTHERS = [engine for engine in stepper_engines() if engine.precision == "f64"]
 USUAL = 2e-3
 """Time step of a setting other than the default, or the next one of the scene, s."""
+LONG = {"14": ("stepper baumgarte", "stepper newton"), "S3": ("stepper euler", "stepper newton")}
+"""Settings that run for scenes whose runs take seconds, by number: the others have the same contact law and solver."""
+IN_LAWS = {"1", "2", "3", "8", "10", "11"}
+"""Scenes whose closed forms tests/laws and tests/reference check to rounding."""
 
 
 def _case(scene: Scene, engine: Stepper, dt: float):
@@ -35,12 +39,6 @@ def _steps(scene: Scene, engine: Stepper) -> list[float]:
     nearest = sorted(scene.test_dts, key=lambda dt: abs(dt - USUAL))
     holding = [dt for dt in nearest if failure(scene.title, engine.name, dt) is None]
     return list(dict.fromkeys([*nearest[:1], *holding[:1]]))
-
-
-LONG = {"14": ("stepper baumgarte", "stepper newton"), "S3": ("stepper euler", "stepper newton")}
-"""Settings that run for scenes whose runs take seconds, by number: the others have the same contact law and solver."""
-IN_LAWS = {"1", "2", "3", "8", "10", "11"}
-"""Scenes whose closed forms tests/laws and tests/reference check to rounding."""
 
 
 def _cases() -> list:

@@ -23,6 +23,10 @@ SCENES = {scene.name: scene for scene in scenes()}
 CONSTANT_FORCE = "scale and bias of a constant force"
 SLOW = ("pendulum, pseudo-inertia", "payload on a slide")
 """Scenes that run with one seed only: each set of their parameters needs its own stepper, because the principal axes change."""
+READ_PENDULUM = stepper.load("""<mujoco><option timestep=".002"/><worldbody><body><joint name="hinge" axis="0 1 0" damping=".05"/>
+    <geom size=".05" pos="0 0 -.5" mass="1"/></body></worldbody><sensor><jointpos name="hinge" joint="hinge"/></sensor></mujoco>""")
+ANGLE = 1.0
+"""Angle from which the pendulum falls, rad."""
 
 
 def test_intervals_are_finite_where_the_data_determine_a_value():
@@ -287,12 +291,6 @@ def test_identify_names_a_shift_and_its_remedy(shift):
     mended = stepper.sysid.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2, threads=1)
     low, high = mended.interval().T
     assert ((low <= scene.truth) & (scene.truth <= high)).all()
-
-
-READ_PENDULUM = stepper.load("""<mujoco><option timestep=".002"/><worldbody><body><joint name="hinge" axis="0 1 0" damping=".05"/>
-    <geom size=".05" pos="0 0 -.5" mass="1"/></body></worldbody><sensor><jointpos name="hinge" joint="hinge"/></sensor></mujoco>""")
-ANGLE = 1.0
-"""Angle from which the pendulum falls, rad."""
 
 
 def swing() -> np.ndarray:

@@ -10,13 +10,15 @@ from identification.repetitions import Kept, Row, noisy
 from identification.scenes import HARD, by_sensor, held, pushed
 from mjcf import mjcf
 from models import stepper_model
-from refusals import raises
+from checks import raises
 from sections import section_of
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import parse, places
 from stepper.sysid import parameters
 from stepper.sysid.residuals import Residuals
 from stepper.sysid.simulate import Simulator, solved
+
+ARM = mjcf("two_link_arm")
 
 
 def episode_of(model, ctrl, period, channels, options=HARD, **start):
@@ -109,9 +111,6 @@ def test_a_search_that_begins_where_friction_never_slides():
     alone = stepper.sysid.identify(soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(2.0, 10))], starts=1)
     assert alone.values[0] == pytest.approx(5.0, rel=0.1)
     assert any("not determined" in text for text in alone.warnings)
-
-
-ARM = mjcf("two_link_arm")
 
 
 def shaken(T=120):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from identification.scenes import HARD, pushed
-from refusals import raises
+from checks import raises
 from stepper.sysid import Episode, episodes_of
 
 SCENE = pushed()

@@ -5,7 +5,7 @@ import pytest
 import stepper
 from identification.online import NOISE, PERIOD, controls, readings
 from identification.scenes import held
-from refusals import raises
+from checks import raises
 from stepper.sysid.problem import MAX_PREDICTIONS, Problem
 from stepper.sysid.uncertainty import uncertainty
 

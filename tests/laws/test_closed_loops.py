@@ -8,8 +8,10 @@ from equalities import rows_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import SOURCES, flags_of, forward, simulate
-from parametrized import every
+from checks import every
 from stepper import Status
+
+ANGLES = st.floats(-180.0, 180.0)
 
 
 def four_bar(crank: float, coupler: float, rocker: float, base: float, *, extra: str = "") -> str:
@@ -141,9 +143,6 @@ def opened(xml: str, gap: float) -> stepper.Stepper:
     qpos[-COUPLER] += gap
     sim.set_state(qpos=qpos)
     return sim
-
-
-ANGLES = st.floats(-180.0, 180.0)
 
 
 @settings(max_examples=20, deadline=None)

@@ -9,7 +9,7 @@ from heaps import Heap, heaps
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import SOURCES, simulate, stepper_model
-from parametrized import every
+from checks import every
 
 GRAVITY = np.array([0, 0, -9.81])
 # The reference problem (contact_problem.py) has Baumgarte's target velocities.
@@ -19,6 +19,9 @@ CONVERGED = EULER | {"iterations": 5000}
 # + mu twice over, for De Saxce's term and for the projection.
 PARTS = 6.0
 ROUNDING = 1e-12
+UNSOLVED = 1e-2
+"""Residual above which `Status.NOT_CONVERGED` says that the kinetic energy is kept from growing, m/s."""
+ENVS = 5
 
 
 def steps_of(model: mujoco.MjModel, qpos, qvel, settings, *, steps: int = 60, ctrl=None):
@@ -80,10 +83,6 @@ def test_the_residual_is_what_numpy_finds(scene, iterations):
     model = mujoco.MjModel.from_xml_string(scene.xml())
     for _, sim, _, problem in steps_of(model, scene.qpos, scene.qvel, EULER | {"iterations": iterations}):
         check_certificate(sim, problem)
-
-
-UNSOLVED = 1e-2
-"""Residual above which `Status.NOT_CONVERGED` says that the kinetic energy is kept from growing, m/s."""
 
 
 def check_certificate(sim, problem):
@@ -292,9 +291,6 @@ def test_velocity_after_one_step_into_the_floor(shape, stabilization):
     assert sim.qvel[0] == pytest.approx(0.25 * (1.5 + 9.81 * 0.02), abs=1e-14)
     assert sim.qpos[0] == pytest.approx(0.0, abs=1e-15)
     assert sim.status == stepper.Status.OK
-
-
-ENVS = 5
 
 
 @pytest.mark.parametrize(("name", "low"), [("gymnasium/humanoid", 0.05), ("gymnasium/ant", 0.05), ("dm_control/humanoid", 0.05)])

@@ -15,6 +15,9 @@ every_law = pytest.mark.parametrize("law", LAWS)
 BALL = """<mujoco><option timestep="{dt}" gravity="0 0 {gravity}"/><default><geom friction="{mu} 0 0"/></default>
   <worldbody><geom name="floor" type="plane" size="0 0 1"/>
   <body pos="0 0 {height}"><freejoint/><geom name="ball" type="sphere" size=".1" mass="{mass}"/></body></worldbody></mujoco>"""
+TABLE = """<mujoco><option timestep=".001" gravity="0 0 -9.81"/><worldbody><geom name="floor" type="plane" size="0 0 1" friction="1 0 0"/>
+  <body pos="0 0 .05"><freejoint/><geom name="box" type="box" size=".2 .1 .05" mass="4" friction="1 0 0"/>
+  <geom name="load" type="sphere" size=".02" pos=".1 .02 .1" mass="2" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
 
 
 def ball(stiffness, damping=0.0, *, dt=1e-3, height=0.1, mass=2.0, mu=0.5, gravity=-G):
@@ -103,11 +106,6 @@ def test_both_laws_press_alike():
         soft.step()
         # Numbers of the size of 0.1 m after 400 steps, each solved to 1e-12 m/s.
         np.testing.assert_allclose(hard.qpos, soft.qpos, rtol=0, atol=1e-10)
-
-
-TABLE = """<mujoco><option timestep=".001" gravity="0 0 -9.81"/><worldbody><geom name="floor" type="plane" size="0 0 1" friction="1 0 0"/>
-  <body pos="0 0 .05"><freejoint/><geom name="box" type="box" size=".2 .1 .05" mass="4" friction="1 0 0"/>
-  <geom name="load" type="sphere" size=".02" pos=".1 .02 .1" mass="2" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
 
 
 @every_law

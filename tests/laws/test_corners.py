@@ -6,7 +6,7 @@ import stepper
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import simulate
-from parametrized import every
+from checks import every
 from stepper import Status
 
 RADIUS, HALF, THICKNESS = 0.03, 0.5, 0.002
@@ -15,6 +15,23 @@ REPORTED = Status.TUNNELLED | Status.DEEP | Status.UNRESOLVED | Status.NOT_CONVE
 ENVS = 64
 every_integrator = pytest.mark.parametrize("integrator", ["euler", "midpoint", "rk4"])
 every_precision = pytest.mark.parametrize("precision", ["f64", "f32"])
+TIED_BALL = f"""<body><joint name="y" type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/><joint axis="1 0 0"/>
+  <geom type="sphere" size="{RADIUS}" mass="1"/></body>
+  <body pos="0 3 0"><joint name="x" type="slide" axis="1 0 0"/>
+  <geom type="sphere" size=".1" mass="{{mass}}" contype="0" conaffinity="0"/></body>"""
+"""Ball whose slide y moves another body along x, across gravity."""
+GRAVITY, SPEED = 100.0, 0.655
+restitutions, masses = st.floats(0.05, 1.0), st.floats(0.1, 10.0)
+rules = st.sampled_from(["euler", "implicit", "midpoint"])
+SPINNING = {
+    "cylinder": 'type="cylinder" size=".0429 .0107"',
+    "box": 'type="box" size=".03 .02 .0107"',
+    "ellipsoid": 'type="ellipsoid" size=".04 .03 .0107"',
+    "capsule": 'type="capsule" size=".0107 .03"',
+}
+QPOS = [-0.19982786, 0.19002877, 0.25768235, -0.21121246, -0.36171695, 0.896269, 0.14578076]
+QVEL = [3.9051275, -13.2611547, 9.56810626, 417.2804496, 426.5595043, -0.66683644]
+"""State of a disc at 17 m/s that turns by 12 rad per step."""
 
 
 def wall(axis: int, side: int, shape: str = "") -> str:
@@ -79,13 +96,6 @@ def test_a_ball_that_flies_into_a_corner_gains_no_energy_and_stays_near_it(frict
     assert (sim.status & (Status.NOT_CONVERGED | Status.UNRESOLVED))[sim.residual > 1e-4].all()
 
 
-TIED_BALL = f"""<body><joint name="y" type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/><joint axis="1 0 0"/>
-  <geom type="sphere" size="{RADIUS}" mass="1"/></body>
-  <body pos="0 3 0"><joint name="x" type="slide" axis="1 0 0"/>
-  <geom type="sphere" size=".1" mass="{{mass}}" contype="0" conaffinity="0"/></body>"""
-"""Ball whose slide y moves another body along x, across gravity."""
-
-
 def strike_corner(restitution: float, friction: float, mass: float, integrator: str):
     """Step a tied ball that touches two walls, and moves into both at 0.655 m/s. Return its velocity along the normals."""
     gravity = f'<option gravity="0 {-GRAVITY} 0"/>'
@@ -97,11 +107,6 @@ def strike_corner(restitution: float, friction: float, mass: float, integrator: 
     sim.set_state([corner, -corner, 0, corner], [SPEED, -SPEED, 0, SPEED])
     sim.step()
     return sim.qvel[:2]
-
-
-GRAVITY, SPEED = 100.0, 0.655
-restitutions, masses = st.floats(0.05, 1.0), st.floats(0.1, 10.0)
-rules = st.sampled_from(["euler", "implicit", "midpoint"])
 
 
 def fall(mass: float) -> float:
@@ -192,14 +197,6 @@ def test_a_thin_box_that_leaves_a_room_of_meshes_is_reported(dt, integrator, pre
     assert not ((np.abs(sim.qpos[:, :3]) > HALF + 0.12).any(1) & ~reported).any()
 
 
-SPINNING = {
-    "cylinder": 'type="cylinder" size=".0429 .0107"',
-    "box": 'type="box" size=".03 .02 .0107"',
-    "ellipsoid": 'type="ellipsoid" size=".04 .03 .0107"',
-    "capsule": 'type="capsule" size=".0107 .03"',
-}
-
-
 def silent_escapes(body: str, qpos: np.ndarray, qvel: np.ndarray, steps: int) -> np.ndarray:
     """Environments in which an elastic body is outside of the room for three steps without a flag until then."""
     # Contact points of bodies that spin by turns per step move away from a wall while the body approaches it. The search for the time of an
@@ -216,11 +213,6 @@ def silent_escapes(body: str, qpos: np.ndarray, qvel: np.ndarray, steps: int) ->
         # A step that carries the body through a wall is reported in the same step, or in the next one, which finds the overlap.
         escaped |= (outside >= 3) & ((flags & int(REPORTED)) == 0)
     return np.flatnonzero(escaped)
-
-
-QPOS = [-0.19982786, 0.19002877, 0.25768235, -0.21121246, -0.36171695, 0.896269, 0.14578076]
-QVEL = [3.9051275, -13.2611547, 9.56810626, 417.2804496, 426.5595043, -0.66683644]
-"""State of a disc at 17 m/s that turns by 12 rad per step."""
 
 
 @pytest.mark.parametrize("change", [0.0, 1e-4, 1e-3])

@@ -52,6 +52,11 @@ READ = (
     *READINGS, "substeps", "error_estimate", "qacc", "qacc_smooth", "qfrc_bias", "qfrc_constraint",
     "actuator_force", "body_contact_force", "xipos", "cinert", "cvel", "cfrc_ext", "subtree_com", "site_xpos", "geom_xquat", "body_angvel",
 )  # fmt: skip
+ALL = list(range(N))
+ROBOTS = "humanoids"
+_HERE = Path(__file__).parent
+HELPERS = os.pathsep.join(map(str, (_HERE, _HERE.parent, _HERE.parent / "helpers")))
+"""Search path of another process that imports this module."""
 
 
 @functools.cache
@@ -112,9 +117,6 @@ def bits(sim: stepper.Stepper, env: int | None = None) -> dict[str, bytes]:
     own |= {"mass_matrix": sim.mass_matrix()} | {f"energy {k}": np.asarray(part) for k, part in enumerate(sim.energy())}
     found = {read: (value if env is None else value[env]).tobytes() for read, value in own.items()}
     return found | {"contacts": contact_bits(sim.contacts(env or 0))}
-
-
-ALL = list(range(N))
 
 
 @pytest.fixture(scope="module", params=CASES)
@@ -213,9 +215,6 @@ def test_a_recording_replays_bit_for_bit(case, tmp_path):
     assert stepper.recording.verify(tmp_path / "run", threads=2).difference is None
 
 
-ROBOTS = "humanoids"
-
-
 def digest(threads: int) -> str:
     """What a child process answers."""
     return run(ROBOTS, ALL, threads=threads).get_state().bytes.hex()
@@ -243,11 +242,6 @@ def test_a_simulation_with_a_running_pool_survives_a_fork():
     assert os.read(reader, 64) == b"same"
     os.waitpid(child, 0)
     assert roll(sim, ROBOTS, ALL).qpos.tobytes() == expected
-
-
-_HERE = Path(__file__).parent
-HELPERS = os.pathsep.join(map(str, (_HERE, _HERE.parent, _HERE.parent / "helpers")))
-"""Search path of another process that imports this module."""
 
 
 def test_an_unknown_cpu_level_is_refused():

@@ -7,7 +7,7 @@ add up to 1e-13 of the largest number or less.
 import numpy as np
 import pytest
 import stepper
-from parametrized import every
+from checks import every
 from stepper import ActuatorModel, Drive
 from stepper.actuators import PID, DCMotor
 

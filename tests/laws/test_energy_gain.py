@@ -10,12 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jams import OVERLAP, SLOT
 from models import simulate, stepper_model
-from parametrized import every
+from checks import every
 from stepper import Options, Status
 
 UNRESOLVED = stepper.Status.UNRESOLVED
 WINDOW = 0.1
 """s"""
+SPINNING = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><geom type="box" size=".1 .2 .05" mass="1"/></body>
+  <body pos="2 0 0"><joint type="ball"/><geom type="box" size=".1 .02 .05" pos=".1 0 .05" mass="1"/></body></worldbody></mujoco>"""
+RANGE = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint axis="0 1 0" range="-60 0"/>
+<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></worldbody></mujoco>"""
 
 
 def chain(links: int, length: float, mass: float, weight: float, joint: str = '<joint axis="0 1 0"/>') -> str:
@@ -150,10 +154,6 @@ def test_a_chain_by_runge_kutta_has_the_flags_that_it_has_alone(links, timestep)
     assert any(flags[0])
 
 
-SPINNING = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><geom type="box" size=".1 .2 .05" mass="1"/></body>
-  <body pos="2 0 0"><joint type="ball"/><geom type="box" size=".1 .02 .05" pos=".1 0 .05" mass="1"/></body></worldbody></mujoco>"""
-
-
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["f64", "f32"]))
 def test_bodies_that_tumble_alone_are_not_flagged(seed, precision):
     """Up to a third of a radian a step: the midpoint rule keeps their energy, which the balance of a corrector would not know."""
@@ -279,10 +279,6 @@ def test_baumgarte_gives_a_contradiction_no_more_than_the_capped_speed():
         sim.step()
         assert abs(float(sim.qvel[0])) <= options.max_correction_speed * (1 + 1e-9)
     assert abs(float(sim.qpos[0])) < 2e-3
-
-
-RANGE = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint axis="0 1 0" range="-60 0"/>
-<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></worldbody></mujoco>"""
 
 
 def welded_arm() -> str:

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mjcf import mjcf
 from models import simulate
-from parametrized import every
-from refusals import raises
+from checks import every
+from checks import raises
 from rotations import matrix
 
 SCENE = """
@@ -23,6 +23,18 @@ SCENE = """
 <equality><weld name="hold" body1="box"/><joint name="gear" joint1="a" joint2="b" polycoef="0 .5 0 0 0"/>
 <connect name="pin" body1="ball" anchor="0 0 .2" active="{pin}"/></equality></mujoco>"""
 NEQ = 3
+ROWS = st.lists(st.booleans(), min_size=NEQ, max_size=NEQ)
+BRANCHES = """
+<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><joint axis="0 1 0" pos=".1 0 .1"/>
+<geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/>
+<body pos=".3 0 0"><joint name="b" axis="0 1 0"/><geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/></body>
+<body pos=".1 0 .2"><joint axis="0 1 0" {joint}/><geom type="capsule" size=".03" fromto="0 0 0 .3 0 .1" mass="1"/></body></body></worldbody>
+<equality><joint joint1="b"/></equality></mujoco>"""
+FIXED = """
+<mujoco><worldbody><body name="post" pos="0 0 1"><geom size=".1"/></body><body name="other" pos="1 0 1"><geom size=".1"/></body>
+<body name="a" pos="0 0 2"><joint axis="0 1 0"/><geom size=".1"/><body name="child" pos=".3 0 0"><geom size=".1"/></body></body></worldbody>
+<equality><weld name="posts" body1="post" body2="other" active="false"/><weld name="family" body1="a" body2="child" active="false"/>
+<weld name="stand" body1="post" body2="child" active="false"/></equality></mujoco>"""
 
 
 def scene(pin: str = "false") -> stepper.Model:
@@ -108,9 +120,6 @@ def test_what_is_no_array_of_truths_is_refused():
     raises(ValueError, "eq_active was changed in place to another type or shape", sim.step)
 
 
-ROWS = st.lists(st.booleans(), min_size=NEQ, max_size=NEQ)
-
-
 @settings(max_examples=25, deadline=None)
 @given(st.lists(st.tuples(ROWS, ROWS, ROWS), min_size=1, max_size=4), st.sampled_from(["hard", "mujoco"]), st.sampled_from(["f64", "f32"]))
 def test_switches_of_one_environment_are_felt_by_no_other(schedule, contact, precision):
@@ -127,14 +136,6 @@ def test_switches_of_one_environment_are_felt_by_no_other(schedule, contact, pre
             sim.step(nstep=20)
             assert np.array_equal(sim.qpos[0], batch.qpos[env])
             assert np.array_equal(sim.residual[0], batch.residual[env])
-
-
-BRANCHES = """
-<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><joint axis="0 1 0" pos=".1 0 .1"/>
-<geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/>
-<body pos=".3 0 0"><joint name="b" axis="0 1 0"/><geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/></body>
-<body pos=".1 0 .2"><joint axis="0 1 0" {joint}/><geom type="capsule" size=".03" fromto="0 0 0 .3 0 .1" mass="1"/></body></body></worldbody>
-<equality><joint joint1="b"/></equality></mujoco>"""
 
 
 @every(precision=["f64", "f32"], joint=['range="-.1 .1"', 'frictionloss=".1"'], stabilization=["split", "baumgarte"])
@@ -350,13 +351,6 @@ def test_switched_rows_are_those_of_a_model_without_the_others(active, contact):
     # Blocks have other sizes, so that rounding and the last iterations differ; the tolerance of a solve is 1e-6 m/s.
     np.testing.assert_allclose(sim.qpos, other.qpos, atol=1e-6)
     assert sim.status == other.status
-
-
-FIXED = """
-<mujoco><worldbody><body name="post" pos="0 0 1"><geom size=".1"/></body><body name="other" pos="1 0 1"><geom size=".1"/></body>
-<body name="a" pos="0 0 2"><joint axis="0 1 0"/><geom size=".1"/><body name="child" pos=".3 0 0"><geom size=".1"/></body></body></worldbody>
-<equality><weld name="posts" body1="post" body2="other" active="false"/><weld name="family" body1="a" body2="child" active="false"/>
-<weld name="stand" body1="post" body2="child" active="false"/></equality></mujoco>"""
 
 
 @pytest.mark.parametrize("contact", LAWS)

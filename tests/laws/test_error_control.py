@@ -9,11 +9,15 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import simulate, stepper_model
-from refusals import raises
+from checks import raises
 from stepper import Options, Status
 
 E = 1e-3
 """Error of a step in these tests, m or rad."""
+BOX = """<mujoco><option timestep="{h}"/><worldbody><geom type="plane" size="5 5 1"/>
+  <body pos="0 0 1"><freejoint/><geom type="box" size=".1 .15 .2" mass="1" {more}/></body></worldbody></mujoco>"""
+timesteps = st.sampled_from([1e-3, 2e-3, 5e-3, 1e-2])
+run_settings = st.tuples(st.sampled_from(["midpoint", "euler", "implicit", "rk4"]), st.sampled_from(["f64", "f32"]))
 
 
 def chain(links: int = 20, tip: float = 5.0) -> stepper.Model:
@@ -24,10 +28,6 @@ def chain(links: int = 20, tip: float = 5.0) -> stepper.Model:
     return stepper.load(
         f'<mujoco><option timestep=".002"/><default><geom contype="0" conaffinity="0"/></default><worldbody>{body}</worldbody></mujoco>'
     )
-
-
-BOX = """<mujoco><option timestep="{h}"/><worldbody><geom type="plane" size="5 5 1"/>
-  <body pos="0 0 1"><freejoint/><geom type="box" size=".1 .15 .2" mass="1" {more}/></body></worldbody></mujoco>"""
 
 
 def thrown(n: int, seed: int = 0) -> dict:
@@ -294,10 +294,6 @@ def trajectory(mechanisms: list[Mechanism], timestep: float, integrator: str, pr
 def path_alone(watched: str, timestep: float, integrator: str, precision: str) -> np.ndarray:
     """Positions of a mechanism in a model of its own."""
     return trajectory([WATCHED[watched]], timestep, integrator, precision)
-
-
-timesteps = st.sampled_from([1e-3, 2e-3, 5e-3, 1e-2])
-run_settings = st.tuples(st.sampled_from(["midpoint", "euler", "implicit", "rk4"]), st.sampled_from(["f64", "f32"]))
 
 
 @pytest.mark.parametrize("other", sorted(OTHERS))

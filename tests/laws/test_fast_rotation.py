@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from meshes import cuboid
 from models import simulate
 from near_misses import ROUNDING, Floor, fly, scene_xml
-from parametrized import every
+from checks import every
 from stepper import Options, Status
 
 INTEGRATORS = ["midpoint", "implicit"]
@@ -36,6 +36,26 @@ SPINNERS = {
 }
 """Geom of each spinning body. For axes about which its rotation is steady, the depth of its solid of revolution below its centre, m."""
 AXES = sorted((name, axis) for name, (_, depths) in SPINNERS.items() for axis in depths)
+turns = st.floats(0.5, 20.0)
+"""Rotation in a step, rad."""
+timesteps = st.sampled_from([5e-4, 1e-3, 2e-3, 5e-3, 1e-2])
+precisions = st.sampled_from(["f64", "f32"])
+flights = st.tuples(st.sampled_from([2e-4, 1e-3, 1e-2]), st.floats(1.0, 6.0), st.booleans())
+"""Gap, m; speed, m/s; whether the body turns backwards."""
+TOPS = ['type="capsule" size=".02 .1"', 'type="cylinder" size=".1 .02"', 'type="ellipsoid" size=".05 .05 .03"']
+ROLLERS = {
+    "ball": ('type="sphere" size=".02"', 0.02),
+    "wheel": ('type="cylinder" size=".02 .01" euler="90 0 0"', 0.02),
+    "lying capsule": ('type="capsule" size=".02 .03" euler="90 0 0"', 0.02),
+}
+BLADES = {
+    "box": ('type="box" size=".1 .01 .002"', math.hypot(0.1, 0.01), 0.002),
+    "capsule": ('type="capsule" size=".005 .08" euler="0 90 0"', 0.085, 0.005),
+    "rod": ('type="cylinder" size=".005 .08" euler="0 90 0"', math.hypot(0.08, 0.005), 0.005),
+    "ellipsoid": ('type="ellipsoid" size=".08 .01 .005"', 0.08, 0.005),
+    "arm": ('type="sphere" size=".01" pos=".08 0 0"', 0.09, 0.01),
+}
+"""Blades that turn about the z axis: geom, radius and half height of the disc that they sweep, m."""
 
 
 def stepper_of(
@@ -46,14 +66,6 @@ def stepper_of(
     if 'mesh="cubes"' in world:
         model = model.replace(geom_concave=[True] + [False] * (model.ngeom - 1))
     return stepper.Stepper(model, precision=precision, options=Options(integrator=integrator))
-
-
-turns = st.floats(0.5, 20.0)
-"""Rotation in a step, rad."""
-timesteps = st.sampled_from([5e-4, 1e-3, 2e-3, 5e-3, 1e-2])
-precisions = st.sampled_from(["f64", "f32"])
-flights = st.tuples(st.sampled_from([2e-4, 1e-3, 1e-2]), st.floats(1.0, 6.0), st.booleans())
-"""Gap, m; speed, m/s; whether the body turns backwards."""
 
 
 @given(st.sampled_from(AXES), st.sampled_from(sorted(OBSTACLES)), turns, timesteps, flights, precisions, st.sampled_from(INTEGRATORS))
@@ -68,9 +80,6 @@ def test_a_spinning_body_that_passes_another_keeps_its_velocity(spinner, obstacl
     turn = min(turn, 1.0) if integrator == "implicit" and name in ("capsule", "wheel") else turn
     v[3 + "xyz".index(axis)] = (-turn if backwards else turn) / timestep
     assert fly(stepper_of(world, timestep, precision, integrator), v, 0.5) < ROUNDING[precision]
-
-
-TOPS = ['type="capsule" size=".02 .1"', 'type="cylinder" size=".1 .02"', 'type="ellipsoid" size=".05 .05 .03"']
 
 
 @given(st.sampled_from(TOPS), st.sampled_from(["free", "ball"]), turns, st.floats(0.0, 0.01), timesteps, precisions)
@@ -96,13 +105,6 @@ def test_a_ball_that_grazes_a_conveyor_keeps_its_velocity():
     roller = '<geom type="capsule" size=".1 .2" pos=".1 0 -.1" euler="90 0 0" surfacevel="0 40 0 0 0 0"/>'
     world = roller + '<body pos="-.2 0 .0202"><freejoint/><geom size=".02" mass="1"/></body>'
     assert fly(stepper_of(world, 2e-3), [4, 0, 0, 0, 0, 0], 0.6) < 1e-12  # Rounding.
-
-
-ROLLERS = {
-    "ball": ('type="sphere" size=".02"', 0.02),
-    "wheel": ('type="cylinder" size=".02 .01" euler="90 0 0"', 0.02),
-    "lying capsule": ('type="capsule" size=".02 .03" euler="90 0 0"', 0.02),
-}
 
 
 @every(precision=["f64", "f32"], tiles=["boxes", "meshes", "fields"], roller=ROLLERS, turn=[0.5, 1.0, 2.5])
@@ -146,16 +148,6 @@ def rotor(geom: str, around: str, spin: float, timestep: float, precision: str =
     sim = stepper_of(around + f'<body pos="0 0 0"><joint axis="0 0 1"/><geom {geom} mass=".1"/></body>', timestep, precision)
     sim.set_state(qvel=[spin])
     return sim
-
-
-BLADES = {
-    "box": ('type="box" size=".1 .01 .002"', math.hypot(0.1, 0.01), 0.002),
-    "capsule": ('type="capsule" size=".005 .08" euler="0 90 0"', 0.085, 0.005),
-    "rod": ('type="cylinder" size=".005 .08" euler="0 90 0"', math.hypot(0.08, 0.005), 0.005),
-    "ellipsoid": ('type="ellipsoid" size=".08 .01 .005"', 0.08, 0.005),
-    "arm": ('type="sphere" size=".01" pos=".08 0 0"', 0.09, 0.01),
-}
-"""Blades that turn about the z axis: geom, radius and half height of the disc that they sweep, m."""
 
 
 @given(st.sampled_from(sorted(BLADES)), turns, timesteps, st.sampled_from([2e-4, 1e-3, 1e-2]), precisions)

@@ -9,7 +9,7 @@ import stepper
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import prism, vertices
-from parametrized import every
+from checks import every
 from stepper import Status
 
 G, MASS, FORCE, HALF, HAND = 9.81, 0.1, 0.981, 0.02, 1e3
@@ -32,6 +32,8 @@ OBJECTS = {
     "cylinder between three fingers": (3, f'type="cylinder" size="{HALF} {HALF}"'),
 }
 """Number of fingers and geom of each object."""
+ACCURACY = {"f64": ("f64", 1e-6), "f64 at 1e-4": ("f64", 1e-4), "f32": ("f32", 1e-4)}
+"""Precision and tolerance, m/s, of a solve. The default in both precisions is 9e-5 to 1e-4 m/s for these objects."""
 
 
 def grasp(name: str) -> str:
@@ -109,10 +111,6 @@ class Grasp:
                 start = self.place() if start is None else start
                 slips = np.maximum(slips, np.linalg.norm(self.place() - start, axis=-1))
         return slips
-
-
-ACCURACY = {"f64": ("f64", 1e-6), "f64 at 1e-4": ("f64", 1e-4), "f32": ("f32", 1e-4)}
-"""Precision and tolerance, m/s, of a solve. The default in both precisions is 9e-5 to 1e-4 m/s for these objects."""
 
 
 @every(timestep=[0.002, 0.005], accuracy=["f64 at 1e-4", "f32"])

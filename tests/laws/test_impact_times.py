@@ -10,11 +10,15 @@ import pytest
 import stepper
 from models import simulate
 from numerics import slope
-from parametrized import every
+from checks import every
 from stepper import Status
 
 G, R = 9.81, 0.1
 FLOOR = '<geom type="plane" size="9 9 1"/>'
+ARM = """<mujoco><worldbody><geom type="plane" size="9 9 1" zaxis="-1 0 0" pos=".45 0 0"/>
+  <body pos="0 0 1.5"><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -.5" contype="0" conaffinity="0"/>
+  <body pos="0 0 -.5"><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -.4" contype="0" conaffinity="0"/>
+  <geom size=".05" pos="0 0 -.4" condim="1"/></body></body></worldbody></mujoco>"""
 
 
 def elastic(text: str, e: float, num_envs: int | None = None, gravity: str = f"0 0 {-G}", **options) -> stepper.Stepper:
@@ -93,12 +97,6 @@ def test_an_oblique_bounce_with_friction_is_of_second_order():
             assert sim.qvel[4] == pytest.approx(w, abs=off / R * 2.5)
             assert sim.qpos[0] == pytest.approx(vx * fall + v * (time - fall), abs=off)
             assert sim.qpos[2] == pytest.approx(R + 0.6 * G * fall * (time - fall) - G * (time - fall) ** 2 / 2, abs=1e-9)
-
-
-ARM = """<mujoco><worldbody><geom type="plane" size="9 9 1" zaxis="-1 0 0" pos=".45 0 0"/>
-  <body pos="0 0 1.5"><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -.5" contype="0" conaffinity="0"/>
-  <body pos="0 0 -.5"><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -.4" contype="0" conaffinity="0"/>
-  <geom size=".05" pos="0 0 -.4" condim="1"/></body></body></worldbody></mujoco>"""
 
 
 def test_an_arm_that_strikes_a_wall_converges_with_the_square_of_the_step():

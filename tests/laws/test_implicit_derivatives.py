@@ -6,7 +6,7 @@ import stepper
 from differentiated import NOISE, joined, touching
 from hypothesis import given
 from hypothesis import strategies as st
-from parametrized import every
+from checks import every
 from stepper import Options
 from stepper.derivatives import Kink
 
@@ -25,6 +25,11 @@ SETTINGS = {
 SPLIT = [law for law in SETTINGS if law.startswith("split")]
 ROBOTS = ["gymnasium/ant", "gymnasium/half_cheetah", "gymnasium/hopper", "gymnasium/humanoid", "gymnasium/walker2d_v5"]
 ROBOTS += ["dm_control/cheetah", "dm_control/hopper", "dm_control/quadruped", "dm_control/walker"]
+BALL = '<body pos="0 0 .1">{joints}<geom type="sphere" size=".1" mass="2" friction=".4 0 0"/></body>'
+SLIDES = "".join(
+    f'<joint name="{axis}" type="slide" axis="{numbers}"/>' for axis, numbers in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)
+)
+PUSHED = '<actuator><motor joint="x"/><motor joint="z"/></actuator>'
 
 
 def scene(body: str, *, more: str = "", floor: str = "") -> stepper.Model:
@@ -73,13 +78,6 @@ def test_differences_without_a_kink_do_not_depend_on_their_width(robot):
         # To 2 % of a column's largest entry, as gradients of rollouts are judged, or to rounding of numbers of 50 over half the width.
         close = 0.02 * np.abs(a).max(axis=1) + 10 * NOISE
         assert (np.abs(a - b).max(axis=1) < close)[smooth].all()
-
-
-BALL = '<body pos="0 0 .1">{joints}<geom type="sphere" size=".1" mass="2" friction=".4 0 0"/></body>'
-SLIDES = "".join(
-    f'<joint name="{axis}" type="slide" axis="{numbers}"/>' for axis, numbers in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)
-)
-PUSHED = '<actuator><motor joint="x"/><motor joint="z"/></actuator>'
 
 
 def sliding(num_envs: int | None = 3) -> stepper.Stepper:

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from jams import arms
 from models import flags_of, simulate
-from parametrized import every
+from checks import every
 from stepper import Options, Status
 
 JAMMED = {
@@ -27,6 +27,12 @@ JAMMED = {
 
 # Steps in which positions give way where they can: a contact is undone by a fifth a step, so that these leave nothing of what can be.
 SETTLING = 500
+# Jams that were not solved, or whose impulses did not determine the energy. All of the first 400 are solved now.
+HARD = [7, 16, 24, 36, 55, 100, 102, 109, 118, 136, 140, 153, 175, 196, 257, 323, 324, 336, 346, 398]
+PRESSED = """<mujoco><worldbody><geom name="post" size=".05"/><geom type="plane" size="3 3 1" contype="2" conaffinity="2"/>
+<body><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
+<body pos="1 0 .03"><joint type="slide" axis="0 0 1"/><geom size=".05" mass="1" contype="2" conaffinity="2"/></body></worldbody></mujoco>"""
+ANGLES = st.floats(-180.0, 180.0)
 
 
 @every(gravity=[0, -9.81], scene=JAMMED)
@@ -76,10 +82,6 @@ def test_a_random_jam_that_is_proven_moves_only_while_overlaps_become_less(seed)
         before, proven = now, bool(sim.status & Status.INFEASIBLE)
 
 
-# Jams that were not solved, or whose impulses did not determine the energy. All of the first 400 are solved now.
-HARD = [7, 16, 24, 36, 55, 100, 102, 109, 118, 136, 140, 153, 175, 196, 257, 323, 324, 336, 346, 398]
-
-
 @pytest.mark.parametrize("seed", HARD)
 def test_arms_that_begin_jammed_are_solved(seed):
     sim = stepper.Stepper(stepper.load(arms(seed)))
@@ -112,11 +114,6 @@ def test_a_hundred_random_jams_are_solved():
             unsolved += bool(sim.status & Status.NOT_CONVERGED)
     # A thousandth of the steps.
     assert unsolved <= 2
-
-
-PRESSED = """<mujoco><worldbody><geom name="post" size=".05"/><geom type="plane" size="3 3 1" contype="2" conaffinity="2"/>
-<body><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
-<body pos="1 0 .03"><joint type="slide" axis="0 0 1"/><geom size=".05" mass="1" contype="2" conaffinity="2"/></body></worldbody></mujoco>"""
 
 
 @pytest.mark.parametrize("integrator", ["euler", "midpoint"])
@@ -300,9 +297,6 @@ def test_a_contact_that_an_equality_unloads_has_no_friction_left(condim: int) ->
     sim.step(nstep=100)
     # The equality carries the weight, so that no friction acts: the speed is the same but for rounding.
     assert sim.qvel[0] == pytest.approx(speed, abs=1e-12)
-
-
-ANGLES = st.floats(-180.0, 180.0)
 
 
 @settings(max_examples=20, deadline=None)

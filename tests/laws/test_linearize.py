@@ -12,7 +12,7 @@ from differentiated import NOISE, joined, touching
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import SOURCES, afloat, random_quaternion, simulate, stepper_model
-from refusals import raises
+from checks import raises
 from stepper import Drive, Options
 from stepper.derivatives import Kink
 from stepper.derivatives.perturbations import step_of
@@ -20,6 +20,13 @@ from stepper.derivatives.perturbations import step_of
 G = 9.81
 SCHEMES = ["midpoint", "euler", "implicit", "rk4"]
 AT_REST = {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0}
+SLIDE = '<body pos="0 0 .1"><joint name="x" type="slide" axis="{axis}" {more}/><geom type="sphere" size=".1" mass="1" {friction}/></body>'
+MOTOR = '<actuator><motor joint="x"/></actuator>'
+SERVO = '<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>'
+LIMITED, SMOOTH = 'range="-1 1" limited="true"', 'friction="0 0 0"'
+UPRIGHT = SLIDE.replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
+# A plate, whose largest moment of inertia is the sum of the others.
+PLATE = '<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"/></body>'
 
 
 def scene(body: str, *, floor: str = "", options: str = "", more: str = "") -> stepper.Model:
@@ -422,17 +429,8 @@ def test_kinks_are_seen():
     assert wide.kink_distance[2] < 1
 
 
-SLIDE = '<body pos="0 0 .1"><joint name="x" type="slide" axis="{axis}" {more}/><geom type="sphere" size=".1" mass="1" {friction}/></body>'
-MOTOR = '<actuator><motor joint="x"/></actuator>'
-
-
 def sliding(axis="1 0 0", more="", friction="", drive=MOTOR, body=SLIDE, **settings):
     return scene(body.format(axis=axis, more=more, friction=friction), more=drive, **settings)
-
-
-SERVO = '<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>'
-LIMITED, SMOOTH = 'range="-1 1" limited="true"', 'friction="0 0 0"'
-UPRIGHT = SLIDE.replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
 
 
 @pytest.mark.parametrize(("model", "options", "qpos", "ctrl", "name", "kink"), [
@@ -515,10 +513,6 @@ def test_nothing_to_perturb_is_empty():
     empty = stepper.load('<mujoco><worldbody><geom type="plane" size="1 1 1"/></worldbody></mujoco>')
     assert stepper.Stepper(empty, 2).linearize(sensors=True).A.shape == (2, 0, 0)
     assert stepper.Stepper(ball(), 2).linearize(("ctrl",)).B.shape == (2, 12, 0)
-
-
-# A plate, whose largest moment of inertia is the sum of the others.
-PLATE = '<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"/></body>'
 
 
 @pytest.mark.parametrize(("call", "message"), [

@@ -9,13 +9,31 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from models import simulate
 from near_misses import ASSETS, MOVERS, OBSTACLES, ROUNDING, Floor, fly, scene_xml
-from parametrized import every
+from checks import every
 
 INTEGRATORS = ["midpoint", "euler", "implicit", "rk4"]
 movers = st.sampled_from(sorted(MOVERS))
 obstacles = st.sampled_from(sorted(OBSTACLES))
 timesteps = st.sampled_from([1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2])
 settings = st.tuples(st.sampled_from(INTEGRATORS), st.sampled_from(["f64", "f32"]))
+flybys = st.tuples(timesteps, settings, st.floats(5e-4, 2e-2), st.floats(1.0, 6.0))
+"""Time step, s; integrator and precision; gap, m; speed, m/s."""
+Step = tuple[float, float, str]
+"""Time step, s; first position, m; integrator."""
+
+SLIDERS = [name for name in MOVERS if name not in ("upright capsule", "ellipsoid")]
+"""Movers that slide without tipping over."""
+KINDS = ["boxes", "meshes", "fields", "mixed"]
+floors = st.builds(Floor, st.sampled_from(KINDS), st.floats(0.03, 0.2), st.floats(-40.0, 40.0) | st.just(0.0))
+steps = st.tuples(st.sampled_from([1e-3, 2e-3, 5e-3, 1e-2]), st.floats(-0.05, 0.05), st.sampled_from(INTEGRATORS))
+UPRIGHT = ["sphere", "box", "capsule", "cylinder", "hull", "mesh box"]
+"""Movers that a central impact on their lowest side does not turn."""
+falls = st.tuples(st.floats(3.0, 30.0), st.sampled_from([2e-3, 5e-3, 1e-2, 2e-2]), st.floats(0.05, 0.5))
+"""Speed, m/s; time step, s; gap, m."""
+# 24 free bodies of four balls: 96 moving geoms are too many to list their pairs, and few enough joints for groups of the most lanes.
+BALLS = "".join(f'<geom size=".06" pos="{x} {y} 0"/>' for x in (-0.1, 0.1) for y in (-0.1, 0.1))
+LOOSE = "".join(f'<body pos="{0.275 * (k % 5)} {0.275 * (k // 5)} .12"><freejoint/>{BALLS}</body>' for k in range(24))
+CROWD = f'<mujoco><worldbody><geom type="plane" size="9 9 .1"/>{LOOSE}</worldbody></mujoco>'
 
 
 def stepper_of(world: str, timestep: float, solver: tuple[str, str], *, restitution: float = 0.0) -> stepper.Stepper:
@@ -25,10 +43,6 @@ def stepper_of(world: str, timestep: float, solver: tuple[str, str], *, restitut
     if restitution:
         model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
     return stepper.Stepper(model, precision=precision, options=stepper.Options(integrator=integrator))
-
-
-flybys = st.tuples(timesteps, settings, st.floats(5e-4, 2e-2), st.floats(1.0, 6.0))
-"""Time step, s; integrator and precision; gap, m; speed, m/s."""
 
 
 @given(movers, obstacles, flybys, st.sampled_from([0.0, 0.5, 1.0]))
@@ -52,14 +66,6 @@ def test_two_flying_bodies_pass_each_other(first, second, flyby):
     assert fly(stepper_of(world, timestep, solver), v, 0.4) < ROUNDING[solver[1]]
 
 
-Step = tuple[float, float, str]
-"""Time step, s; first position, m; integrator."""
-
-SLIDERS = [name for name in MOVERS if name not in ("upright capsule", "ellipsoid")]
-"""Movers that slide without tipping over."""
-KINDS = ["boxes", "meshes", "fields", "mixed"]
-
-
 def slide(floor: Floor, mover: str, speed: float, step: Step):
     """Slide over 1.2 m of tiles. Return the final speed relative to the first, and the largest distance from the floor, m."""
     timestep, start, integrator = step
@@ -74,10 +80,6 @@ def slide(floor: Floor, mover: str, speed: float, step: Step):
         away = max(away, abs(sim.qpos[2] - height))
         assert not sim.status
     return sim.qvel[0] / speed, away
-
-
-floors = st.builds(Floor, st.sampled_from(KINDS), st.floats(0.03, 0.2), st.floats(-40.0, 40.0) | st.just(0.0))
-steps = st.tuples(st.sampled_from([1e-3, 2e-3, 5e-3, 1e-2]), st.floats(-0.05, 0.05), st.sampled_from(INTEGRATORS))
 
 
 @given(floors, st.sampled_from(SLIDERS), steps, st.floats(0.5, 4.0))
@@ -130,20 +132,12 @@ def drop(mover: str, obstacle: str, fall: tuple[float, float, float], integrator
     return velocities
 
 
-UPRIGHT = ["sphere", "box", "capsule", "cylinder", "hull", "mesh box"]
-"""Movers that a central impact on their lowest side does not turn."""
-
-
 @every(mover=UPRIGHT, integrator=INTEGRATORS)
 def test_a_fast_body_keeps_its_speed_until_it_strikes_a_thin_field(mover, integrator):
     """The gap of 0.1 m takes one step. The body must not slow down ahead of the field: a hull once took five steps."""
     first, *rest = drop(mover, "field", (5.0, 2e-2, 0.1), integrator)
     assert first == pytest.approx(-5.0, rel=1e-6)  # Height fields are kept in single precision.
     assert len(rest) == 1
-
-
-falls = st.tuples(st.floats(3.0, 30.0), st.sampled_from([2e-3, 5e-3, 1e-2, 2e-2]), st.floats(0.05, 0.5))
-"""Speed, m/s; time step, s; gap, m."""
 
 
 @given(st.sampled_from(UPRIGHT), obstacles, falls, st.sampled_from(INTEGRATORS))
@@ -215,12 +209,6 @@ def test_boxes_of_an_environments_own_are_where_it_has_them():
     sims.step(nstep=600)
     heights = sims.qpos[:, 2]
     np.testing.assert_allclose(np.diff(heights), -0.1, atol=1e-6)  # each rests on its own box; the settled motion is a millionth
-
-
-# 24 free bodies of four balls: 96 moving geoms are too many to list their pairs, and few enough joints for groups of the most lanes.
-BALLS = "".join(f'<geom size=".06" pos="{x} {y} 0"/>' for x in (-0.1, 0.1) for y in (-0.1, 0.1))
-LOOSE = "".join(f'<body pos="{0.275 * (k % 5)} {0.275 * (k // 5)} .12"><freejoint/>{BALLS}</body>' for k in range(24))
-CROWD = f'<mujoco><worldbody><geom type="plane" size="9 9 .1"/>{LOOSE}</worldbody></mujoco>'
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from laws.test_closed_loops import LOOPS, four_bar, turning
 from models import SOURCES, forward, random_state, simulate, stepper_model
-from refusals import raises
+from checks import raises
 from rotations import matrix
 
 ENVS = 18

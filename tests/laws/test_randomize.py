@@ -13,11 +13,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meadow import FIELDS, MEADOW
 from models import contact_bits, simulate, stepper_model
-from parametrized import every
-from refusals import raises
+from checks import every
+from checks import raises
 from stepper.shared.fields import RANDOMIZED
 
 N, CALLS, NSTEP = 11, 40, 3
+GEOMS = ("floor", "a", "b", "c")
+FRICTION = st.sampled_from([0.1, 0.5, 1.0])
+PAIRS = st.lists(st.tuples(st.sampled_from(GEOMS[:1] + GEOMS[1:3]), st.sampled_from(GEOMS[2:]), FRICTION), max_size=3)
 
 
 @functools.cache
@@ -420,11 +423,6 @@ def test_the_table_of_fields_is_that_of_the_binary():
         except stepper.ModelError:
             continue
     assert sorted(taken) == sorted(RANDOMIZED)
-
-
-GEOMS = ("floor", "a", "b", "c")
-FRICTION = st.sampled_from([0.1, 0.5, 1.0])
-PAIRS = st.lists(st.tuples(st.sampled_from(GEOMS[:1] + GEOMS[1:3]), st.sampled_from(GEOMS[2:]), FRICTION), max_size=3)
 
 
 @settings(max_examples=40, deadline=None)

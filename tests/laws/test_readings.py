@@ -22,6 +22,7 @@ STILL = """
 </mujoco>
 """
 GYRO, ANGLE, AXIS, ATTITUDE = slice(0, 3), 3, slice(4, 7), slice(7, 11)
+TRAY = mjcf("tray")
 
 
 def errors(steps: int, num_envs: int, dt: float = 0.01, seed: int = 0, **transfers: Transfer) -> np.ndarray:
@@ -216,9 +217,6 @@ def test_misalignment_mixes_the_axes():
     sim.reset(qvel=[3.0])
     np.testing.assert_allclose(sim.sensordata[GYRO], matrix @ sim.sensordata_ideal[GYRO], rtol=1e-14)
     np.testing.assert_allclose(sim.sensordata_ideal[GYRO], [0, 3, 0], atol=1e-14)
-
-
-TRAY = mjcf("tray")
 
 
 def test_a_wrist_carries_weight_inertia_and_what_lies_on_the_tray():

@@ -11,7 +11,7 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from models import SOURCES, force_of_world, mujoco_model, random_quaternion, simulate, stepper_model
-from parametrized import every
+from checks import every
 from rotations import about, matrix, product
 
 G = 9.81
@@ -24,6 +24,16 @@ LEG = """<body pos="{x} {y} 0"><joint axis="0 1 0" damping="5" stiffness="3e3"/>
 
 
 TRIPOD = [".2 0 -.28", "-.1 .17 -.28", "-.1 -.17 -.28"]
+R, H, M = 0.1, 0.15, 2.0
+TEXT = f"""<mujoco><option gravity="0 0 -{G}"/><default><geom friction="1 0 0"/></default><worldbody><geom type="plane" size="0 0 1"/>
+  <body pos="0 0 {H}" euler="0 0 17"><freejoint/><geom type="cylinder" size="{R} {H}" mass="{M}"/></body></worldbody></mujoco>"""
+DIRECTIONS = 24
+HALF = np.array([0.05, 0.04, 0.02])
+"""m: of the lower box; the upper one is half as wide."""
+MJCF = f"""<mujoco><option gravity="0 0 0"/><worldbody>
+  <body><freejoint/><geom type="box" size="{HALF[0]} {HALF[1]} {HALF[2]}" mass="1"/></body>
+  <body><freejoint/><geom type="box" size="{HALF[0] / 2} {HALF[1] / 2} {HALF[2]}" mass="1"/></body>
+</worldbody></mujoco>"""
 
 
 def box(mass, half=0.1, pos="0 0 0"):
@@ -253,12 +263,6 @@ def test_contacts_of_a_stack_keep_their_order_in_single_precision(offset: float)
         before = now
 
 
-R, H, M = 0.1, 0.15, 2.0
-TEXT = f"""<mujoco><option gravity="0 0 -{G}"/><default><geom friction="1 0 0"/></default><worldbody><geom type="plane" size="0 0 1"/>
-  <body pos="0 0 {H}" euler="0 0 17"><freejoint/><geom type="cylinder" size="{R} {H}" mass="{M}"/></body></worldbody></mujoco>"""
-DIRECTIONS = 24
-
-
 @every(integrator=["euler", "midpoint"], dt=[1e-4, 1e-3, 1e-2])
 def test_it_tips_over_its_rim_and_over_nothing_less(dt, integrator):
     """A torque of m g r tips it, in every direction: a square of points would give way at 0.71 m g r."""
@@ -276,14 +280,6 @@ def test_it_tips_over_its_rim_and_over_nothing_less(dt, integrator):
         else:
             assert (lean < 1e-3).all()
             assert np.abs(sim.qvel).max() < 1e-2
-
-
-HALF = np.array([0.05, 0.04, 0.02])
-"""m: of the lower box; the upper one is half as wide."""
-MJCF = f"""<mujoco><option gravity="0 0 0"/><worldbody>
-  <body><freejoint/><geom type="box" size="{HALF[0]} {HALF[1]} {HALF[2]}" mass="1"/></body>
-  <body><freejoint/><geom type="box" size="{HALF[0] / 2} {HALF[1] / 2} {HALF[2]}" mass="1"/></body>
-</worldbody></mujoco>"""
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])

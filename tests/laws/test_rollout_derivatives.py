@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from models import random_quaternion, simulate, stepper_model
-from refusals import raises
+from checks import raises
 from rollout_gradients import LAWS, Judged, bodies_on_a_floor, judge
 from stepper import Drive, Options
 from stepper.derivatives import Kink, Smoothing, UndeterminedDerivative, rollout
@@ -16,6 +16,16 @@ from stepper.derivatives.nominal_mode import WIDTH_RATIO, WIDTHS, Readings, slop
 from stepper.derivatives.rollout import from_tangent, to_tangent
 
 SOFT = Options(contact="mujoco", tolerance=1e-12)
+SLIDE = """<mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody><body><joint name="j" type="slide"/><geom size=".1" mass="1"/></body>
+  </worldbody><actuator><motor name="push" joint="j" {}/></actuator></mujoco>"""
+MEMORIES = [
+    ("", stepper.Drive(delay=0.02)),
+    ("", stepper.Drive(lag=0.05)),
+    ("", stepper.Drive(servo=stepper.actuators.PID(kp=1.0, ki=50.0))),
+    ("", stepper.Drive(servo=stepper.actuators.PID(kp=1.0, period=0.02))),
+    ('delay=".02" nsample="4"', None),
+]
+WIDTH = 1e-6 * WIDTH_RATIO ** np.arange(WIDTHS)
 
 
 @pytest.fixture(scope="module")
@@ -124,10 +134,6 @@ def test_gradients_of_quaternions_are_along_their_tangent_space():
     np.testing.assert_allclose(to_tangent(model, qpos, back), to_tangent(model, qpos, weights), atol=1e-12)
 
 
-SLIDE = """<mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody><body><joint name="j" type="slide"/><geom size=".1" mass="1"/></body>
-  </worldbody><actuator><motor name="push" joint="j" {}/></actuator></mujoco>"""
-
-
 @pytest.mark.parametrize(("call", "message"), [
     (lambda sim, ctrl: rollout(sim, ctrl[:, :2]), r"must be \(T, num_envs, nu\)"),
     (lambda sim, ctrl: rollout(sim, ctrl, every=0), "every is 0"),
@@ -198,15 +204,6 @@ def test_a_smoothed_gradient_does_not_depend_on_the_neighbours():
     # Of hard contact where it switches, so that other displacements show.
     np.testing.assert_array_equal(many.qvel[0], few.qvel[0])
     np.testing.assert_array_equal(many.ctrl[:, 0], few.ctrl[:, 0])
-
-
-MEMORIES = [
-    ("", stepper.Drive(delay=0.02)),
-    ("", stepper.Drive(lag=0.05)),
-    ("", stepper.Drive(servo=stepper.actuators.PID(kp=1.0, ki=50.0))),
-    ("", stepper.Drive(servo=stepper.actuators.PID(kp=1.0, period=0.02))),
-    ('delay=".02" nsample="4"', None),
-]
 
 
 @pytest.mark.parametrize(("attribute", "drive"), MEMORIES)
@@ -290,9 +287,6 @@ def test_gradients_of_random_contact_scenes_agree_with_differences_of_whole_roll
     assert good >= 0.99 * known, judged.worst
     # Nor is it an answer to refuse all: differences judge most derivatives.
     assert known > 0.5 * sum(judged.counts.values()), judged.counts
-
-
-WIDTH = 1e-6 * WIDTH_RATIO ** np.arange(WIDTHS)
 
 
 def read(function, differs=lambda x: np.zeros_like(x, bool)):

@@ -10,7 +10,7 @@ import pytest
 import stepper
 from models import simulate
 from numerics import slope
-from parametrized import every
+from checks import every
 from scipy.linalg import expm
 from stepper.actuators import PID, ActuatorModel, Drive
 
@@ -21,6 +21,12 @@ IMPLICIT = ["midpoint", "implicit"]
 
 SERVO = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="rail" type="slide" axis="1 0 0" {joint}/>
   <inertial pos="0 0 0" mass="{mass}" diaginertia=".1 .1 .1"/></body></worldbody><actuator>{actuator}</actuator></mujoco>"""
+TENDON = """<mujoco><option gravity="0 0 0"/><worldbody>
+  <body><joint name="a" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>{open}
+  <body><joint name="b" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .1"/></body>{close}</worldbody>
+  <tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="-.7"/></fixed></tendon>
+  <actuator><position tendon="t" kp="{kp}" kv="{kv}"/></actuator></mujoco>"""
+LAWS = {"hard": ("midpoint", "implicit", "euler", "rk4"), "mujoco": ("euler", "implicitfast", "rk4")}
 
 
 def servo(ratio: float, zeta: float, integrator: str):
@@ -218,13 +224,6 @@ def test_bounded_servos_of_a_chain_do_not_hold_one_another_at_their_bounds(kp, k
     assert np.abs(end(1e-3) - exact).max() < 0.0025
 
 
-TENDON = """<mujoco><option gravity="0 0 0"/><worldbody>
-  <body><joint name="a" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>{open}
-  <body><joint name="b" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .1"/></body>{close}</worldbody>
-  <tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="-.7"/></fixed></tendon>
-  <actuator><position tendon="t" kp="{kp}" kv="{kv}"/></actuator></mujoco>"""
-
-
 @every(integrator=IMPLICIT, ratio=RATIOS, chain=[True, False])
 def test_a_servo_on_a_tendon_is_stable(chain, ratio, integrator):
     """On one chain the moment fits the matrix; across branches an added inertia takes its place. The spring's energy stays bounded."""
@@ -297,9 +296,6 @@ def test_a_bounded_sum_contains_forces_on_sites(integrator, on_site):
     # Rounding of the inverse inertia.
     assert sim.qvel[0] == pytest.approx(H * 2 / 0.5, rel=1e-14)
     assert sim.actuator_saturation.tolist() == [1, 1]
-
-
-LAWS = {"hard": ("midpoint", "implicit", "euler", "rk4"), "mujoco": ("euler", "implicitfast", "rk4")}
 
 
 @pytest.mark.parametrize(("contact", "integrator"), [(law, name) for law, names in LAWS.items() for name in names])

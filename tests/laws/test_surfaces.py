@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import cuboid, prism, vertices
 from models import simulate
-from parametrized import every
+from checks import every
 
 HALF, BEND, RADIUS, G = 0.5, 0.5, 0.1, 9.81
 """m, 1/m, m, m/s^2."""
@@ -27,6 +27,7 @@ GLIDERS = {
     "hull": (SLIDES + '<geom type="mesh" mesh="octahedron" condim="1"/>', 0.05),
 }
 """Joints and geom, and how far it reaches below its centre."""
+PYRAMID = 'vertex="-.1 -.1 0 .1 -.1 0 .1 .1 0 -.1 .1 0 0 0 .1" face="0 2 1 0 3 2 0 1 4 1 2 4 2 3 4 3 0 4"'  # a square base and four sides
 
 
 @cache
@@ -80,9 +81,6 @@ def test_whatever_glides_along_a_crest_is_not_braked(kind, glider):
     for timestep in (2e-3, 1e-2):
         # Where it rests, assets in single precision decide; the energy of 1e-7 m of height is 1e-5 of the kinetic.
         assert along_the_crest((kind, 41), glider, timestep, "midpoint", 0.5) == pytest.approx(1, abs=1e-4)
-
-
-PYRAMID = 'vertex="-.1 -.1 0 .1 -.1 0 .1 .1 0 -.1 .1 0 0 0 .1" face="0 2 1 0 3 2 0 1 4 1 2 4 2 3 4 3 0 4"'  # a square base and four sides
 
 
 @every(concave=[False, True], joint=["<freejoint/>", '<joint type="slide" axis="0 0 1"/>'])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from models import simulate
-from parametrized import every
+from checks import every
 from rotations import matrix
 from scenes import BOX, G, every_choice, every_dt, on_plane
 from stepper import Options, Status

@@ -11,11 +11,20 @@ from atlas.scenes.flight import ENERGY, I1, I2, I3, L2, PERIOD, SPIN, TOUCH, ome
 from heaps import Heap, heap
 from models import SOURCES, afloat, simulate
 from numerics import slope
-from parametrized import every
+from checks import every
 from rotations import about, matrix, product
 
 BODY = f"""<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>
   <inertial pos="0 0 0" mass="1" diaginertia="{I1} {I2} {I3}"/></body></worldbody></mujoco>"""
+OFF_CENTRE = """<mujoco><option gravity="0 0 0"/><worldbody><body pos="0 0 1"><joint type="{kind}" {anchor}/>
+  <inertial pos=".05 .02 -.1" mass="1" diaginertia=".01 .02 .026" euler="10 20 30"/></body></worldbody></mujoco>"""
+SINGLE = {
+    "centred": BODY,
+    "off centre": OFF_CENTRE.format(kind="free", anchor=""),
+    "ball": OFF_CENTRE.format(kind="ball", anchor='pos=".1 0 .05"'),
+}
+# Rounding (1e-16) grows by the strikes: each multiplies a difference by about distance over radius, three to five here, a few in a row.
+CLOSE = 1e-9
 
 
 def spun(dt: float, integrator: str, seconds: float):
@@ -47,15 +56,6 @@ def test_energy_and_angular_momentum_are_kept_to_the_order_of_the_rule(integrato
         spins.append(np.linalg.norm(sim.momentum()[1] - [0, I2 * SPIN, I3 * TOUCH]) / np.sqrt(L2))
     assert slope(dts, energies) > order - 0.2
     assert slope(dts, spins) > order - 0.2
-
-
-OFF_CENTRE = """<mujoco><option gravity="0 0 0"/><worldbody><body pos="0 0 1"><joint type="{kind}" {anchor}/>
-  <inertial pos=".05 .02 -.1" mass="1" diaginertia=".01 .02 .026" euler="10 20 30"/></body></worldbody></mujoco>"""
-SINGLE = {
-    "centred": BODY,
-    "off centre": OFF_CENTRE.format(kind="free", anchor=""),
-    "ball": OFF_CENTRE.format(kind="ball", anchor='pos=".1 0 .05"'),
-}
 
 
 @every(dt=[1e-3, 5e-3, 2e-2], body=SINGLE)
@@ -159,10 +159,6 @@ def case(request):
     """Balls and capsules that strike each other and the floor, and how they end."""
     scene = heap(SHAPES, 0.6, seed=5, spacing=0.24)
     return scene, request.param, end_of(scene, integrator=request.param)
-
-
-# Rounding (1e-16) grows by the strikes: each multiplies a difference by about distance over radius, three to five here, a few in a row.
-CLOSE = 1e-9
 
 
 def assert_same(found, expected):

@@ -7,7 +7,7 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from models import SOURCES, afloat, random_quaternion, simulate
-from parametrized import every
+from checks import every
 from stepper import Options, Status
 
 HEAD = '<mujoco><option gravity="0 0 0"/><worldbody>'
@@ -24,6 +24,16 @@ ENVS = 32
 every_dt = pytest.mark.parametrize("dt", [1e-4, 1e-3, 5e-3, 2e-2])
 every_integrator = pytest.mark.parametrize("integrator", ["euler", "midpoint", "rk4"])
 every_stabilization = pytest.mark.parametrize("stabilization", ["baumgarte", "split"])
+BALL = '<body><freejoint/><geom type="sphere" size=".02" mass="1"/></body>'
+ROD = '<body><freejoint/><geom type="capsule" size=".01 .08" mass="1"/></body>'
+BRICK = '<body><freejoint/><geom type="box" size=".03 .02 .01" mass="1"/></body>'
+WALLS = {
+    "box": '<geom type="box" size=".002 .3 .3"/>',
+    "post": '<geom type="capsule" size=".004 .3"/>',
+    "disc": '<geom type="cylinder" size=".3 .002" euler="0 90 0"/>',
+}
+STIFF = """<mujoco><worldbody><body><joint name="j" axis="0 0 1"/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
+  </worldbody><actuator><position joint="j" kp="1e5"/></actuator></mujoco>"""
 
 
 @every_stabilization
@@ -210,16 +220,6 @@ def test_a_robot_on_rough_ground_does_not_tunnel(kind, contact, timestep):
     assert fastest > 10.0
 
 
-BALL = '<body><freejoint/><geom type="sphere" size=".02" mass="1"/></body>'
-ROD = '<body><freejoint/><geom type="capsule" size=".01 .08" mass="1"/></body>'
-BRICK = '<body><freejoint/><geom type="box" size=".03 .02 .01" mass="1"/></body>'
-WALLS = {
-    "box": '<geom type="box" size=".002 .3 .3"/>',
-    "post": '<geom type="capsule" size=".004 .3"/>',
-    "disc": '<geom type="cylinder" size=".3 .002" euler="0 90 0"/>',
-}
-
-
 def fly(scene, contact, timestep, qpos, qvel):
     """One step of something that flies, without gravity: whether it is flagged, and whether it meets the wall on its way."""
     source = f'<mujoco><option gravity="0 0 0" timestep="{timestep}"/><worldbody>{scene}</worldbody></mujoco>'
@@ -335,10 +335,6 @@ def test_a_fast_wheel_is_no_unresolved_motion():
     sim = simulate(text, timestep=5e-3, qvel=[1000.0], steps=1000)
     assert sim.status == stepper.Status.OK
     assert sim.qvel[0] == pytest.approx(1000.0, rel=1e-12)
-
-
-STIFF = """<mujoco><worldbody><body><joint name="j" axis="0 0 1"/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
-  </worldbody><actuator><position joint="j" kp="1e5"/></actuator></mujoco>"""
 
 
 # Hard contact evaluates servos at the end of the step, except with Euler's rule.

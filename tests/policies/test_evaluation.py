@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import stepper.envs
 from envs.cases import Strong, needs_gymnasiums
-from refusals import raises
+from checks import raises
 from scipy import stats
 from stepper.envs.tasks import InvertedPendulum
 from stepper.policies import Comparison, Evaluation, compare, evaluate, make

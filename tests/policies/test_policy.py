@@ -13,7 +13,7 @@ import pytest
 import stepper
 import stepper.envs
 from envs.cases import needs_gymnasiums
-from refusals import raises
+from checks import raises
 from stepper.policies import ACTIVATIONS, Policy, PolicyError, PolicyWarning, describe, differences, load
 
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import gymnasium
 import numpy as np
 import pytest
-from refusals import raises
+from checks import raises
 from stepper import policies
 from stepper.adapters.native import make_native
 from stepper.cli import main
@@ -21,6 +21,7 @@ WITHOUT_TORCH = "import sys; sys.modules['torch'] = None; "
 COMMAND = "from stepper.cli import main; sys.argv = ['stepper', 'train', 'stepper/Hopper-v5', '--seed', '3']; main()"
 EXAMPLE = f"import runpy; runpy.run_path({str(ROOT / 'examples/train.py')!r}, run_name='__main__')"
 LEARNER = f"import runpy; runpy.run_path({str(ROOT / 'python/stepper/policies/ppo.py')!r}, run_name='__main__')"
+REACHER = "stepper/Reacher-v5"
 
 
 @pytest.mark.skipif(find_spec("typer") is None, reason="typer, which the command line needs, is not installed")
@@ -86,9 +87,6 @@ def test_a_film_that_cannot_be_drawn_is_refused_before_the_training(tmp_path):
 
 def test_a_film_of_another_format_is_refused_before_the_training():
     raises(ValueError, r"the film's file is 'film\.gif', must end in \.mp4", check_film, "stepper/HalfCheetah-v5", "film.gif")
-
-
-REACHER = "stepper/Reacher-v5"
 
 
 def test_values_of_the_command_line_are_arguments_of_the_environment():

@@ -22,6 +22,7 @@ ONE_OF_EACH = {
     "pid": 'pid joint="wrist" kp="20" kv="3" input="pos"',
 }
 SCENE = TREE.format(actuators="".join(f'<{made} name="{name}"/>' for name, made in ONE_OF_EACH.items()), sensors="")
+number = st.floats(-5.0, 5.0).map(lambda x: round(x, 3) + 0.0)
 
 
 def forces(sim, rest, state, act, ctrl):
@@ -76,9 +77,6 @@ def test_forces_after_a_change_are_those_of_mujoco(kind):
     check_forces(compiled, alone, rng)
     compiled.actuator_gear[:] = scaled["actuator_gear"]
     check_forces(compiled, simulate(model.replace(**scaled)), rng)
-
-
-number = st.floats(-5.0, 5.0).map(lambda x: round(x, 3) + 0.0)
 
 
 @given(data=st.data())

@@ -26,6 +26,7 @@ SAME_SETS = [
 ]  # fmt: skip
 SAME_NEAREST = [("plane", "box"), ("plane", "cylinder"), ("capsule", "box")]
 POSES = 200
+HILLS = mjcf("hills")
 
 
 def two(first: str, second: str) -> mujoco.MjModel:
@@ -170,9 +171,6 @@ def test_distances_are_those_of_mujoco(a, b):
         sign = 1.0 if tuple(nearest["geom"]) == (0, 1) else -1.0
         assert sign * np.array(nearest["normal"]) == pytest.approx(normal, abs=1e-4 / np.sqrt(expected))
     assert compared > 10
-
-
-HILLS = mjcf("hills")
 
 
 def test_height_fields_are_those_of_mujoco():

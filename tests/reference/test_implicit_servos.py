@@ -107,6 +107,19 @@ SCENES = {
         3.0,
     ),
 }
+numbers = st.floats(-2, 2).map(lambda x: round(x, 3))
+positive = st.floats(0.05, 3).map(lambda x: round(x, 3))
+ranges = st.tuples(positive, positive).map(lambda ends: f"{-ends[0]} {ends[1]}")
+vectors = st.tuples(numbers, numbers, numbers).filter(lambda v: sum(x * x for x in v) > 0.05)
+axes = st.one_of(st.sampled_from([(1, 0, 0), (0, 1, 0), (0, 0, 1)]), vectors)
+FEET = """<mujoco><option cone="elliptic" impratio="100" timestep=".01"/><worldbody>
+  <geom type="plane" size="4 4 .1"/>
+  <body name="trunk" pos="0 0 .3"><freejoint/><geom type="box" size=".2 .1 .05" mass="5" contype="0"/>{legs}</body>
+  </worldbody></mujoco>"""
+LEG = """<body pos="{x} {y} 0"><joint axis="0 1 0" damping="2" armature=".01"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.2" mass="1" contype="0"/>
+  <body pos="0 0 -.2"><joint axis="0 1 0" damping="2" armature=".01"/>
+  <geom size=".023" pos="0 0 -.1" mass=".2" solimp=".015 1 .023" condim="6" friction=".8 .02 .01"/></body></body>"""
 
 
 def text(bodies, tendons="", actuators="", timestep=0.01):
@@ -158,13 +171,6 @@ def test_the_derivative_across_branches_is_felt():
     arm = np.array([0.0, 0.5, 0.5, -0.7])
     whole = np.linalg.solve(full_mass_matrix(model, data) + 0.01 * 10 * np.outer(arm, arm), 0.01 * (data.qfrc_smooth))
     assert np.abs(whole - data.qvel).max() > 0.1 * np.abs(data.qvel).max()
-
-
-numbers = st.floats(-2, 2).map(lambda x: round(x, 3))
-positive = st.floats(0.05, 3).map(lambda x: round(x, 3))
-ranges = st.tuples(positive, positive).map(lambda ends: f"{-ends[0]} {ends[1]}")
-vectors = st.tuples(numbers, numbers, numbers).filter(lambda v: sum(x * x for x in v) > 0.05)
-axes = st.one_of(st.sampled_from([(1, 0, 0), (0, 1, 0), (0, 0, 1)]), vectors)
 
 
 def words(numbers):
@@ -244,16 +250,6 @@ def test_random_trees_with_random_servos_are_mujocos(integrator, source, seed):
     except stepper.ModelError:
         assume(False)  # joints that cancel one another
     assert step < BOUND and motion < BOUND
-
-
-FEET = """<mujoco><option cone="elliptic" impratio="100" timestep=".01"/><worldbody>
-  <geom type="plane" size="4 4 .1"/>
-  <body name="trunk" pos="0 0 .3"><freejoint/><geom type="box" size=".2 .1 .05" mass="5" contype="0"/>{legs}</body>
-  </worldbody></mujoco>"""
-LEG = """<body pos="{x} {y} 0"><joint axis="0 1 0" damping="2" armature=".01"/>
-  <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.2" mass="1" contype="0"/>
-  <body pos="0 0 -.2"><joint axis="0 1 0" damping="2" armature=".01"/>
-  <geom size=".023" pos="0 0 -.1" mass=".2" solimp=".015 1 .023" condim="6" friction=".8 .02 .01"/></body></body>"""
 
 
 def test_mujoco_stops_before_its_own_solution_on_feet_of_nearly_rigid_friction():

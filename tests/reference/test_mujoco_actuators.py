@@ -10,11 +10,23 @@ import stepper
 from actuators import ALL_KINDS, TARGETS, TREE, scene
 from models import forward, random_state, simulate
 from numerics import relative_error
-from parametrized import every
-from refusals import raises
+from checks import every
+from checks import raises
 
 BOUND = 1e-10  # As for smooth dynamics: rounding (1e-16) times what a mass matrix loses in a difference of accelerations.
 STATES = 20
+WHEEL = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint name="axle" axis="0 0 1"/>
+  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
+  <actuator><motor name="m" joint="axle" {history}/></actuator></mujoco>"""
+
+
+EARLY = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint name="axle" axis="0 0 1"/>
+  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
+  <actuator><general joint="axle" dyntype="filter" dynprm=".1" gainprm="3" actearly="{early}"/></actuator></mujoco>"""
+HANGING = """
+<mujoco><option timestep="{h}"/><worldbody><body name="cup" pos="0 0 1"><geom type="box" size=".05 .05 .05" {reach}/></body>
+<body name="box" pos="0 0 {z}"><freejoint/><geom type="box" size=".05 .05 .05" mass="{mass}" {reach}/></body></worldbody>
+<actuator><adhesion name="suck" body="cup" gain="10" ctrlrange="0 1"/></actuator></mujoco>"""
 
 
 @pytest.mark.parametrize("kind", ALL_KINDS)
@@ -110,16 +122,6 @@ def test_trajectories_of_actuators_on_sites(kind, integrator):
     # Half the step, that part of the error, or both are at the reference's own.
     assert errors[1] < max(1.1 * errors[0] / 2**order, 1e-9)
     assert errors[1] < 0.02
-
-
-WHEEL = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint name="axle" axis="0 0 1"/>
-  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
-  <actuator><motor name="m" joint="axle" {history}/></actuator></mujoco>"""
-
-
-EARLY = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint name="axle" axis="0 0 1"/>
-  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
-  <actuator><general joint="axle" dyntype="filter" dynprm=".1" gainprm="3" actearly="{early}"/></actuator></mujoco>"""
 
 
 @every(contact=["hard", "mujoco"], integrator=["euler", "implicit", "midpoint"])
@@ -264,12 +266,6 @@ def test_a_step_is_mujocos(integrator, cone, condim, reach):
         np.testing.assert_allclose(sim.qvel[env], state.qvel, atol=2e-9 * (1 + np.abs(state.qvel).max()))
         np.testing.assert_allclose(sim.act[env], state.act, atol=1e-14)
     assert pulled > n / 2
-
-
-HANGING = """
-<mujoco><option timestep="{h}"/><worldbody><body name="cup" pos="0 0 1"><geom type="box" size=".05 .05 .05" {reach}/></body>
-<body name="box" pos="0 0 {z}"><freejoint/><geom type="box" size=".05 .05 .05" mass="{mass}" {reach}/></body></worldbody>
-<actuator><adhesion name="suck" body="cup" gain="10" ctrlrange="0 1"/></actuator></mujoco>"""
 
 
 def hanging(mass=0.5, z=0.9, h=0.002, reach="", **more) -> stepper.Stepper:

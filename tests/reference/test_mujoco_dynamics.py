@@ -10,12 +10,21 @@ import numpy as np
 import pytest
 from models import SOURCES, forward, full_mass_matrix, mujoco_model, random_state, simulate, stepper_model
 from numerics import relative_error
-from parametrized import every
+from checks import every
 
 STATES = 20
 BOUND = 1e-10  # Asked for by issue 2: rounding (1e-16) times the condition of the worst mass matrix (1e6, the stacker's).
 
 SOURCES_BY_NAME = sorted(SOURCES)
+LOADED = """<mujoco><worldbody><body pos="0 0 1"><joint type="ball"/><geom type="box" size=".1 .2 .3" pos=".2 .1 0"/>
+  <body name="child" pos="0 .4 .3"><joint axis="1 1 0"/><geom type="capsule" size=".05 .2" euler="20 30 40"/>
+  <body name="fixed" pos="0 .3 0"><geom type="sphere" size=".1"/></body></body></body></worldbody></mujoco>"""
+MOCAP = """<mujoco><worldbody>
+  <body name="hand" mocap="true" pos="0 0 1"><geom type="capsule" size=".1 .3" euler="0 90 0"/></body>
+  <body name="ball" pos="0 0 3"><freejoint/><geom type="sphere" size=".2"/></body></worldbody></mujoco>"""
+PLATE = """<mujoco><option density="1.2" viscosity="2e-5" wind="{wind}" gravity="0 0 0"/><worldbody><body><freejoint/>
+  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+  <geom type="{kind}" size="{size}" fluidshape="ellipsoid" fluidcoef="{coef}"/></body></worldbody></mujoco>"""
 
 
 def rng_of(name: str) -> np.random.Generator:
@@ -118,11 +127,6 @@ def test_momentum(name):
             assert relative_error(found, expected) < BOUND
 
 
-LOADED = """<mujoco><worldbody><body pos="0 0 1"><joint type="ball"/><geom type="box" size=".1 .2 .3" pos=".2 .1 0"/>
-  <body name="child" pos="0 .4 .3"><joint axis="1 1 0"/><geom type="capsule" size=".05 .2" euler="20 30 40"/>
-  <body name="fixed" pos="0 .3 0"><geom type="sphere" size=".1"/></body></body></body></worldbody></mujoco>"""
-
-
 def test_a_wrench_acts_at_the_bodys_own_centre_of_mass():
     """Also on a body that is merged into its parent: each wrench alone, against MuJoCo's Jacobian of that body."""
     model, rng = mujoco.MjModel.from_xml_string(LOADED), np.random.default_rng(0)
@@ -140,11 +144,6 @@ def test_a_wrench_acts_at_the_bodys_own_centre_of_mass():
         force = jacobian[0].T @ wrench[:3] + jacobian[1].T @ wrench[3:]
         # Rounding in a difference of two accelerations of similar size.
         assert relative_error(sim.mass_matrix() @ (sim.qacc_smooth - rest), force) < 1e-12
-
-
-MOCAP = """<mujoco><worldbody>
-  <body name="hand" mocap="true" pos="0 0 1"><geom type="capsule" size=".1 .3" euler="0 90 0"/></body>
-  <body name="ball" pos="0 0 3"><freejoint/><geom type="sphere" size=".2"/></body></worldbody></mujoco>"""
 
 
 def test_a_mocap_body_touches_where_it_was_put():
@@ -275,11 +274,6 @@ def test_terminal_speed():
     # The cube of a ball's inertia, m (a^2 + a^2) / 3 = 2/5 m r^2 with half side a; the model's ball has the diameter 2 a.
     side = 2 * np.sqrt(0.6) * radius
     assert sim.qvel[2] == pytest.approx(-mass * 9.81 / (3 * np.pi * side * 50), rel=1e-12)
-
-
-PLATE = """<mujoco><option density="1.2" viscosity="2e-5" wind="{wind}" gravity="0 0 0"/><worldbody><body><freejoint/>
-  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
-  <geom type="{kind}" size="{size}" fluidshape="ellipsoid" fluidcoef="{coef}"/></body></worldbody></mujoco>"""
 
 
 def fluid_forces(kind: str, size, coef, rng, *, wind: str = "3 -2 1", speed: float = 1.0) -> tuple[np.ndarray, np.ndarray]:

@@ -11,10 +11,14 @@ from flights import SCENES, converged, run, scene
 from mjcf import mjcf
 from models import SOURCES, afloat, random_state, simulate
 from numerics import slope, state_error
-from parametrized import every
+from checks import every
 
 ROBOTS = ["gymnasium/humanoid", "gymnasium/half_cheetah", "dm_control/walker", "dm_control/quadruped"]
 STEPS = 20
+MECHANISM = mjcf("mechanism")
+ORDERS = {"euler": (1, [4e-4, 2e-4, 1e-4]), "midpoint": (2, [2e-3, 1e-3, 5e-4]), "rk4": (4, [8e-3, 4e-3, 2e-3])}
+STIFF = {("humanoid", "rk4"): [2e-3, 1e-3, 5e-4]}
+"""Where damping over armature gives rates of 200/s, steps must be shorter than 5 ms for the order to show."""
 
 
 @pytest.mark.parametrize("explicit", [False, True], ids=["eulerdamp", "no eulerdamp"])
@@ -81,9 +85,6 @@ def test_springs_of_fixed_tendons_are_implicit(timestep):
     assert with_spring > 1e-6
 
 
-MECHANISM = mjcf("mechanism")
-
-
 def test_euler_is_mujocos():
     """The mathematics is the same, joint damping implicit in both: what differs is rounding, times some 1e3 by chaos in 0.6 s."""
     model = mujoco.MjModel.from_xml_string(MECHANISM)
@@ -109,11 +110,6 @@ BOUND = 1e-8  # Of issue 2. Measured: 2e-13 to 3e-12.
 @pytest.mark.parametrize("name", SCENES)
 def test_one_second_of_rk4_is_the_converged_motion(name):
     assert state_error(scene(name)[0], run(name, 1.0, "rk4", 1e-4), converged(name, 1.0)) < BOUND
-
-
-ORDERS = {"euler": (1, [4e-4, 2e-4, 1e-4]), "midpoint": (2, [2e-3, 1e-3, 5e-4]), "rk4": (4, [8e-3, 4e-3, 2e-3])}
-STIFF = {("humanoid", "rk4"): [2e-3, 1e-3, 5e-4]}
-"""Where damping over armature gives rates of 200/s, steps must be shorter than 5 ms for the order to show."""
 
 
 @every(integrator=ORDERS, name=SCENES)

@@ -8,7 +8,7 @@ from equalities import KINDS, LINKAGE
 from models import SOURCES
 from mujoco_law.parity import AGREES, compare, prepare, states
 from mujoco_law.parity import States as Found
-from parametrized import every
+from checks import every
 
 # The acceleration of both is that of a strictly convex problem, which both solve until rounding stops them: relative to 1 + max |qvel| the
 # velocities after a step differ by less than 1e-9, or than MuJoCo's own solvers do (Parity.agrees).
@@ -20,6 +20,11 @@ OTHER_POINTS = {"gymnasium/pusher": "plane and cylinder", "gymnasium/pusher_v5":
 
 
 EXACT = stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100)
+CROWD = """<mujoco><option cone="{cone}" timestep=".004"/><worldbody><geom type="plane" size="9 9 .1" friction=".6"/>
+  {bodies}<body name="plate" pos="0 0 .05"><freejoint/><geom type="box" size="1 1 .04" mass="9"/></body></worldbody></mujoco>"""
+TUMBLES = """<mujoco><option integrator="discrete" timestep=".01" gravity="0 0 {gravity}"/><worldbody><geom type="plane" size="9 9 .1"/>
+  <body name="stone" pos="0 0 .3"><freejoint/><geom type="box" size=".1 .2 .05" mass="2"/><site name="s" pos=".1 0 .1"/></body>
+  <body pos="2 0 1"><freejoint/><geom type="ellipsoid" size=".1 .05 .03" mass="1"/></body></worldbody>{more}</mujoco>"""
 
 
 def compiled(source, **options):
@@ -278,10 +283,6 @@ def _without_weights(model):
     return described
 
 
-CROWD = """<mujoco><option cone="{cone}" timestep=".004"/><worldbody><geom type="plane" size="9 9 .1" friction=".6"/>
-  {bodies}<body name="plate" pos="0 0 .05"><freejoint/><geom type="box" size="1 1 .04" mass="9"/></body></worldbody></mujoco>"""
-
-
 def _crowd(cone):
     """Spheres and capsules of all kinds of contact in front of the plate that they lie on."""
     shapes = ('type="sphere" size=".1"', 'type="capsule" size=".08 .1"')
@@ -311,11 +312,6 @@ def test_bodies_on_a_plate_accelerate_as_mujocos(cone):
 def test_what_the_law_does_not_have_is_named(options, words):
     with pytest.raises(ValueError, match=words):
         stepper.Stepper(stepper.load(scene()), options=stepper.Options(**({"contact": "mujoco"} | options)))
-
-
-TUMBLES = """<mujoco><option integrator="discrete" timestep=".01" gravity="0 0 {gravity}"/><worldbody><geom type="plane" size="9 9 .1"/>
-  <body name="stone" pos="0 0 .3"><freejoint/><geom type="box" size=".1 .2 .05" mass="2"/><site name="s" pos=".1 0 .1"/></body>
-  <body pos="2 0 1"><freejoint/><geom type="ellipsoid" size=".1 .05 .03" mass="1"/></body></worldbody>{more}</mujoco>"""
 
 
 @pytest.mark.parametrize("more", ["", '<actuator><position site="s" refsite="r" gear="1 .2 0 0 .1 0" kp="300" kv="4"/></actuator>'])

@@ -12,13 +12,29 @@ import pytest
 import stepper
 from mjcf import mjcf
 from models import SOURCES, forward, random_quaternion, random_state, simulate
-from parametrized import every
+from checks import every
 from stepper.loading.mjcf.sensors import MISSING
 from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
 BOUND = 1e-9  # Asked for by issue 4.
 OBJECTS = ("body", "xbody", "geom", "site")
 FRAME = ("framepos", "framequat", "framexaxis", "frameyaxis", "framezaxis", "framelinvel", "frameangvel")
+ASSORTED = mjcf("assorted_sensors")
+
+CHOSEN = [
+    "assorted",
+    "gymnasium/humanoid", "gymnasium/ant", "gymnasium/pusher_v5", "gymnasium/reacher", "gymnasium/half_cheetah",
+    "dm_control/humanoid", "dm_control/dog", "dm_control/quadruped", "dm_control/manipulator", "dm_control/swimmer", "dm_control/cartpole",
+]  # fmt: skip
+LIMITED = """
+<mujoco><option timestep="0.001"/><worldbody><body><joint name="lift" type="slide" axis="0 0 1" limited="true" range="-.2 .3"/>
+  <geom size=".1" mass="2"/>
+  <body pos="1 0 0"><joint name="other" type="slide" axis="0 0 1"/><geom size=".1" mass="3"/></body></body></worldbody>
+<tendon><fixed name="rope" limited="true" range="-.5 .4"><joint joint="lift" coef="2"/><joint joint="other" coef="-1"/></fixed></tendon>
+<sensor><jointlimitpos joint="lift"/><jointlimitvel joint="lift"/><jointlimitfrc joint="lift"/>
+  <tendonlimitpos tendon="rope"/><tendonlimitvel tendon="rope"/><tendonlimitfrc tendon="rope"/></sensor></mujoco>"""
+HAND = """<mujoco><worldbody><body name="arm"><joint name="hinge"/><geom name="link" size=".1" pos=".3 0 0"/><site name="tip" pos=".4 0 0"/>
+  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator><sensor><clock name="now"/></sensor></mujoco>"""
 
 
 def instrumented(name: str) -> mujoco.MjModel:  # noqa: PLR0912  (a list of sensors)
@@ -101,15 +117,6 @@ def readings(mujoco_model, model, data) -> tuple[np.ndarray, list[str]]:
     return np.concatenate(kept), words
 
 
-ASSORTED = mjcf("assorted_sensors")
-
-CHOSEN = [
-    "assorted",
-    "gymnasium/humanoid", "gymnasium/ant", "gymnasium/pusher_v5", "gymnasium/reacher", "gymnasium/half_cheetah",
-    "dm_control/humanoid", "dm_control/dog", "dm_control/quadruped", "dm_control/manipulator", "dm_control/swimmer", "dm_control/cartpole",
-]  # fmt: skip
-
-
 @pytest.mark.parametrize("name", CHOSEN)
 def test_every_smooth_sensor_reads_what_mujocos_does(name):
     compiled = instrumented(name)
@@ -184,15 +191,6 @@ def test_what_the_table_calls_not_simulated_is_left_out_with_its_reason():
         (f"sensor {word} without reading", MISSING[word]) for word in ("camprojection", "user")
     }
     assert model.nsensordata == 3
-
-
-LIMITED = """
-<mujoco><option timestep="0.001"/><worldbody><body><joint name="lift" type="slide" axis="0 0 1" limited="true" range="-.2 .3"/>
-  <geom size=".1" mass="2"/>
-  <body pos="1 0 0"><joint name="other" type="slide" axis="0 0 1"/><geom size=".1" mass="3"/></body></body></worldbody>
-<tendon><fixed name="rope" limited="true" range="-.5 .4"><joint joint="lift" coef="2"/><joint joint="other" coef="-1"/></fixed></tendon>
-<sensor><jointlimitpos joint="lift"/><jointlimitvel joint="lift"/><jointlimitfrc joint="lift"/>
-  <tendonlimitpos tendon="rope"/><tendonlimitvel tendon="rope"/><tendonlimitfrc tendon="rope"/></sensor></mujoco>"""
 
 
 def test_limits_are_overlaps_as_mujocos_and_forces_as_statics_has_them():
@@ -345,10 +343,6 @@ def test_what_is_added_reads_what_the_file_has(name):
             file, added = (sim.read("sensordata_ideal", which) for which in (sensor, f"added {sensor}"))
             np.testing.assert_array_equal(added, file, f"{sensor}: {readings[sensor]}")
     assert len({reading.type for reading in readings.values()}) > 20
-
-
-HAND = """<mujoco><worldbody><body name="arm"><joint name="hinge"/><geom name="link" size=".1" pos=".3 0 0"/><site name="tip" pos=".4 0 0"/>
-  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator><sensor><clock name="now"/></sensor></mujoco>"""
 
 
 @pytest.mark.parametrize(("reading", "said"), [

@@ -7,12 +7,18 @@ import stepper
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from models import full_mass_matrix, simulate
-from refusals import raises
+from checks import raises
 from stepper import Options, Status
 
 BLOCK = """<mujoco><option timestep=".002" cone="{cone}" noslip_iterations="{sweeps}" gravity="4.0 0 -8.96"/>
   <worldbody><geom type="plane" size="3 3 .1" friction="{friction}"/>
   <body pos="0 0 .0499"><freejoint/><geom type="box" size=".1 .1 .05" mass="1" friction="{friction}"/></body></worldbody></mujoco>"""
+JOINTS = [
+    '<joint axis="{axis}"/>',
+    '<joint axis="{axis}" pos="1e-7 0 1e-8"/>',
+    '<joint axis="{axis}" range="-.1 -.02" limited="true"/>',
+    '<joint axis="{axis}" frictionloss="1e-4"/>',
+]
 
 
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
@@ -97,14 +103,6 @@ def test_a_contact_of_a_body_that_turns_about_its_centre_of_mass_converges(num_e
         assert np.asarray(sim.qvel) == pytest.approx(data.qvel[0], rel=5e-8, abs=1e-15)
         # The largest product of weight and inverse inertia is 1e8, and rounding 1e-16 of the velocities, some 1 m/s. Measured: 1e-8.
         assert np.max(sim.residual) < 1e-7
-
-
-JOINTS = [
-    '<joint axis="{axis}"/>',
-    '<joint axis="{axis}" pos="1e-7 0 1e-8"/>',
-    '<joint axis="{axis}" range="-.1 -.02" limited="true"/>',
-    '<joint axis="{axis}" frictionloss="1e-4"/>',
-]
 
 
 @st.composite

@@ -10,7 +10,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import SOURCES, forward, random_quaternion, random_state, stepper_model
-from refusals import raises
+from checks import raises
 from rotations import matrix
 from stepper.sensors import HeightField
 

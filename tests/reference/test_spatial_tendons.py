@@ -7,7 +7,7 @@ import stepper
 from models import forward, full_mass_matrix, random_state, simulate
 from mujoco_law.parity import compare, prepare, states
 from numerics import acceleration_of_short_steps, relative_error
-from parametrized import every
+from checks import every
 
 # Lengths and moment arms are smooth functions of the state, and both engines use the same formulas: rounding is 1e-16 times the size of the
 # scene (1 m), and grows by the condition of tangents, at most 1e4 in random states.
@@ -63,6 +63,16 @@ ACTUATORS = {
     "bounded muscle": MUSCLE.format('forcerange="-5 0"'),
 }
 INTEGRATORS = ["Euler", "implicitfast", "implicit", "RK4", "discrete"]
+# MuJoCo allows an inertia of tendons that wrap around nothing.
+STRAIGHT = {
+    "one branch": '<site site="base"/><site site="tip"/>',
+    "pulley": '<site site="base"/><site site="tip"/><pulley divisor="2"/><site site="tip"/><site site="hull"/><site site="base"/>',
+    "branches": '<site site="hand"/><site site="tip"/><site site="load"/>',
+}
+
+
+INERTIA = dict.fromkeys(STRAIGHT, 40.0) | {"branches": 1.0}
+"""Inertia of the tendon, kg. Without entries between branches, MuJoCo's mass matrix is singular with 40 kg."""
 
 
 def scene(tendons: str, actuators: str = "", sensors: str = "", option: str = "") -> str:
@@ -137,18 +147,6 @@ def test_a_step_of_mujocos_law_is_mujocos(path, rows):
         )
         prepare(model)
         assert compare(stepper.load(model), states(model, 6, 0)).agrees == 1.0, integrator
-
-
-# MuJoCo allows an inertia of tendons that wrap around nothing.
-STRAIGHT = {
-    "one branch": '<site site="base"/><site site="tip"/>',
-    "pulley": '<site site="base"/><site site="tip"/><pulley divisor="2"/><site site="tip"/><site site="hull"/><site site="base"/>',
-    "branches": '<site site="hand"/><site site="tip"/><site site="load"/>',
-}
-
-
-INERTIA = dict.fromkeys(STRAIGHT, 40.0) | {"branches": 1.0}
-"""Inertia of the tendon, kg. Without entries between branches, MuJoCo's mass matrix is singular with 40 kg."""
 
 
 def heavy(path: str, more: str = "", option: str = "") -> str:

@@ -30,6 +30,10 @@ SCENE = """<mujoco><option timestep=".005"/><worldbody><geom name="floor" type="
   <geom name="arm" type="capsule" size=".02" fromto="0 0 0 0 0 -.3"/></body></worldbody>
   <actuator><motor name="motor" joint="hinge" ctrlrange="-.02 .02"/></actuator>
   <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
+# Damping of 200 N m s/rad on an inertia of 0.05 kg m^2: a rule that takes it explicitly is stable below 0.5 ms alone.
+STIFF = """<mujoco><option timestep=".005"/><worldbody><body pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" contype="0" conaffinity="0"/></body></worldbody>
+  <actuator><position joint="hinge" kp="2000" kv="200"/></actuator></mujoco>"""
 
 
 def pendulum(**changed):
@@ -75,12 +79,6 @@ def test_where_the_second_method_is_not_finite_nothing_is_known():
     found = _assessed(runs, [lost, lost], distance, 1e-3)
     assert np.isfinite(found.uncertainty[0])
     assert found.uncertainty[1] == math.inf
-
-
-# Damping of 200 N m s/rad on an inertia of 0.05 kg m^2: a rule that takes it explicitly is stable below 0.5 ms alone.
-STIFF = """<mujoco><option timestep=".005"/><worldbody><body pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
-  <geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" contype="0" conaffinity="0"/></body></worldbody>
-  <actuator><position joint="hinge" kp="2000" kv="200"/></actuator></mujoco>"""
 
 
 def test_where_eulers_rule_diverges_the_implicit_rule_judges():

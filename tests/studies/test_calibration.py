@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from refusals import raises
+from checks import raises
 from stepper import lab
 from stepper.lab.calibration.fit import bootstrap, fit
 from stepper.lab.calibration.search import (
@@ -25,6 +25,7 @@ from stepper.lab.study.intervals import greatest_share, least_share
 
 MARGIN, SEEDS, WORLDS = 0.1, 40, 208
 SPACE = Space(np.zeros(6), np.ones(6), np.full(6, 0.5))
+MODEL = '<mujoco><worldbody><body><joint type="slide"/><geom size=".1"/></body></worldbody></mujoco>'
 
 
 def additive(x: Array) -> Array:
@@ -167,9 +168,6 @@ def test_bootstrap_covers_the_mean() -> None:
     rng = np.random.default_rng(0)
     covered = [low <= 0.0 <= high for low, high in (bootstrap(rng.standard_normal(50), resamples=400) for _ in range(200))]
     assert 0.87 <= np.mean(covered) <= 1.0
-
-
-MODEL = '<mujoco><worldbody><body><joint type="slide"/><geom size=".1"/></body></worldbody></mujoco>'
 
 
 def toy(**changed: object) -> lab.Study:

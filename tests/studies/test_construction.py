@@ -7,7 +7,7 @@ import pytest
 import stepper
 import stepper.policies
 from envs.test_terms import ROBOT, made
-from refusals import raises
+from checks import raises
 from servo_arm import ARM as SERVO_ARM
 from servo_arm import angles
 from stepper.envs import BatchView
@@ -23,6 +23,7 @@ GIVEN = {
     "outcomes": Outcome(name="angle", measure="joint hinge", success="<= 0"),
     "parameters": {"mass": Parameter("body_mass[arm]", low=1, high=2)},
 }
+MJCF = "<mujoco><worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
 
 
 def words(measure):
@@ -151,9 +152,6 @@ def test_wrong_entries_of_files_are_named(tmp_path, text, message):
 def test_a_model_is_no_study(tmp_path):
     (tmp_path / "arm.xml").write_text(ARM)
     raises(ValueError, r"arm.xml is no study: give a study's file, whose name ends in .toml or .py", Study.from_file, tmp_path / "arm.xml")
-
-
-MJCF = "<mujoco><worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
 
 
 def test_a_study_and_its_copies_load_the_model_once():

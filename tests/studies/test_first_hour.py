@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from refusals import raises
+from checks import raises
 from stepper.cli import app, main
 from stepper.cli.app import COMMANDS, application
 from stepper.lab import Outcome, Parameter, PolicyController, Study, sweep
@@ -24,6 +24,15 @@ FURNITURE = """<mujoco><worldbody>
   <body name="shelf" pos="0 0 2"><geom type="box" size=".1 .1 .1" mass="3"/></body>
   <body name="ball" pos="0 0 1"><freejoint/><geom size=".05" mass="0.5"/></body>
 </worldbody></mujoco>"""
+PENDULUM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" damping=".1"/><geom size=".02" pos=".3 0 0" mass=".1"/>
+  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator></mujoco>"""
+FUNCTIONS = {
+    "controller is drive(now, dt), must take 1 argument, now: write def drive(now)": {"controller": lambda now, dt: 0.0},
+    "controller is drive(), must take 1 argument, now: write def drive(now)": {"controller": lambda: 0.0},
+    "start is drive(now), must take 2 arguments, now, rngs: write def drive(now, rngs)": {"start": lambda now: None},
+    "model is drive(name), must take no arguments: write def drive()": {"model": lambda name: PENDULUM},
+}
+ROOT = Path(__file__).parents[2]
 
 
 def study(**given: object) -> Study:
@@ -53,10 +62,6 @@ def test_a_change_of_a_module_beside_a_study_changes_its_digest(tmp_path: Path):
     assert digest_of(drive) == found
     deeper.write_text("KP = 2.0\n")
     assert digest_of(drive) != found
-
-
-PENDULUM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" damping=".1"/><geom size=".02" pos=".3 0 0" mass=".1"/>
-  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator></mujoco>"""
 
 
 def jerk(now):
@@ -220,14 +225,6 @@ def test_an_exception_in_the_controller_of_a_toml_file_names_its_line(reach, cap
     assert failed(capsys, monkeypatch, "sweep", "reach.toml").startswith("control.py, line 4, in control: ValueError: ")
 
 
-FUNCTIONS = {
-    "controller is drive(now, dt), must take 1 argument, now: write def drive(now)": {"controller": lambda now, dt: 0.0},
-    "controller is drive(), must take 1 argument, now: write def drive(now)": {"controller": lambda: 0.0},
-    "start is drive(now), must take 2 arguments, now, rngs: write def drive(now, rngs)": {"start": lambda now: None},
-    "model is drive(name), must take no arguments: write def drive()": {"model": lambda name: PENDULUM},
-}
-
-
 @pytest.mark.parametrize("message", FUNCTIONS)
 def test_a_function_of_a_study_with_other_arguments_is_named_with_its_signature(message):
     (function,) = FUNCTIONS[message].values()
@@ -294,9 +291,6 @@ def test_the_command_sweeps_two_parameters_at_other_values_of_the_others(reach, 
     # Two episodes at the nominal point and at five values of each.
     assert len(rows) == 2 * (1 + 5 + 5)
     assert len({row["parameters.lost"] for row in rows}) == len({row["parameters.body_mass[arm]"] for row in rows}) == 6
-
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -23,6 +23,9 @@ from stepper.lab.study.journal import Journal, rows_of
 signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a shell starts the tests in the background
 path = pathlib.Path(sys.argv[1])
 """
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(), lambda own: st.lists(own) | st.dictionaries(st.text(), own)
+)
 
 
 def another(program, path, **given):
@@ -44,11 +47,6 @@ def path(tmp_path):
 def test_a_journal_has_the_rows_of_an_earlier_run(path):
     with Journal(path, "push") as journal:
         assert repr(list(journal.rows.values())) == repr(ROWS)
-
-
-values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(), lambda own: st.lists(own) | st.dictionaries(st.text(), own)
-)
 
 
 @settings(max_examples=15, deadline=None)

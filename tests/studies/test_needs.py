@@ -21,6 +21,10 @@ BOXES = "".join(
 # The box that slides lies on a geom of its own: the floor's friction is the heap's alone.
 HEAP = f"""<mujoco><option timestep=".005"/><worldbody><geom name="floor" type="box" pos="0 0 -.05" size=".5 .5 .05"/>
   <geom name="ice" type="box" pos="3 0 -.05" size=".5 .5 .05"/>{BOXES}</worldbody>{{more}}</mujoco>"""
+FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
+  <body name="a"><freejoint/><geom name="a" size=".1" {masks}/><geom name="ear" pos="0 0 .2" size=".05" contype="0" conaffinity="0"/></body>
+  <body name="b" pos="{place} 0 0"><freejoint/><geom name="b" size=".1" {masks}/></body></worldbody>
+  <contact><pair geom1="b" geom2="{pair}"/>{more}</contact></mujoco>"""
 
 
 @pytest.fixture(autouse=True)
@@ -64,12 +68,6 @@ def contacts(model, qpos):
     sim.reset(qpos=qpos)
     sim.step()
     return len(sim.contacts()["force"]) > 0
-
-
-FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
-  <body name="a"><freejoint/><geom name="a" size=".1" {masks}/><geom name="ear" pos="0 0 .2" size=".05" contype="0" conaffinity="0"/></body>
-  <body name="b" pos="{place} 0 0"><freejoint/><geom name="b" size=".1" {masks}/></body></worldbody>
-  <contact><pair geom1="b" geom2="{pair}"/>{more}</contact></mujoco>"""
 
 
 @pytest.mark.parametrize("masks", ["", 'contype="0" conaffinity="0"'])

@@ -24,6 +24,7 @@ from stepper.shared.progress import show_progress
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BLOCK = """<mujoco model="block and plane"><option timestep="0.004"/><worldbody><geom type="plane" size="3 3 1" friction=".3"/>
 <body name="block" pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass="1" friction=".3"/></body></worldbody></mujoco>"""
+words = st.text("abcdefghij klmno", min_size=1, max_size=60).filter(lambda text: text.strip() not in ("", "stepper"))
 
 
 def start(now, _):
@@ -50,9 +51,6 @@ def level(setting, parameter, value):
     """One whose episode slides as far as Coulomb has it, v^2 / (2 mu g)."""
     slide = 1 / (2 * 9.81 * value)
     return Level(setting, parameter, value, 1, int(slide <= 0.2), 1, (0.0, 1.0), slide, math.nan, (0.0, math.nan), 0, 0)
-
-
-words = st.text("abcdefghij klmno", min_size=1, max_size=60).filter(lambda text: text.strip() not in ("", "stepper"))
 
 
 @settings(max_examples=15, deadline=None)

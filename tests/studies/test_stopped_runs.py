@@ -21,6 +21,14 @@ from stepper.lab.study.parameters import check_effects
 BALL = """<mujoco><option timestep=".005"/><worldbody><geom type="plane" size="9 9 1"/>
   <body name="ball" pos="0 0 .12"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 MIDPOINT = Line("stepper", "midpoint", {"contact": "hard", "integrator": "midpoint"}, "hard")
+BOX = """<mujoco><option timestep=".01"/><worldbody><body name="box"><joint name="slide" type="slide" axis="1 0 0"/>
+  <geom size=".1" mass="1"/></body></worldbody><actuator><motor name="push" joint="slide"/></actuator></mujoco>"""
+STUDY = f"""
+import stepper
+study = stepper.lab.Study(model={BOX!r}, name="box", controller="random", seconds=0.1, episodes=2, seed=11,
+    outcomes=stepper.lab.Outcome(name="x", measure="joint slide"), parameters={{"m": stepper.lab.Parameter("body_mass[box]", low=1, high=2),
+    "g": stepper.lab.Parameter("gravity[0]", low=-1, high=1)}})
+"""
 
 
 class Clock:
@@ -220,16 +228,6 @@ def test_controls_that_are_not_finite_are_the_drives(setting):
     given = study(model=STIFF.replace("1e6", "1"), controller=late, settings={"MuJoCo": {"engine": "mujoco"}})
     with pytest.raises(ValueError, match=r"late gives actuator 'servo' the control nan at 0\.06 s of episode 1: controls must be finite"):
         given.episode({}, 1, setting=setting)
-
-
-BOX = """<mujoco><option timestep=".01"/><worldbody><body name="box"><joint name="slide" type="slide" axis="1 0 0"/>
-  <geom size=".1" mass="1"/></body></worldbody><actuator><motor name="push" joint="slide"/></actuator></mujoco>"""
-STUDY = f"""
-import stepper
-study = stepper.lab.Study(model={BOX!r}, name="box", controller="random", seconds=0.1, episodes=2, seed=11,
-    outcomes=stepper.lab.Outcome(name="x", measure="joint slide"), parameters={{"m": stepper.lab.Parameter("body_mass[box]", low=1, high=2),
-    "g": stepper.lab.Parameter("gravity[0]", low=-1, high=1)}})
-"""
 
 
 def push(now):

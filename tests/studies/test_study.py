@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
-from refusals import raises
+from checks import raises
 from stepper.cli import main
 from stepper.cli.options import progress_kept_in
 from stepper.lab import Outcome, Parameter, PolicyController, Study

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from gymnasium.utils.env_checker import check_env
-from parametrized import every
+from checks import every
 from stepper.envs import TASKS, StepperEnv, StepperVectorEnv
 from stepper.viewer import Renderer
 from stepper.viewer.renderer import SHADOWS

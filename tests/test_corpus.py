@@ -5,6 +5,7 @@ import dataclasses
 import mujoco
 import pytest
 import stepper
+from checks import raises
 from corpus import judge
 from corpus.download import DownloadError, unpacked
 from corpus.dynamics import kept_controls
@@ -13,7 +14,6 @@ from corpus.measure import measure
 from corpus.packages import PACKAGES, Package
 from corpus.report import write_markdown
 from corpus.row import FRAGMENT, MEASURED, SAME, STILL, Episode, Motion, Row
-from checks import raises
 from rows import read_csv, write_csv
 
 WELL = Episode(steps=500, ours=Motion(1.0, 2.0), theirs=Motion(1.0, 2.0))

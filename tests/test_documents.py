@@ -19,8 +19,8 @@ import stepper
 import stepper.envs
 import typer
 from atlas import scenes
-from generated import SECTIONS
 from checks import raises
+from generated import SECTIONS
 from sections import section_of, write_section
 from stepper.cli.app import application
 from stepper.derivatives import Linearization

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from python_texts import texts_of
-from rust_comments import LIST_ITEM, Comment, comments_of, paragraphs, prose, sentences, words
+from source_texts import LIST_ITEM, Comment, comments_of, paragraphs, prose, sentences, texts_of, words
 
 ROOT = Path(__file__).parents[1]
 MOST_WORDS = 25

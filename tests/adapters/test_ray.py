@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 import ray
 import stepper
-from checks import every
+from checks import every, raises
 from ray import cloudpickle
 from ray.exceptions import RayActorError, RayTaskError, WorkerCrashedError
-from checks import raises
 from stepper.adapters.ray import RayVectorEnv, map_cases, run_policy
 from stepper.envs import StepperVectorEnv
 from stepper.envs.tasks.running import Hopper

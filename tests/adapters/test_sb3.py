@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import stepper.envs  # names for Gymnasium
 import train_sb3
-from envs.test_hooks import Grouped
 from checks import raises
+from envs.test_hooks import Grouped
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from envs.test_hooks import Grouped
 from checks import raises
+from envs.test_hooks import Grouped
 from stepper.adapters.torchrl import StepperTorchRLEnv
 from stepper.envs import StepperVectorEnv
 from tensordict.nn import TensorDictModule

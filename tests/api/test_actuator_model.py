@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from models import stepper_model
 from recordings import edit_header
-from checks import raises
 from stepper import ActuatorModel, Drive
 from stepper.actuators import PID, DCMotor
 

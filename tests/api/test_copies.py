@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import stepper
-from models import STATE, simulate, stepper_model
 from checks import raises
+from models import STATE, simulate, stepper_model
 
 ROBOT = "dm_control/humanoid"
 

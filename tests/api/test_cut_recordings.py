@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
-from file_sizes import disk_of
+from checks import raises
 from hypothesis import given
 from hypothesis import strategies as st
-from recordings import PENDULUM, edit_file, edit_header
-from checks import raises
+from recordings import PENDULUM, disk_of, edit_file, edit_header
 from stepper.recording import RecordingError, RecordingWarning, recorder
 from stepper.recording.format import KINDS, ROWS, find_blocks, read_header
 from stepper.shared.files import LOCK

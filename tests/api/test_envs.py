@@ -6,10 +6,10 @@ import pickle
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from hypothesis import given
 from hypothesis import strategies as hypothesis
 from models import STATE, simulate, stepper_model
-from checks import raises
 from stepper import ActuatorModel, Drive, Stepper
 from stepper.envs import StepperVectorEnv
 from stepper.viewer.frames import shown_envs

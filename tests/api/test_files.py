@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from file_sizes import disk_of
+from checks import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import joint, link, robot
-from checks import raises
+from recordings import disk_of
 from stepper.cli.app import COMMANDS, application, main
 from stepper.lab import Outcome, Parameter, Study
 from stepper.lab.study.journal import rows_of

@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import joint, link, robot, sphere
 from models import SOURCES, simulate, stepper_model
-from checks import raises
 from stepper.loading import origin_of
 from stepper.loading.mjcf import describe, requested
 from stepper.viewer.looks import looks_of

@@ -15,8 +15,8 @@ import time
 import numpy as np
 import pytest
 import stepper
-from models import simulate, stepper_model
 from checks import raises
+from models import simulate, stepper_model
 
 HOPPER, ANT = "dm_control/hopper", "gymnasium/ant"
 SCENE = """

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from mjcf import mjcf
 from models import SOURCES, mujoco_model, stepper_model
-from checks import raises
 from stepper.loading.mjcf import source
 from stepper.loading.mjcf.omissions import FLAGS
 

@@ -6,9 +6,8 @@ Both sides read tables that come out of one function and do the same operations 
 import numpy as np
 import pytest
 import stepper
+from checks import every, raises
 from models import stepper_model
-from checks import every
-from checks import raises
 from stepper import ActuatorModel, Drive
 from stepper.actuators import PID, DCMotor
 

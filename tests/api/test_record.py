@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 import stepper
 from bench_episode import EPISODE, record
+from checks import every, raises
 from models import simulate, stepper_model
-from checks import every
 from recordings import PENDULUM, edit_file, edit_header, joined
-from checks import raises
 from stepper.recording.format import FORMAT, find_blocks, read_header
 
 ROBOT = "gymnasium/ant"

@@ -8,9 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import stepper
+from checks import every, raises
 from models import stepper_model
-from checks import every
-from checks import raises
 from stepper import Status
 
 ROBOT = "dm_control/humanoid"

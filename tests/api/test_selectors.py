@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from hypothesis import given
 from hypothesis import strategies as st
 from mjcf import mjcf
 from models import SOURCES, stepper_model
-from checks import raises
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 from stepper.shared.selectors import Selector, numbers_of, parse, places, rows_of
 

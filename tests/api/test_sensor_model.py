@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from mjcf import mjcf
 from models import simulate
-from checks import raises
 from stepper import SensorModel, Transfer
 from stepper.sensors import Combination, RayFan, SensorSpec, devices
 

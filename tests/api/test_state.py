@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import stepper
-from models import STATE, simulate, stepper_model
 from checks import raises
+from models import STATE, simulate, stepper_model
 
 HOPPER, HUMANOID = "dm_control/hopper", "dm_control/humanoid"
 MOCAP = """<mujoco><worldbody><body name="hand" mocap="true" pos="0 0 1"><geom size=".1"/></body>

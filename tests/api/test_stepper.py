@@ -6,10 +6,9 @@ import threading
 import numpy as np
 import pytest
 import stepper
+from checks import every, raises
 from golden import scenes
 from models import mujoco_model, random_state, simulate, stepper_model
-from checks import every
-from checks import raises
 
 ROBOT = "dm_control/humanoid"
 N = 10

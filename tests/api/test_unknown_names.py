@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import simulate, stepper_model
-from checks import raises
 from stepper._hints import _guesses
 from stepper.derivatives import rollout
 from stepper.lab.study.parameters import Parameter, check

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from golden import scenes
-from jams import OVERLAP, SLOT
 from mjcf import mjcf
 from models import simulate
-from checks import raises
+from scenes import OVERLAP, SLOT
 
 STACK = mjcf("overlapping_boxes")
 HINGE = mjcf("hinge_beyond_its_range")

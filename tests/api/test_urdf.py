@@ -7,10 +7,10 @@ import warnings
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import LIMIT, arm, joint, link, robot, sphere
-from checks import raises
 from stepper.loading.urdf import VARIABLES
 from stepper.loading.urdf_actuators import POSITION_FREQUENCY, VELOCITY_FREQUENCY
 from stepper.loading.urdf_elements import LEFT_OUT, READ

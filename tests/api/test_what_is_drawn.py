@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 import stepper
 import stepper.cli.view
+from checks import every, raises
+from geometry import matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import SOURCES
-from checks import every
-from checks import raises
-from rotations import matrix
 from stepper.cli import main
 from stepper.viewer import shapes
 from stepper.viewer.frames import frame_of, shown_envs, sizes_of

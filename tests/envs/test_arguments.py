@@ -11,6 +11,7 @@ import pytest
 import stepper
 import stepper.envs
 from cases import Slide
+from checks import raises
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
@@ -18,7 +19,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from loading_scenes import arm
-from checks import raises
 from stepper._arrays import array_of
 from stepper.adapters.native import make_native, with_autoreset
 from stepper.envs import Observation, StepperEnv, StepperVectorEnv, Task

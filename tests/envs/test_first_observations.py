@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from envs.cases import same
 from envs.test_hooks import Levels
 from envs.test_terms import Robot
@@ -15,7 +16,6 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from checks import raises
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task, per_moment, square_sum
 from stepper.sensors import SensorModel, Transfer
 

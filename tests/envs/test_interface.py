@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 import stepper
 import stepper.adapters
+from checks import every, raises
 from envs.cases import same
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import vector
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
-from checks import every
-from checks import raises
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.sensors import SensorModel, Transfer

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import stepper
 from cases import Slide
+from checks import raises
 from hypothesis import given
 from hypothesis import strategies as st
-from checks import raises
 from stepper.envs import TASKS, Group, MujocoTask, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.tasks import Hopper
 

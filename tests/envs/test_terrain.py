@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from checks import raises
 from stepper.envs import Reset, Rng, terrain
 from stepper.envs.terrain import Terrain, TerrainCurriculum
 from stepper.sensors import HeightField

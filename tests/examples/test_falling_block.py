@@ -5,10 +5,10 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from falling_block import FallingBlock, FallingBlocks
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from checks import raises
 
 N = 5
 

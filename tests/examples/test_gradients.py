@@ -5,9 +5,9 @@ import dataclasses
 
 import gymnasium
 import pytest
+from checks import raises
 from envs.cases import needs_gymnasiums
 from gymnasium.vector import AutoresetMode
-from checks import raises
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
 import grasp  # noqa: E402

@@ -8,8 +8,8 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
-from envs.cases import needs_gymnasiums
 from checks import raises
+from envs.cases import needs_gymnasiums
 from stepper.policies import load, make
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")

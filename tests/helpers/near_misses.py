@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import stepper
-from meshes import cuboid, vertices
+from geometry import cuboid, vertices
 
 ROUNDING = {"f64": 1e-9, "f32": 1e-5}
 """Rounding error of a velocity after some hundred steps, relative to the speed."""

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from identification.repetitions import Kept, Row, noisy
 from identification.scenes import HARD, by_sensor, held, pushed
 from mjcf import mjcf
 from models import stepper_model
-from checks import raises
 from sections import section_of
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import parse, places

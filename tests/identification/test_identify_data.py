@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 import stepper
-from identification.scenes import HARD, pushed
 from checks import raises
+from identification.scenes import HARD, pushed
 from stepper.sysid import Episode, episodes_of
 
 SCENE = pushed()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from identification.online import NOISE, PERIOD, controls, readings
 from identification.scenes import held
-from checks import raises
 from stepper.sysid.problem import MAX_PREDICTIONS, Problem
 from stepper.sysid.uncertainty import uncertainty
 

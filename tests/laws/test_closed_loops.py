@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from equalities import rows_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import SOURCES, flags_of, forward, simulate
-from checks import every
 from stepper import Status
 
 ANGLES = st.floats(-180.0, 180.0)

@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from contact_problem import problem_of
-from heaps import Heap, heaps
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import SOURCES, simulate, stepper_model
-from checks import every
+from scenes import Heap, heaps
 
 GRAVITY = np.array([0, 0, -9.81])
 # The reference problem (contact_problem.py) has Baumgarte's target velocities.

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import simulate
-from checks import every
 from stepper import Status
 
 RADIUS, HALF, THICKNESS = 0.03, 0.5, 0.002

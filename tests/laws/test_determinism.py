@@ -18,9 +18,9 @@ import stepper
 from golden import scenes
 from golden.record import READINGS, Random
 from golden.trajectories import HUMANOID, IMPLICIT, NEWTON, RK4, SOFT, TRAJECTORIES, robot, scene
-from jams import arms
 from models import contact_bits, simulate, stepper_model
 from reference.test_mujoco_actuators import text as adhesion
+from scenes import arms
 from stepper import Options
 
 # One thread steps groups of sixteen lanes, two threads groups of eight, and some lanes of the last group are none.

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from jams import OVERLAP, SLOT
 from models import simulate, stepper_model
-from checks import every
+from scenes import OVERLAP, SLOT
 from stepper import Options, Status
 
 UNRESOLVED = stepper.Status.UNRESOLVED

@@ -6,13 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every, raises
+from geometry import matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mjcf import mjcf
 from models import simulate
-from checks import every
-from checks import raises
-from rotations import matrix
 
 SCENE = """
 <mujoco><option timestep=".002"/><worldbody><geom name="floor" type="plane" size="9 9 1"/>

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import simulate, stepper_model
-from checks import raises
 from stepper import Options, Status
 
 E = 1e-3

@@ -9,12 +9,12 @@ import near_misses
 import numpy as np
 import pytest
 import stepper
+from checks import every
+from geometry import cuboid
 from hypothesis import example, given
 from hypothesis import strategies as st
-from meshes import cuboid
 from models import simulate
 from near_misses import ROUNDING, Floor, fly, scene_xml
-from checks import every
 from stepper import Options, Status
 
 INTEGRATORS = ["midpoint", "implicit"]

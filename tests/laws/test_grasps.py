@@ -6,10 +6,10 @@ Coulomb's law: the object sticks if mu times the sum of finger forces is at leas
 import numpy as np
 import pytest
 import stepper
+from checks import every
+from geometry import prism, vertices
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from meshes import prism, vertices
-from checks import every
 from stepper import Status
 
 G, MASS, FORCE, HALF, HAND = 9.81, 0.1, 0.981, 0.02, 1e3

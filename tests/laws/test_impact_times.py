@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from models import simulate
 from numerics import slope
-from checks import every
 from stepper import Status
 
 G, R = 9.81, 0.1

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import stepper
-from differentiated import NOISE, joined, touching
+from checks import every
 from hypothesis import given
 from hypothesis import strategies as st
-from checks import every
+from numerics import NOISE, joined, touching
 from stepper import Options
 from stepper.derivatives import Kink
 

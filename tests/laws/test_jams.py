@@ -5,11 +5,11 @@ import functools
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from jams import arms
 from models import flags_of, simulate
-from checks import every
+from scenes import arms
 from stepper import Options, Status
 
 JAMMED = {

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 import stepper
-from differentiated import NOISE, joined, touching
+from checks import raises
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import SOURCES, afloat, random_quaternion, simulate, stepper_model
-from checks import raises
+from numerics import NOISE, joined, touching
 from stepper import Drive, Options
 from stepper.derivatives import Kink
 from stepper.derivatives.perturbations import step_of

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from hypothesis import example, given
 from hypothesis import strategies as st
 from models import simulate
 from near_misses import ASSETS, MOVERS, OBSTACLES, ROUNDING, Floor, fly, scene_xml
-from checks import every
 
 INTEGRATORS = ["midpoint", "euler", "implicit", "rk4"]
 movers = st.sampled_from(sorted(MOVERS))

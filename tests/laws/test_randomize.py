@@ -9,12 +9,11 @@ import functools
 import numpy as np
 import pytest
 import stepper
+from checks import every, raises
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meadow import FIELDS, MEADOW
 from models import contact_bits, simulate, stepper_model
-from checks import every
-from checks import raises
 from stepper.shared.fields import RANDOMIZED
 
 N, CALLS, NSTEP = 11, 40, 3

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
+from geometry import about, matrix, product
 from hypothesis import given
 from hypothesis import strategies as st
 from models import SOURCES, force_of_world, mujoco_model, random_quaternion, simulate, stepper_model
-from checks import every
-from rotations import about, matrix, product
 
 G = 9.81
 BOUND = 0.01  # Of the weight: what the tolerance of a short step may leave is 0.6 % of it.

@@ -6,8 +6,8 @@ from collections import Counter
 import numpy as np
 import pytest
 import stepper
-from models import random_quaternion, simulate, stepper_model
 from checks import raises
+from models import random_quaternion, simulate, stepper_model
 from rollout_gradients import LAWS, Judged, bodies_on_a_floor, judge
 from stepper import Drive, Options
 from stepper.derivatives import Kink, Smoothing, UndeterminedDerivative, rollout

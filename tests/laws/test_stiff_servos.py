@@ -8,9 +8,9 @@ backward Euler's removes it. What is damped and not resolved dies out with eithe
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from models import simulate
 from numerics import slope
-from checks import every
 from scipy.linalg import expm
 from stepper.actuators import PID, ActuatorModel, Drive
 

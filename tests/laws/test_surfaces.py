@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 import stepper
+from checks import every
+from geometry import cuboid, prism, vertices
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from meshes import cuboid, prism, vertices
 from models import simulate
-from checks import every
 
 HALF, BEND, RADIUS, G = 0.5, 0.5, 0.1, 9.81
 """m, 1/m, m, m/s^2."""

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from models import simulate
 from checks import every
-from rotations import matrix
+from geometry import matrix
+from models import simulate
 from scenes import BOX, G, every_choice, every_dt, on_plane
 from stepper import Options, Status
 

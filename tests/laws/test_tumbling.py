@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 from atlas.scenes.flight import ENERGY, I1, I2, I3, L2, PERIOD, SPIN, TOUCH, omega
-from heaps import Heap, heap
+from checks import every
+from geometry import about, matrix, product
 from models import SOURCES, afloat, simulate
 from numerics import slope
-from checks import every
-from rotations import about, matrix, product
+from scenes import Heap, heap
 
 BODY = f"""<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>
   <inertial pos="0 0 0" mass="1" diaginertia="{I1} {I2} {I3}"/></body></worldbody></mujoco>"""

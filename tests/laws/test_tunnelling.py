@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from hypothesis import given
 from hypothesis import strategies as st
 from models import SOURCES, afloat, random_quaternion, simulate
-from checks import every
 from stepper import Options, Status
 
 HEAD = '<mujoco><option gravity="0 0 0"/><worldbody>'

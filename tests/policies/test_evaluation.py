@@ -7,8 +7,8 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper.envs
-from envs.cases import Strong, needs_gymnasiums
 from checks import raises
+from envs.cases import Strong, needs_gymnasiums
 from scipy import stats
 from stepper.envs.tasks import InvertedPendulum
 from stepper.policies import Comparison, Evaluation, compare, evaluate, make

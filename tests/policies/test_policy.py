@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import stepper
 import stepper.envs
-from envs.cases import needs_gymnasiums
 from checks import raises
+from envs.cases import needs_gymnasiums
 from stepper.policies import ACTIVATIONS, Policy, PolicyError, PolicyWarning, describe, differences, load
 
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 import stepper
 from actuators import ALL_KINDS, TARGETS, TREE, scene
+from checks import every, raises
 from models import forward, random_state, simulate
 from numerics import relative_error
-from checks import every
-from checks import raises
 
 BOUND = 1e-10  # As for smooth dynamics: rounding (1e-16) times what a mass matrix loses in a difference of accelerations.
 STATES = 20

@@ -8,9 +8,9 @@ the error of a light finger counts as much as that of a torso, so the bound is s
 import mujoco
 import numpy as np
 import pytest
+from checks import every
 from models import SOURCES, forward, full_mass_matrix, mujoco_model, random_state, simulate, stepper_model
 from numerics import relative_error
-from checks import every
 
 STATES = 20
 BOUND = 1e-10  # Asked for by issue 2: rounding (1e-16) times the condition of the worst mass matrix (1e6, the stacker's).

@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from flights import SCENES, converged, run, scene
 from mjcf import mjcf
 from models import SOURCES, afloat, random_state, simulate
 from numerics import slope, state_error
-from checks import every
 
 ROBOTS = ["gymnasium/humanoid", "gymnasium/half_cheetah", "dm_control/walker", "dm_control/quadruped"]
 STEPS = 20

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from geometry import matrix
 from models import SOURCES, afloat, forward, full_mass_matrix, random_quaternion, random_state, simulate, stepper_model
-from rotations import matrix
 from stepper._quantities import KINDS
 
 BOUND = 1e-10

@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from mjcf import mjcf
 from models import SOURCES, forward, random_quaternion, random_state, simulate
-from checks import every
 from stepper.loading.mjcf.sensors import MISSING
 from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from models import full_mass_matrix, simulate
-from checks import raises
 from stepper import Options, Status
 
 BLOCK = """<mujoco><option timestep=".002" cone="{cone}" noslip_iterations="{sweeps}" gravity="4.0 0 -8.96"/>

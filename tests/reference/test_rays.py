@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import raises
+from geometry import matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import SOURCES, forward, random_quaternion, random_state, stepper_model
-from checks import raises
-from rotations import matrix
 from stepper.sensors import HeightField
 
 BOUND = 1e-9

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from models import forward, full_mass_matrix, random_state, simulate
 from mujoco_law.parity import compare, prepare, states
 from numerics import acceleration_of_short_steps, relative_error
-from checks import every
 
 # Lengths and moment arms are smooth functions of the state, and both engines use the same formulas: rounding is 1e-16 times the size of the
 # scene (1 m), and grows by the condition of tangents, at most 1e4 in random states.

@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from contact_problem import equalities
 from equalities import KINDS, LINKAGE, rows_of
 from models import forward, full_mass_matrix, random_state, simulate
 from numerics import acceleration_of_short_steps, relative_error
-from checks import every
 
 TREE = """<mujoco><default><geom contype="0" conaffinity="0" density="500"/></default><worldbody>
   <body pos="0 0 1"><joint name="a" axis="0 1 0"/><geom type="capsule" size=".03" fromto="0 0 0 .3 0 0"/>

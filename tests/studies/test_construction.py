@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import stepper
 import stepper.policies
-from envs.test_terms import ROBOT, made
 from checks import raises
+from envs.test_terms import ROBOT, made
 from servo_arm import ARM as SERVO_ARM
 from servo_arm import angles
 from stepper.envs import BatchView

@@ -6,8 +6,8 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 import stepper
-from gymnasium.utils.env_checker import check_env
 from checks import every
+from gymnasium.utils.env_checker import check_env
 from stepper.envs import TASKS, StepperEnv, StepperVectorEnv
 from stepper.viewer import Renderer
 from stepper.viewer.renderer import SHADOWS

@@ -5,8 +5,7 @@ import pickle
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from models import SOURCES, simulate, stepper_model
 from stepper import Model
 from stepper.loading.load import compile_source

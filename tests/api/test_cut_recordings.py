@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from recordings import PENDULUM, disk_of, edit_file, edit_header
 from stepper.recording import RecordingError, RecordingWarning, recorder
 from stepper.recording.format import KINDS, ROWS, find_blocks, read_header

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import given
-from hypothesis import strategies as hypothesis
+from hypothesis import given, strategies as hypothesis
 from models import STATE, simulate, stepper_model
 from stepper import ActuatorModel, Drive, Stepper
 from stepper.envs import StepperVectorEnv

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from loading_scenes import joint, link, robot
 from recordings import disk_of
 from stepper.cli.app import COMMANDS, application, main

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from loading_scenes import joint, link, robot, sphere
 from models import SOURCES, simulate, stepper_model
 from stepper.loading import origin_of

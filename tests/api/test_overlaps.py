@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from loading_scenes import arm, joint, link, robot, sheet, sphere
 from mjcf import mjcf
 from models import simulate

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from mjcf import mjcf
 from models import SOURCES, stepper_model
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from stepper.recording.format import KINDS, read_header, read_rows
 
 XML = """<mujoco><worldbody><light pos="0 0 3"/><camera name="side" pos="0 -2 1" xyaxes="1 0 0 0 0 1"/><body name="arm">

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 from models import simulate, stepper_model
 from stepper._hints import _guesses
 from stepper.derivatives import rollout

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from loading_scenes import LIMIT, arm, joint, link, robot, sphere
 from stepper.loading.urdf import VARIABLES
 from stepper.loading.urdf_actuators import POSITION_FREQUENCY, VELOCITY_FREQUENCY

@@ -12,8 +12,7 @@ import stepper
 import stepper.cli.view
 from checks import every, raises
 from geometry import matrix
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from models import SOURCES
 from stepper.cli import main
 from stepper.viewer import shapes

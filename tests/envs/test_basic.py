@@ -12,8 +12,7 @@ import stepper.envs
 from checks import raises
 from envs.cases import Strong, same
 from gymnasium.vector import AutoresetMode
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from stepper.envs import Observation, Rng, StepperEnv, StepperVectorEnv, normal, seeds
 from stepper.envs.basic import FallingBlock, Grasp
 from stepper.envs.basic.grasp import FORCE, FRICTION, GRAVITY, MASS, OPTIONS

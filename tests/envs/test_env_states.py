@@ -11,8 +11,7 @@ import stepper
 from envs.cases import same
 from envs.test_hooks import Grouped, Levels
 from envs.test_terms import Robot
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from stepper.actuators import ActuatorModel, Drive
 from stepper.envs import Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.basic import FallingBlock

@@ -14,8 +14,7 @@ from envs.test_hooks import Levels
 from envs.test_terms import Robot
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task, per_moment, square_sum
 from stepper.sensors import SensorModel, Transfer
 

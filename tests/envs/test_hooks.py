@@ -10,8 +10,7 @@ import stepper.envs
 from checks import raises
 from envs.cases import SLIDE, Slide, same
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from stepper.envs import Group, Observation, Rng, StepperEnv, StepperVectorEnv, Task, contact_forces, normal, scale, uniform
 from stepper.envs.commands import VelocityCommand
 from stepper.shared.streams import Streams

@@ -12,8 +12,7 @@ import pytest
 import stepper
 from cases import Slide
 from checks import raises
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from stepper.envs import TASKS, Group, MujocoTask, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.tasks import Hopper
 

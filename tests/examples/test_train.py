@@ -13,8 +13,7 @@ from envs.cases import needs_gymnasiums
 from stepper.policies import load, make
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
-from stepper.policies import ppo as train  # noqa: E402
-from stepper.policies import ppo_settings  # noqa: E402
+from stepper.policies import ppo as train, ppo_settings  # noqa: E402
 
 SMALL = {"num_envs": 32, "horizon": 16, "minibatch": 256, "threads": 1, "hidden": (16, 16)}
 PER_ITERATION = 32 * 16

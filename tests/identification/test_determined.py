@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import stepper
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from identification import strikes
 from identification.determined import LIGHT, PENDULUM, PERIOD, SWEEP, Count, scenes
 from identification.repetitions import noisy

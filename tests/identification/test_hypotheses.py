@@ -7,8 +7,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from identification import online
 from identification.followed import Array
 from identification.scenes import HARD

@@ -6,8 +6,7 @@ import pytest
 import stepper
 from checks import every
 from equalities import rows_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from models import SOURCES, flags_of, forward, simulate
 from stepper import Status
 

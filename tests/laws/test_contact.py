@@ -6,8 +6,7 @@ import pytest
 import stepper
 from checks import every
 from contact_problem import problem_of
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 from models import SOURCES, simulate, stepper_model
 from scenes import Heap, heaps
 

@@ -8,8 +8,7 @@ import pytest
 import stepper
 from checks import every, raises
 from geometry import matrix
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from mjcf import mjcf
 from models import simulate
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from models import simulate, stepper_model
 from stepper import Options, Status
 

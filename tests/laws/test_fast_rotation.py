@@ -11,8 +11,7 @@ import pytest
 import stepper
 from checks import every
 from geometry import cuboid
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 from models import simulate
 from near_misses import ROUNDING, Floor, fly, scene_xml
 from stepper import Options, Status

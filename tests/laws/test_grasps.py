@@ -8,8 +8,7 @@ import pytest
 import stepper
 from checks import every
 from geometry import prism, vertices
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from stepper import Status
 
 G, MASS, FORCE, HALF, HAND = 9.81, 0.1, 0.981, 0.02, 1e3

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import every
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numerics import NOISE, joined, touching
 from stepper import Options
 from stepper.derivatives import Kink

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import every
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from models import flags_of, simulate
 from scenes import arms
 from stepper import Options, Status

@@ -9,8 +9,7 @@ import pytest
 import scipy.linalg
 import stepper
 from checks import raises
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 from models import SOURCES, afloat, random_quaternion, simulate, stepper_model
 from numerics import NOISE, joined, touching
 from stepper import Drive, Options

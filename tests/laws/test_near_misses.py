@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import every
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 from models import simulate
 from near_misses import ASSETS, MOVERS, OBSTACLES, ROUNDING, Floor, fly, scene_xml
 

@@ -7,8 +7,7 @@ import stepper
 from checks import raises
 from equalities import KINDS, LINKAGE, rows_of
 from geometry import matrix
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from laws.test_closed_loops import LOOPS, four_bar, turning
 from models import SOURCES, forward, random_state, simulate, stepper_model
 

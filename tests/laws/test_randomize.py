@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import every, raises
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from meadow import FIELDS, MEADOW
 from models import contact_bits, simulate, stepper_model
 from stepper.shared.fields import RANDOMIZED

@@ -6,8 +6,7 @@ Bounds of statistics are five standard deviations of the estimator, which the se
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from mjcf import mjcf
 from scipy import stats
 from stepper import SensorModel, Transfer

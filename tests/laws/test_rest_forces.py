@@ -10,8 +10,7 @@ import pytest
 import stepper
 from checks import every
 from geometry import about, matrix, product
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from models import SOURCES, force_of_world, mujoco_model, random_quaternion, simulate, stepper_model
 
 G = 9.81

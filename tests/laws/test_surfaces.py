@@ -7,8 +7,7 @@ import pytest
 import stepper
 from checks import every
 from geometry import cuboid, prism, vertices
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from models import simulate
 
 HALF, BEND, RADIUS, G = 0.5, 0.5, 0.1, 9.81

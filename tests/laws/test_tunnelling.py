@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import every
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from models import SOURCES, afloat, random_quaternion, simulate
 from stepper import Options, Status
 

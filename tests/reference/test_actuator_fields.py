@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 import stepper
 from actuators import KINDS, TREE, scene
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from models import forward, random_state, simulate
 from numerics import relative_error
 

@@ -9,8 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 from models import full_mass_matrix
 from mujoco_law.parity import prepare, states
 from stepper import Options

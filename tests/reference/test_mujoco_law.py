@@ -7,8 +7,7 @@ import stepper
 from checks import every
 from equalities import KINDS, LINKAGE
 from models import SOURCES
-from mujoco_law.parity import AGREES, compare, prepare, states
-from mujoco_law.parity import States as Found
+from mujoco_law.parity import AGREES, States as Found, compare, prepare, states
 
 # The acceleration of both is that of a strictly convex problem, which both solve until rounding stops them: relative to 1 + max |qvel| the
 # velocities after a step differ by less than 1e-9, or than MuJoCo's own solvers do (Parity.agrees).

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 from models import full_mass_matrix, simulate
 from stepper import Options, Status
 

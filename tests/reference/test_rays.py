@@ -9,8 +9,7 @@ import pytest
 import stepper
 from checks import raises
 from geometry import matrix
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from models import SOURCES, forward, random_quaternion, random_state, stepper_model
 from stepper.sensors import HeightField
 

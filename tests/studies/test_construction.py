@@ -8,8 +8,7 @@ import stepper
 import stepper.policies
 from checks import raises
 from envs.test_terms import ROBOT, made
-from servo_arm import ARM as SERVO_ARM
-from servo_arm import angles
+from servo_arm import ARM as SERVO_ARM, angles
 from stepper.envs import BatchView
 from stepper.envs.quantities import base_height, base_linvel, gravity, joint_pos
 from stepper.lab import Outcome, Parameter, Study, chart, rank, sweep, tune

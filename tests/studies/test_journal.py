@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from stepper.lab.study.journal import JOURNAL, Journal, JournalError, rows_of
 
 ROWS = [{"key": str(k), "x": x} for k, x in enumerate([0.1, math.inf, math.nan, 1e-300])]

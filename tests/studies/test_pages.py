@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from stepper.cli.app import application
 from stepper.lab.study.document import Document, Section, cell
 from stepper.lab.study.draw import WIDEST, figure_of

@@ -7,7 +7,6 @@ import pytest
 import stepper
 from hypothesis import given, settings, strategies as st
 from models import SOURCES, simulate, stepper_model
-from stepper import Model
 from stepper.loading.load import compile_source
 from stepper.loading.mjcf import describe
 from stepper.loading.origins import Origin
@@ -79,7 +78,7 @@ def test_a_ball_rests_on_one_of_many_fixed_boxes(count):
     places = 0.1 * np.stack(np.unravel_index(np.arange(count), (300, 300)), axis=1)
     under = places[count // 2]
     boxes = [box | {"pos": [x - under[0], y - under[1], 0.0]} for x, y in places.tolist()]
-    sim = simulate(Model.from_description(description | {"geoms": [*boxes, ball]}, True), timestep=5e-3, steps=200)
+    sim = simulate(stepper.Model.from_description(description | {"geoms": [*boxes, ball]}, True), timestep=5e-3, steps=200)
     (contact,) = sim.contacts()
     assert sorted(contact["geom"].tolist()) == [count // 2, count]
     # The slop, by which contacts overlap at rest.

@@ -9,7 +9,6 @@ import stepper
 from checks import raises
 from hypothesis import given, strategies as hypothesis
 from models import STATE, simulate, stepper_model
-from stepper import ActuatorModel, Drive, Stepper
 from stepper.envs import StepperVectorEnv
 from stepper.viewer.frames import shown_envs
 
@@ -239,7 +238,7 @@ EMPTY = {
 
 
 def made(*, recorded=None):
-    sim = Stepper(stepper.load(ARM), N, seed=3)
+    sim = stepper.Stepper(stepper.load(ARM), N, seed=3)
     sim.step(np.linspace(-1, 1, N)[:, None], 3)
     if recorded is not None:
         sim.record(recorded)
@@ -300,8 +299,8 @@ def test_a_mask_selects_what_its_indices_do(call):
 
 
 def test_all_methods_with_envs_are_tested():
-    methods = {name for name in dir(Stepper) if not name.startswith("_") and callable(getattr(Stepper, name))}
-    with_envs = {name for name in methods if "envs" in inspect.signature(getattr(Stepper, name)).parameters}
+    methods = {name for name in dir(stepper.Stepper) if not name.startswith("_") and callable(getattr(stepper.Stepper, name))}
+    with_envs = {name for name in methods if "envs" in inspect.signature(getattr(stepper.Stepper, name)).parameters}
     assert with_envs == {call.split()[0] for call in CALLS}
 
 
@@ -318,7 +317,7 @@ def test_environments_take_an_empty_selection(envs):
 
 @pytest.mark.parametrize("envs", EMPTY.values(), ids=EMPTY)
 def test_drives_of_no_environment_are_empty(envs):
-    assert ActuatorModel({"m": Drive(delay=np.arange(N) * 0.01)}).drives(made().model, N, envs)[0]["delay"] == []
+    assert stepper.ActuatorModel({"m": stepper.Drive(delay=np.arange(N) * 0.01)}).drives(made().model, N, envs)[0]["delay"] == []
 
 
 def test_a_view_shows_the_environments_of_a_mask():

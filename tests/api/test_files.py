@@ -65,20 +65,16 @@ low = -10.0
 high = -9.0
 """
 ESCAPES = ["../../../escaped", "..", ".", "...", "a/b", "/a", "a\\b", "C:", "C:a", "", " a", "a\n", "\0", "\ud800", "x" * 201, "é" * 101]
+MODEL = stepper.load(MJCF)
 
 
 @pytest.fixture(scope="module")
-def model():
-    return stepper.load(MJCF)
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory, model):
+def files(tmp_path_factory):
     """A folder with a valid file of every kind."""
     folder = tmp_path_factory.mktemp("files")
     (folder / "m.xml").write_text(MJCF)
     (folder / "m.urdf").write_text(URDF.format(pole=link("pole")))
-    model.save(folder / "m.stepper")
+    MODEL.save(folder / "m.stepper")
     mujoco.mj_saveModel(mujoco.MjModel.from_xml_string(MJCF), str(folder / "m.mjb"))
     (folder / "s.toml").write_text("[sensors.angle]\nnoise_std = 0.1\n")
     (folder / "s.json").write_text('{"sensors": {"angle": {"noise_std": 0.1}}}')
@@ -92,8 +88,8 @@ def files(tmp_path_factory, model):
     stepper.policies.Policy(
         mean=np.zeros(3), std=np.ones(3), clip=5.0, layers=[layer], activation="tanh", environment={}, **bounds
     ).save(folder / "p.npz")  # fmt: skip
-    stepper.sysid.identify(model, folder / "log.npz", ["dof_damping[my hinge]"], channels=["qpos"], starts=1).save(folder / "i.json")
-    sim = stepper.Stepper(model)
+    stepper.sysid.identify(MODEL, folder / "log.npz", ["dof_damping[my hinge]"], channels=["qpos"], starts=1).save(folder / "i.json")
+    sim = stepper.Stepper(MODEL)
     with sim.record(folder / "run"):
         for _ in range(20):
             sim.step()
@@ -160,27 +156,27 @@ def refuse(path, read, model, *, may_pass=False):
 
 
 @pytest.mark.parametrize(("name", "read"), READERS)
-def test_files_that_are_missing_empty_or_of_another_kind_are_named(work, model, name, read):
+def test_files_that_are_missing_empty_or_of_another_kind_are_named(work, name, read):
     path = work / name
     whole = path.read_bytes()
     # A study without a journal begins anew, and empty tables are those of ideal sensors.
     new, tables = name.startswith("out"), Path(name).suffix == ".toml" and name != "study.toml"
     for content in (b"", bytes(100), b"hello\n", bytes(range(256)), whole.replace(b"e", b"\xe9", 3)):
         path.write_bytes(content)
-        refuse(path, read, model, may_pass=new or content == whole or (tables and not content))
+        refuse(path, read, MODEL, may_pass=new or content == whole or (tables and not content))
     path.write_bytes(whole)
-    read(path, model)
+    read(path, MODEL)
     path.unlink()
-    refuse(path, read, model, may_pass=new)
+    refuse(path, read, MODEL, may_pass=new)
     if not new:
         path.mkdir()
-        refuse(path, read, model)
+        refuse(path, read, MODEL)
 
 
 @pytest.mark.parametrize(("name", "read"), [reader for reader in READERS if "/" not in reader[0] and reader[1] is not from_file])
-def test_names_that_no_file_system_takes_are_refused_in_few_words(work, model, name, read):
+def test_names_that_no_file_system_takes_are_refused_in_few_words(work, name, read):
     with pytest.raises((ValueError, OSError), match=r"there is no .* file .*xxx\.\.\.xxx") as error:
-        read(work / ("x" * 5000 + Path(name).suffix), model)
+        read(work / ("x" * 5000 + Path(name).suffix), MODEL)
     assert len(str(error.value)) < 1000
 
 
@@ -369,8 +365,8 @@ def test_a_folder_that_cannot_be_locked_is_an_error_with_a_remedy(tmp_path):
 
 
 @pytest.mark.parametrize("name", ESCAPES)
-def test_a_study_stays_in_its_output_folder(model, tmp_path, name):
-    raises(ValueError, r"name (is|has) .*the folder of the results: choose", Study, model=model, name=name)
+def test_a_study_stays_in_its_output_folder(tmp_path, name):
+    raises(ValueError, r"name (is|has) .*the folder of the results: choose", Study, model=MODEL, name=name)
     if name.isprintable():
         (tmp_path / "study.toml").write_text(f'name = {json.dumps(name)}\nmodel = "m.xml"\n')
         raises(ValueError, r"study\.toml: name (is|has) .*the folder of the results", Study.from_file, tmp_path / "study.toml")
@@ -390,8 +386,8 @@ def test_a_name_is_refused_or_is_one_folder(name):
 
 
 @pytest.mark.parametrize("name", ["study", "grasp: slow", "a b", ".hidden", "é", "v1.2"])
-def test_usual_names_are_taken(model, name):
-    assert Study(model=model, name=name).name == name
+def test_usual_names_are_taken(name):
+    assert Study(model=MODEL, name=name).name == name
 
 
 def test_the_folder_of_a_run_is_one_folder():
@@ -425,9 +421,9 @@ def test_measures_name_elements_whose_names_have_spaces(measure, quantity, name,
     ("joint my hinge q", "its last word is 'q', must be x, y, z or a number"),
     ("joint", "must be a function or a text such as"), ("", "must be a function or a text such as"),
 ])  # fmt: skip
-def test_measures_of_other_elements_are_refused(model, measure, message):
+def test_measures_of_other_elements_are_refused(measure, message):
     with pytest.raises(ValueError, match=message):
-        Study(model=model, outcomes=Outcome(name="x", measure=measure), parameters={"d": Parameter("gravity[2]", low=-10, high=-9)})
+        Study(model=MODEL, outcomes=Outcome(name="x", measure=measure), parameters={"d": Parameter("gravity[2]", low=-10, high=-9)})
 
 
 # Parts

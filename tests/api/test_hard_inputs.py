@@ -40,11 +40,7 @@ OPEN = {"tendon_range", "jnt_actfrcrange", "actuator_ctrlrange", "actuator_force
 """Whose lower bound may be -inf and upper inf."""
 RIGID = {"eq_stiffness", "geom_stiffness", "pair_stiffness"}
 """Whose infinity is rigid."""
-
-
-@pytest.fixture(scope="module")
-def model():
-    return stepper.load(SCENE)
+MODEL = stepper.load(SCENE)
 
 
 # Bytes
@@ -132,8 +128,8 @@ def test_states_with_a_true_checksum_and_nonsense_in_them_are_refused_or_taken_b
     ("applied", [np.zeros(3), None, None, None, None], r"qfrc_applied has shape \(3,\), must be \(2, 8\)"),
     ("applied", [None, "x", None, None, None], "xfrc_applied is .*, must be an array of numbers"),
 ])  # fmt: skip
-def test_a_crafted_pickle_is_refused_in_words(model, name, value, what):
-    sim = simulate(model, 2)
+def test_a_crafted_pickle_is_refused_in_words(name, value, what):
+    sim = simulate(MODEL, 2)
     state = sim.__getstate__()
     sim.__setstate__(state)
     raises((TypeError, ValueError), f"(?s){what}", sim.__setstate__, state | {name: value})
@@ -142,8 +138,8 @@ def test_a_crafted_pickle_is_refused_in_words(model, name, value, what):
     sim.step()
 
 
-def test_a_copy_shares_nothing_that_is_written_to(model):
-    sim = simulate(model, 2)
+def test_a_copy_shares_nothing_that_is_written_to():
+    sim = simulate(MODEL, 2)
     sim.xfrc_applied[:] = 1.0
     sim.mocap_pos[:] = 2.0
     for other in (copy.copy(sim), copy.deepcopy(sim), pickle.loads(pickle.dumps(sim))):
@@ -263,11 +259,11 @@ def fields():
     return [name for name in dir(stepper.Model) if isinstance(getattr(stepper.Model, name), property)]
 
 
-def test_every_field_refuses_what_is_no_number(model):
+def test_every_field_refuses_what_is_no_number():
     names = fields()
     assert len(names) > 40
     for name in names:
-        given = np.array(getattr(model, name))
+        given = np.array(getattr(MODEL, name))
         assert given.size, f"{name} has nothing in this scene"
         for at in {0, given.size // 2, given.size - 1}:
             for number in (np.nan, np.inf, -np.inf):
@@ -275,18 +271,18 @@ def test_every_field_refuses_what_is_no_number(model):
                 wrong.flat[at] = number
                 is_no_bound = name in OPEN and number == (np.inf if at % 2 else -np.inf)
                 if is_no_bound or (name in RIGID and number == np.inf) or np.array_equal(wrong, given):
-                    model.replace(**{name: wrong})
+                    MODEL.replace(**{name: wrong})
                     continue
                 with pytest.raises(stepper.ModelError):
-                    model.replace(**{name: wrong})
+                    MODEL.replace(**{name: wrong})
                     pytest.fail(f"{name}[{at}] = {number} was taken")
 
 
-def test_every_field_of_environments_refuses_what_is_no_number(model):
-    sim = simulate(model, 2)
+def test_every_field_of_environments_refuses_what_is_no_number():
+    sim = simulate(MODEL, 2)
     tried = 0
     for name in fields():
-        given = np.stack([getattr(model, name)] * 2)
+        given = np.stack([getattr(MODEL, name)] * 2)
         for at in {0, given.size // 2, given.size - 1}:
             for number in (np.nan, np.inf, -np.inf):
                 wrong = given.copy()
@@ -320,12 +316,12 @@ def test_a_state_beyond_the_numbers_of_the_lanes_is_refused():
     simulate(stepper_model(HOPPER), 2).set_state(qvel=np.full(sim.model.nv, 1e39))
 
 
-def test_a_model_beyond_the_numbers_of_the_lanes_is_refused(model):
-    far = model.replace(qpos0=np.where(np.arange(model.nq) == 1, 1e200, model.qpos0))
+def test_a_model_beyond_the_numbers_of_the_lanes_is_refused():
+    far = MODEL.replace(qpos0=np.where(np.arange(MODEL.nq) == 1, 1e200, MODEL.qpos0))
     raises(stepper.ModelError, 'field "qpos0": number 1 is 1e200, which is too large for 32 bits', simulate, far, precision="f32")
     simulate(far).step()
     with pytest.raises(ValueError, match="body_mass has 1e200, which 32 bits cannot hold"):
-        simulate(model, 1, precision="f32").randomize(body_mass=[[0, 1e200, 1, 1, 1]])
+        simulate(MODEL, 1, precision="f32").randomize(body_mass=[[0, 1e200, 1, 1, 1]])
 
 
 @pytest.mark.parametrize("env", [5, -3, 10**30, -(10**30)])
@@ -338,9 +334,9 @@ def test_an_environment_that_is_not_there_is_an_index_error(env):
 # Arrays
 
 
-def test_what_another_thread_writes_meanwhile_is_not_read(model):
+def test_what_another_thread_writes_meanwhile_is_not_read():
     """A step reads what was applied when it was called, whole."""
-    sim, other = simulate(model, 64), simulate(model, 64)
+    sim, other = simulate(MODEL, 64), simulate(MODEL, 64)
     mine, written = sim.xfrc_applied, []
     mine[:], other.xfrc_applied[:] = 0.25, 0.25
 
@@ -365,8 +361,8 @@ def test_what_another_thread_writes_meanwhile_is_not_read(model):
 
 
 @pytest.mark.parametrize(("attribute", "value"), [("dtype", "f4"), ("dtype", "i8"), ("dtype", "c16"), ("shape", (-1,))])
-def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(model, attribute, value):
-    sim = simulate(model, 2)
+def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(attribute, value):
+    sim = simulate(MODEL, 2)
     setattr(sim.xfrc_applied, attribute, value)
     for call in (
         sim.step,

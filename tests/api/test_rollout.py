@@ -10,7 +10,6 @@ import pytest
 import stepper
 from checks import every, raises
 from models import stepper_model
-from stepper import Status
 
 ROBOT = "dm_control/humanoid"
 T, ENVS = 12, 19
@@ -126,9 +125,9 @@ def test_nothing_is_silent():
     ctrl[4, 7, 2] = np.nan
     sim = stepper_of()
     found = sim.rollout(ctrl, NSTEP)
-    assert np.argwhere((found["status"] & Status.NON_FINITE) != 0).tolist() == [[4, 7]]
+    assert np.argwhere((found["status"] & stepper.Status.NON_FINITE) != 0).tolist() == [[4, 7]]
     assert np.array_equal(found["qpos"][4, 7], found["qpos"][3, 7])
-    assert np.argwhere(sim.status & Status.NON_FINITE).tolist() == [[7]]
+    assert np.argwhere(sim.status & stepper.Status.NON_FINITE).tolist() == [[7]]
 
 
 def test_forces_and_mocap_are_held():

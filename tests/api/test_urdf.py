@@ -139,13 +139,10 @@ def test_a_urdf_has_none_of_its_own():
 def test_an_element_that_names_motors_points_to_actuators_unless_there_are_some(element):
     urdf = robot(link("base"), link("arm"), joint("j", "base", "arm", kind="continuous"), f'<{element} name="x"/>')
     hint = 'stepper.load(..., actuators="position") adds actuators'
-    reasons = [[why for kind, _, why in model.omitted if kind == f"URDF {element}"] for model in (stepper.load(urdf), driven(urdf))]
+    models = stepper.load(urdf), stepper.load(urdf, actuators="position")
+    reasons = [[why for kind, _, why in model.omitted if kind == f"URDF {element}"] for model in models]
     assert [len(own) for own in reasons] == [1, 1]
     assert [hint in own[0] for own in reasons] == [True, False]
-
-
-def driven(urdf):
-    return stepper.load(urdf, actuators="position")
 
 
 def test_bounds_are_those_of_the_file():

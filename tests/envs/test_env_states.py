@@ -240,21 +240,9 @@ def _restore_the_steppers_state(envs, mask, rng):
     envs.sim.set_state(kept, envs=mask)
 
 
-def _randomize(envs, mask, rng):
-    envs.sim.randomize(mask, body_mass=envs.sim.model.body_mass * rng.uniform(0.5, 2.0, (N, 1)))
-
-
-def _give_the_models_parameters_back(envs, mask, rng):
-    envs.sim.randomize(mask)
-
-
 def _draw_drives(envs, mask, rng):
     if envs.sim.actuators is not None:
         envs.sim.randomize(mask, actuators=ActuatorModel(default=Drive(delay=0.002, friction=rng.uniform(0.01, 0.1, N))))
-
-
-def _reset_the_stepper(envs, mask, rng):
-    envs.sim.reset(mask)
 
 
 def _apply_forces(envs, mask, rng):
@@ -272,8 +260,10 @@ def _reset_some(envs, mask, rng):
 
 
 HAPPENINGS = (
-    _take_a_step, _take_a_step, _set_the_steppers_state, _restore_the_steppers_state, _randomize, _give_the_models_parameters_back,
-    _draw_drives, _reset_the_stepper, _apply_forces, _set_state, _reset_some,
+    _take_a_step, _take_a_step, _set_the_steppers_state, _restore_the_steppers_state, _draw_drives, _apply_forces, _set_state, _reset_some,
+    lambda envs, mask, rng: envs.sim.randomize(mask, body_mass=envs.sim.model.body_mass * rng.uniform(0.5, 2.0, (N, 1))),
+    lambda envs, mask, rng: envs.sim.randomize(mask),
+    lambda envs, mask, rng: envs.sim.reset(mask),
 )  # fmt: skip
 
 

@@ -8,7 +8,6 @@ from checks import every
 from equalities import rows_of
 from hypothesis import given, settings, strategies as st
 from models import SOURCES, flags_of, forward, simulate
-from stepper import Status
 
 ANGLES = st.floats(-180.0, 180.0)
 
@@ -151,7 +150,7 @@ def test_an_arm_carries_a_loop_that_begins_slightly_open(euler, gap):
     sim = opened(four_bar_on_arm(ARM, " ".join(map(str, euler)), -9.81), 10.0**gap)
     for _ in range(400):
         sim.step()
-        assert not sim.status & (Status.NOT_CONVERGED | Status.UNRESOLVED)
+        assert not sim.status & (stepper.Status.NOT_CONVERGED | stepper.Status.UNRESOLVED)
     # A fifth of the error in the plane of the loop is removed in each step, down to 1e-11. The error across the plane closes as the arm
     # turns the loop, which takes up to 300 steps if gravity hardly turns it.
     assert sim.max_equality_violation < 1e-9
@@ -240,7 +239,7 @@ def welded_foot(foot: float, load: float = 1.0, *, height: float = 0.02, half: s
 @pytest.mark.parametrize("ratio", [1e-4, 9.9e-7, 1e-7, 1e-9])
 def test_a_floor_holds_a_light_sphere_that_is_coupled_to_a_heavy_body(ratio, precision):
     sim = simulate(coupled_slides(10 * ratio, 10.0), precision=precision)
-    assert not flags_of(sim, 500) & ~Status.NOT_CONVERGED
+    assert not flags_of(sim, 500) & ~stepper.Status.NOT_CONVERGED
     # Twenty times the slop of contacts, m. Without the floor it falls 4.9 m.
     assert np.abs(sim.qpos).max() < 2e-4
     assert np.abs(sim.qvel).max() < 1e-4
@@ -250,7 +249,7 @@ def test_a_floor_holds_a_light_sphere_that_is_coupled_to_a_heavy_body(ratio, pre
 @pytest.mark.parametrize("curl", [0.0, 42.5])
 def test_a_cable_of_four_rods_stays_connected(curl, precision):
     sim = simulate(cable(4, curl=curl), precision=precision)
-    assert flags_of(sim, 200) == Status.OK
+    assert flags_of(sim, 200) == stepper.Status.OK
     # Without the connection the cable falls: a rod of 5 cm rotates by radians within 0.1 s.
     if curl == 0:
         assert np.abs(sim.qpos[1:4]).max() < 0.05
@@ -261,7 +260,7 @@ def test_a_cable_of_four_rods_stays_connected(curl, precision):
 def test_a_light_body_holds_a_heavy_one_by_welds(ratio, tilt, precision):
     sim = simulate(welded_through(1.0, ratio, tilt=tilt), precision=precision)
     start = np.array(sim.qpos)
-    assert flags_of(sim, 300) == Status.OK
+    assert flags_of(sim, 300) == stepper.Status.OK
     # Rounding error of positions of 1 m in 32 bits over 300 steps. Without the weld it falls 1.8 m.
     assert np.abs(sim.qpos - start).max() < 1e-4
 
@@ -270,7 +269,7 @@ def test_a_light_body_holds_a_heavy_one_by_welds(ratio, tilt, precision):
 @pytest.mark.parametrize("wheel", [1e-2, 1e-6, 1e-9])
 def test_a_light_wheel_couples_the_loads_of_a_pulley(wheel, precision):
     sim = simulate(pulley(wheel), precision=precision)
-    assert flags_of(sim, 300) == Status.OK
+    assert flags_of(sim, 300) == stepper.Status.OK
     rate = 0.1 * 9.81 / (2.1 + wheel / 2)  # Acceleration, m/s^2, with the inertia of the wheel as a mass at its rim.
     assert sim.qvel[1] == pytest.approx(0.6 * rate, rel=1e-4)
     assert sim.qvel[2] == pytest.approx(-0.6 * rate, rel=1e-4)
@@ -283,7 +282,7 @@ def test_a_light_foot_carries_the_body_that_is_welded_to_it(height, half, up, fo
     sim = simulate(welded_foot(foot, height=height, half=half, up=up), precision=precision)
     for _ in range(1000):
         sim.step()
-        assert not sim.status & ~Status.NOT_CONVERGED
+        assert not sim.status & ~stepper.Status.NOT_CONVERGED
     assert sim.qpos[2] == pytest.approx(up, abs=2e-4)  # Twenty times the slop, m.
 
 
@@ -314,7 +313,7 @@ def feasible(seed: int, precision: str) -> str:
 @given(seed=SEEDS)
 def test_feasible_scenes_are_never_flagged_as_infeasible(precision, seed):
     sim = simulate(feasible(seed, precision), precision=precision)
-    assert not flags_of(sim, 40) & (Status.INFEASIBLE | Status.NON_FINITE | Status.UNRESOLVED)
+    assert not flags_of(sim, 40) & (stepper.Status.INFEASIBLE | stepper.Status.NON_FINITE | stepper.Status.UNRESOLVED)
 
 
 def infeasible(seed: int) -> str:
@@ -358,7 +357,7 @@ def infeasible(seed: int) -> str:
 def test_infeasible_scenes_are_flagged(precision, seed):
     # The correction first moves as close as it can. The proof of infeasibility follows within 0.4 s, about twenty half-lives of a
     # position error.
-    assert simulate(infeasible(seed), precision=precision, steps=200).status & Status.INFEASIBLE
+    assert simulate(infeasible(seed), precision=precision, steps=200).status & stepper.Status.INFEASIBLE
 
 
 def planar_loop(rods: int, tilt: str, times: int) -> str:
@@ -379,7 +378,7 @@ def planar_loop(rods: int, tilt: str, times: int) -> str:
 def test_redundant_rows_of_a_planar_loop_are_removed_in_any_orientation(times, rods, tilt, precision):
     sim = simulate(planar_loop(rods, tilt, times), precision=precision)
     before = sum(sim.energy())
-    assert not flags_of(sim, 150) & ~Status.UNRESOLVED
+    assert not flags_of(sim, 150) & ~stepper.Status.UNRESOLVED
     assert np.abs(sim.qvel).max() < 200
     # Energy error of a loop of 1 kg and 1 m by inertial forces at 2 ms, J.
     assert abs(sum(sim.energy()) - before) < 0.3
@@ -395,6 +394,6 @@ def test_a_second_weld_of_the_same_bodies_changes_nothing(tilt, precision):
     for sim in sims:
         sim.set_state(qvel=np.linspace(-1, 1, 12))
         # The initial velocities violate the welds, and separate the bodies by 1 mm in the first half step.
-        assert not flags_of(sim, 100) & ~Status.EQUALITY_VIOLATED
+        assert not flags_of(sim, 100) & ~stepper.Status.EQUALITY_VIOLATED
     # Rounding error of positions of 1 m.
     assert np.abs(sims[0].qpos - sims[1].qpos).max() < (1e-5 if precision == "f32" else 1e-12)

@@ -6,11 +6,10 @@ import stepper
 from checks import every
 from hypothesis import example, given, strategies as st
 from models import simulate
-from stepper import Status
 
 RADIUS, HALF, THICKNESS = 0.03, 0.5, 0.002
 BALL = f'<body><freejoint/><geom type="sphere" size="{RADIUS}" mass="1"/></body>'
-REPORTED = Status.TUNNELLED | Status.DEEP | Status.UNRESOLVED | Status.NOT_CONVERGED
+REPORTED = stepper.Status.TUNNELLED | stepper.Status.DEEP | stepper.Status.UNRESOLVED | stepper.Status.NOT_CONVERGED
 ENVS = 64
 every_integrator = pytest.mark.parametrize("integrator", ["euler", "midpoint", "rk4"])
 every_precision = pytest.mark.parametrize("precision", ["f64", "f32"])
@@ -92,7 +91,7 @@ def test_a_ball_that_flies_into_a_corner_gains_no_energy_and_stays_near_it(frict
     max_error = 2 * speed * dt
     assert (sim.qpos[:, 1] < corner + max_error).all() and (sim.qpos[:, 2] > -corner - max_error).all()
     # Between 100 and 300 tolerances a corner may stay unsolved; a status flag then reports it.
-    assert (sim.status & (Status.NOT_CONVERGED | Status.UNRESOLVED))[sim.residual > 1e-4].all()
+    assert (sim.status & (stepper.Status.NOT_CONVERGED | stepper.Status.UNRESOLVED))[sim.residual > 1e-4].all()
 
 
 def strike_corner(restitution: float, friction: float, mass: float, integrator: str):
@@ -191,7 +190,7 @@ def test_a_thin_box_that_leaves_a_room_of_meshes_is_reported(dt, integrator, pre
     reported = np.zeros(ENVS, dtype=bool)
     for _ in range(40):
         sim.step()
-        reported |= (sim.status & (REPORTED & ~Status.DEEP)) != 0
+        reported |= (sim.status & (REPORTED & ~stepper.Status.DEEP)) != 0
     # Farther than the reach of the box, so that no contact pulls it back.
     assert not ((np.abs(sim.qpos[:, :3]) > HALF + 0.12).any(1) & ~reported).any()
 

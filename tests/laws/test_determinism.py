@@ -21,7 +21,6 @@ from golden.trajectories import HUMANOID, IMPLICIT, NEWTON, RK4, SOFT, TRAJECTOR
 from models import contact_bits, simulate, stepper_model
 from reference.test_mujoco_actuators import text as adhesion
 from scenes import arms
-from stepper import Options
 
 # One thread steps groups of sixteen lanes, two threads groups of eight, and some lanes of the last group are none.
 N, CALLS, NSTEP = 19, 16, 3
@@ -323,7 +322,7 @@ PERTURBED_ROBOTS = ["dm_control/walker", "dm_control/humanoid", "gymnasium/ant",
 @pytest.mark.parametrize("robot", PERTURBED_ROBOTS)
 def test_a_simulator_that_is_told_the_state_goes_on_like_one_that_came_there(robot, integrator):
     model, n = stepper_model(robot), 32
-    plant, told = (stepper.Stepper(model, num_envs=n, options=Options(integrator=integrator, tolerance=1e-6)) for _ in range(2))
+    plant, told = (stepper.Stepper(model, num_envs=n, options=stepper.Options(integrator=integrator, tolerance=1e-6)) for _ in range(2))
     rng, differences = np.random.default_rng(0), []
     for _ in range(20):
         plant.step(rng.uniform(-1, 1, (n, model.nu)), nstep=20)

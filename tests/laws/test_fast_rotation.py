@@ -14,7 +14,6 @@ from geometry import cuboid
 from hypothesis import example, given, strategies as st
 from models import simulate
 from near_misses import ROUNDING, Floor, fly, scene_xml
-from stepper import Options, Status
 
 INTEGRATORS = ["midpoint", "implicit"]
 OBSTACLES = near_misses.OBSTACLES | {
@@ -64,7 +63,7 @@ def stepper_of(
     model = stepper.load(scene_xml(world, timestep=timestep, gravity=gravity, assets=assets))
     if 'mesh="cubes"' in world:
         model = model.replace(geom_concave=[True] + [False] * (model.ngeom - 1))
-    return stepper.Stepper(model, precision=precision, options=Options(integrator=integrator))
+    return stepper.Stepper(model, precision=precision, options=stepper.Options(integrator=integrator))
 
 
 @given(st.sampled_from(AXES), st.sampled_from(sorted(OBSTACLES)), turns, timesteps, flights, precisions, st.sampled_from(INTEGRATORS))
@@ -175,12 +174,12 @@ def test_a_rotor_whose_disc_meets_a_post_stops_or_is_flagged(blade, turn, timest
     sim = rotor(geom, f'<geom type="capsule" size=".02 .1" pos="{x} {y} 0"/>', 0.0, timestep)
     # Start as far from the post as possible.
     sim.set_state(qpos=[angle + (math.pi if blade == "arm" else math.pi / 2)], qvel=[turn / timestep])
-    turned, flags = 0.0, Status.OK
-    while turned < 2 * math.pi + 2 * turn and not flags & Status.TUNNELLED and sim.qvel[0] > 0.5 * turn / timestep:
+    turned, flags = 0.0, stepper.Status.OK
+    while turned < 2 * math.pi + 2 * turn and not flags & stepper.Status.TUNNELLED and sim.qvel[0] > 0.5 * turn / timestep:
         before = sim.qpos[0]
         sim.step()
-        turned, flags = turned + sim.qpos[0] - before, flags | Status(int(sim.status))
-    assert sim.qvel[0] < 0.5 * turn / timestep or flags & Status.TUNNELLED
+        turned, flags = turned + sim.qpos[0] - before, flags | stepper.Status(int(sim.status))
+    assert sim.qvel[0] < 0.5 * turn / timestep or flags & stepper.Status.TUNNELLED
 
 
 @given(st.sampled_from([("box", 0.01), ("cylinder", 0.03), ("drill", 0.01)]), turns, timesteps, st.sampled_from([2e-4, 1e-3]), precisions)
@@ -239,12 +238,12 @@ def test_a_spinning_body_that_hits_another_does_not_pass_through_it(spinner, obs
     v = np.array([0, 0, -speed, 0, 0, 0])
     v[3 + "xyz".index(axis)] = turn / timestep
     sim.set_state(qvel=v)
-    flags = Status.OK
+    flags = stepper.Status.OK
     for _ in range(math.ceil(0.2 / speed / timestep) + 2):
         sim.step()
-        flags |= Status(int(sim.status))
+        flags |= stepper.Status(int(sim.status))
     # Without an impact, the body would be 0.1 m below the surface.
-    assert sim.qpos[2] > -0.02 or flags & (Status.TUNNELLED | Status.DEEP)
+    assert sim.qpos[2] > -0.02 or flags & (stepper.Status.TUNNELLED | stepper.Status.DEEP)
 
 
 @every(precision=["f64", "f32"], turn=[0.9, 1.4, 2.0, 4.0, 20.0], friction=[0.0, 1.0])
@@ -254,7 +253,7 @@ def test_a_wheel_that_rolls_fast_stays_on_a_plane(turn, friction, precision):
     wheel = f'<body pos="0 0 {radius}"><freejoint/><geom type="cylinder" size="{radius} .01" euler="90 0 0" mass="1"/></body>'
     defaults = f'<default><geom friction="{friction} 0 0"/></default>'
     xml = f'<mujoco>{defaults}<worldbody><geom type="plane" size="1 1 1"/>{wheel}</worldbody></mujoco>'
-    sim = stepper.Stepper(stepper.load(xml), precision=precision, options=Options(timestep=timestep, tolerance=tolerance))
+    sim = stepper.Stepper(stepper.load(xml), precision=precision, options=stepper.Options(timestep=timestep, tolerance=tolerance))
     spin = turn / timestep
     sim.set_state(qvel=[spin * radius, 0, 0, 0, spin, 0])
     sim.step(nstep=40)

@@ -9,7 +9,6 @@ import stepper
 from checks import every
 from geometry import prism, vertices
 from hypothesis import example, given, settings, strategies as st
-from stepper import Status
 
 G, MASS, FORCE, HALF, HAND = 9.81, 0.1, 0.981, 0.02, 1e3
 """Gravity, m/s^2; mass of the object, kg; force of each finger, N; half size of the object, m; mass of the hand, kg."""
@@ -119,7 +118,7 @@ def test_a_shaken_cube_stays_between_two_fingers(accuracy, timestep):
     shaken = Grasp("cube", np.array([0.6, 0.65]) / 0.5241, precision=precision, timestep=timestep, tolerance=tolerance)
     assert shaken.friction == pytest.approx([0.6, 0.65], rel=1e-3)
     assert (shaken.slip() < MAX_SLIP).all()
-    assert (shaken.sim.status == Status.OK).all()
+    assert (shaken.sim.status == stepper.Status.OK).all()
 
 
 @every(accuracy=ACCURACY, name=OBJECTS)
@@ -206,6 +205,6 @@ def test_a_small_part_is_held_or_flagged(precision, timestep, half):
             start = place if t >= 0.4 and start is None else start
             status |= int(sim.status)
             most = max(most, 0.0 if start is None else np.abs(place - start).max())
-        if precision == "f32" and half < 1e-3 and Status.NOT_CONVERGED in Status(status):
+        if precision == "f32" and half < 1e-3 and stepper.Status.NOT_CONVERGED in stepper.Status(status):
             continue
-        assert status == Status.OK and most < 0.02 * half, (force, most / half, Status(status))
+        assert status == stepper.Status.OK and most < 0.02 * half, (force, most / half, stepper.Status(status))

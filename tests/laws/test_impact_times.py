@@ -11,7 +11,6 @@ import stepper
 from checks import every
 from models import simulate
 from numerics import slope
-from stepper import Status
 
 G, R = 9.81, 0.1
 FLOOR = '<geom type="plane" size="9 9 1"/>'
@@ -163,7 +162,7 @@ def energy_error(sim: stepper.Stepper, seconds: float = 2.0) -> np.ndarray:
     start, error = np.sum(sim.energy(), axis=0), np.zeros(sim.num_envs)
     for _ in range(round(seconds / sim.timestep)):
         sim.step()
-        assert not (sim.status & ~Status.OK).any()
+        assert not (sim.status & ~stepper.Status.OK).any()
         error = np.maximum(error, np.abs(np.sum(sim.energy(), axis=0) / start - 1))
     return error
 
@@ -277,16 +276,12 @@ def start(world: str, dt: float, integrator: str = "midpoint") -> stepper.Steppe
     return stepper.Stepper(model, options=stepper.Options(timestep=dt, integrator=integrator))
 
 
-def off_circle(velocity, seconds: float) -> float:
-    angle = 2 / 7 * TURN * seconds
-    return float(np.abs(velocity - SPEED * np.array([-np.sin(angle), np.cos(angle)])).max()) / SPEED
-
-
 def on_a_conveyor_that_turns(dt: float, integrator: str = "midpoint") -> float:
     sim = start(f'<geom type="plane" size="9 9 1" surfacevel="0 0 0 0 0 {TURN}"/>' + BALL, dt, integrator)
     sim.set_state(qvel=ROLLS)
     sim.step(nstep=round(SECONDS / dt))
-    return off_circle(sim.qvel[:2], SECONDS)
+    angle = 2 / 7 * TURN * SECONDS
+    return float(np.abs(sim.qvel[:2] - SPEED * np.array([-np.sin(angle), np.cos(angle)])).max()) / SPEED
 
 
 def on_a_table_of_the_users(dt: float, integrator: str = "midpoint") -> float:

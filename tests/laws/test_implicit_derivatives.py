@@ -6,7 +6,6 @@ import stepper
 from checks import every
 from hypothesis import given, strategies as st
 from numerics import NOISE, joined, touching
-from stepper import Options
 from stepper.derivatives import Kink
 
 G, H = 9.81, 0.002
@@ -37,7 +36,7 @@ def scene(body: str, *, more: str = "", floor: str = "") -> stepper.Model:
 
 
 def simulation(model: stepper.Model, num_envs: int | None = 3, law: str = "hard", **more) -> stepper.Stepper:
-    return stepper.Stepper(model, num_envs, options=Options(**(SETTINGS[law] | more)))
+    return stepper.Stepper(model, num_envs, options=stepper.Options(**(SETTINGS[law] | more)))
 
 
 def apart(one: stepper.derivatives.Linearization, two: stepper.derivatives.Linearization, nv: int) -> np.ndarray:
@@ -312,6 +311,6 @@ def test_nothing_advances_and_a_single_environment_has_no_leading_axis():
 
 def test_a_batch_in_f32_is_differentiated_in_f64():
     model = scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED)
-    lin = stepper.Stepper(model, 2, options=Options(**SETTINGS["hard"]), precision="f32").linearize(method="implicit")
+    lin = stepper.Stepper(model, 2, options=stepper.Options(**SETTINGS["hard"]), precision="f32").linearize(method="implicit")
     assert lin.A.dtype == np.float64
     assert lin.implicit.all()

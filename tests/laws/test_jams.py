@@ -9,7 +9,6 @@ from checks import every
 from hypothesis import example, given, settings, strategies as st
 from models import flags_of, simulate
 from scenes import arms
-from stepper import Options, Status
 
 JAMMED = {
     "a box on a hinge between two boxes": """<geom type="box" size=".1 .1 .1" pos=".11 0 0"/>
@@ -42,7 +41,7 @@ def test_contradictory_corrections_come_to_rest(scene, gravity):
     sim.step(nstep=5000)
     # Ten seconds, in which an eye sees nothing of less than a tenth of a milliradian.
     assert np.abs(sim.qpos - before).max() < 1e-4
-    assert sim.status & Status.INFEASIBLE
+    assert sim.status & stepper.Status.INFEASIBLE
 
 
 def test_what_comes_to_rest_does_not_depend_on_its_past():
@@ -78,7 +77,7 @@ def test_a_random_jam_that_is_proven_moves_only_while_overlaps_become_less(seed)
         now = penalty(sim)
         # Without gravity nothing else moves it. Depths round by 1e-16 m.
         assert not proven or now <= before + 1e-15
-        before, proven = now, bool(sim.status & Status.INFEASIBLE)
+        before, proven = now, bool(sim.status & stepper.Status.INFEASIBLE)
 
 
 @pytest.mark.parametrize("seed", HARD)
@@ -86,7 +85,7 @@ def test_arms_that_begin_jammed_are_solved(seed):
     sim = stepper.Stepper(stepper.load(arms(seed)))
     for _ in range(50):
         sim.step()
-        assert not sim.status & Status.NOT_CONVERGED, (float(sim.residual), sim.worst_row())
+        assert not sim.status & stepper.Status.NOT_CONVERGED, (float(sim.residual), sim.worst_row())
 
 
 def test_motors_that_load_a_jam_do_not_make_it_unresolved():
@@ -99,7 +98,7 @@ def test_motors_that_load_a_jam_do_not_make_it_unresolved():
     sim, rng = stepper.Stepper(model), np.random.default_rng(693)
     for _ in range(40):
         sim.step(rng.uniform(-1, 1, model.nu))
-        assert not sim.status & Status.UNRESOLVED
+        assert not sim.status & stepper.Status.UNRESOLVED
         # A velocity of at most the solver's tolerance, of which 300 N m through one step are 1e-7 or less.
         assert np.abs(sim.qvel).max() < 1e-6
 
@@ -110,7 +109,7 @@ def test_a_hundred_random_jams_are_solved():
         sim = stepper.Stepper(stepper.load(arms(seed)))
         for _ in range(20):
             sim.step()
-            unsolved += bool(sim.status & Status.NOT_CONVERGED)
+            unsolved += bool(sim.status & stepper.Status.NOT_CONVERGED)
     # A thousandth of the steps.
     assert unsolved <= 2
 
@@ -118,7 +117,7 @@ def test_a_hundred_random_jams_are_solved():
 @pytest.mark.parametrize("integrator", ["euler", "midpoint"])
 def test_impulses_belong_to_the_velocity_where_baumgartes_bias_is_limited(integrator):
     """A rod that nothing can move limits the bias, and the ball beside it, 2 cm within the floor, gets the bounded correction instead."""
-    sim = stepper.Stepper(stepper.load(PRESSED), options=Options(stabilization="baumgarte", integrator=integrator))
+    sim = stepper.Stepper(stepper.load(PRESSED), options=stepper.Options(stabilization="baumgarte", integrator=integrator))
     for _ in range(5):
         before = float(sim.qvel[1])
         sim.step()
@@ -132,11 +131,11 @@ def test_impulses_belong_to_the_velocity_where_baumgartes_bias_is_limited(integr
 @given(st.integers(0, 2**16))
 def test_impulses_of_random_jams_belong_to_the_velocity_with_baumgartes_method(seed):
     model = stepper.load(arms(seed)).replace(dof_damping=np.zeros(stepper.load(arms(seed)).nv))
-    sim = stepper.Stepper(model, options=Options(stabilization="baumgarte", integrator="euler", max_correction_speed=1e-3))
+    sim = stepper.Stepper(model, options=stepper.Options(stabilization="baumgarte", integrator="euler", max_correction_speed=1e-3))
     for _ in range(3):
         before, mass, smooth = sim.qvel.copy(), np.reshape(sim.mass_matrix(), (model.nv, model.nv)), np.reshape(sim.qacc_smooth, model.nv)
         sim.step()
-        if sim.status & (Status.UNRESOLVED | Status.NOT_CONVERGED | Status.NON_FINITE):
+        if sim.status & (stepper.Status.UNRESOLVED | stepper.Status.NOT_CONVERGED | stepper.Status.NON_FINITE):
             # Speed and energy were bounded by force.
             return
         force = mass @ ((sim.qvel - before) / sim.timestep - smooth)
@@ -188,7 +187,7 @@ def largest_force(seed: int, rotation_friction: str = SLIDING) -> float:
     sim.set_state(qvel=[0.0] * 6 + list(qvel))
     for _ in range(100):
         sim.step()
-        assert not sim.status & Status.NOT_CONVERGED, (float(sim.residual), sim.worst_row())
+        assert not sim.status & stepper.Status.NOT_CONVERGED, (float(sim.residual), sim.worst_row())
         largest = max(largest, np.abs(sim.contacts()["force"]).max(initial=0.0))
     return largest
 
@@ -234,7 +233,7 @@ def test_a_wedge_on_a_creeping_box_has_impulses_that_determine_its_energy(seed):
     for k in range(150):
         sim.mocap_pos = (velocity * 2e-3 * (k + 1))[None]
         sim.step()
-        assert not sim.status & Status.NOT_CONVERGED, (float(sim.residual), sim.worst_row())
+        assert not sim.status & stepper.Status.NOT_CONVERGED, (float(sim.residual), sim.worst_row())
 
 
 # Contacts whose normal passes through a joint, so that no motion can open or close them.
@@ -352,7 +351,7 @@ def test_a_slow_approach_within_the_slop_is_not_reported(joint, slope, approach,
     speed = approach * RESTING / slope
     sim = mover(joint, slope, speed, overlap=overlap * SLOP, condim=condim)
     # In 20 steps of 2 ms the overlap grows by 4e-7 m at most, and stays below the slop.
-    assert flags_of(sim, 20) == Status.OK
+    assert flags_of(sim, 20) == stepper.Status.OK
     # No impulse acts. The velocity is the initial one but for rounding.
     assert abs(sim.qvel[0]) * (REACH if joint == "hinge" else 1.0) == pytest.approx(speed, rel=1e-12)
 
@@ -362,7 +361,7 @@ def test_a_slow_approach_within_the_slop_is_not_reported(joint, slope, approach,
 def test_a_slow_approach_in_an_infeasible_overlap_has_one_flag(slope, approach, overlap):
     """The overlap of a lift with its mast is millimetres deep. It is reported as infeasible, whether the lift moves or not."""
     sim = mover("slide", slope, approach * RESTING / slope, overlap=overlap * REPORTED)
-    assert flags_of(sim, 20) & ~Status.DEEP == Status.INFEASIBLE
+    assert flags_of(sim, 20) & ~stepper.Status.DEEP == stepper.Status.INFEASIBLE
 
 
 @given(joint=JOINTS, slope=SLOPES, more=st.floats(0.0, 1.0), overlap=st.floats(0.0, 0.8))
@@ -370,7 +369,7 @@ def test_a_faster_approach_is_reported(joint, slope, more, overlap):
     """The corners of the box on a hinge that approach do so at 0.9 of the speed of the farthest one, for a turn of less than 0.1 rad."""
     least = 1.1 * RESTING / slope / (0.9 if joint == "hinge" else 1.0)
     sim = mover(joint, slope, least * (500.0 / least) ** more, overlap=overlap * SLOP, timestep=1e-5)
-    assert flags_of(sim, 1) == Status.NOT_CONVERGED
+    assert flags_of(sim, 1) == stepper.Status.NOT_CONVERGED
     assert sim.residual >= 1.09 * RESTING
 
 
@@ -378,7 +377,7 @@ def test_a_faster_approach_is_reported(joint, slope, more, overlap):
 def test_a_slow_approach_beyond_the_slop_is_reported(slope, approach, overlap):
     """The correction of such an overlap is too slow to be reported as infeasible. Its growth is not silent."""
     sim = mover("slide", slope, approach * TOLERANCE / slope, overlap=overlap * SLOP)
-    assert flags_of(sim, 1) == Status.NOT_CONVERGED
+    assert flags_of(sim, 1) == stepper.Status.NOT_CONVERGED
     assert sim.residual == pytest.approx(approach * TOLERANCE, rel=1e-6)
 
 
@@ -389,4 +388,4 @@ def test_a_plate_pressed_into_a_box_is_reported(speed, overlap):
     for k in range(3):
         sim.mocap_pos = np.array([[0.0, 0.0, 2e-3 * speed * (k + 1)]])
         sim.step()
-        assert sim.status & (Status.NOT_CONVERGED | Status.INFEASIBLE)
+        assert sim.status & (stepper.Status.NOT_CONVERGED | stepper.Status.INFEASIBLE)

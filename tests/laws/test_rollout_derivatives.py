@@ -9,13 +9,12 @@ import stepper
 from checks import raises
 from models import random_quaternion, simulate, stepper_model
 from rollout_gradients import LAWS, Judged, bodies_on_a_floor, judge
-from stepper import Drive, Options
 from stepper.derivatives import Kink, Smoothing, UndeterminedDerivative, rollout
 from stepper.derivatives.kinks import RowGroup
 from stepper.derivatives.nominal_mode import WIDTH_RATIO, WIDTHS, Readings, slopes_of
 from stepper.derivatives.rollout import from_tangent, to_tangent
 
-SOFT = Options(contact="mujoco", tolerance=1e-12)
+SOFT = stepper.Options(contact="mujoco", tolerance=1e-12)
 SLIDE = """<mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody><body><joint name="j" type="slide"/><geom size=".1" mass="1"/></body>
   </worldbody><actuator><motor name="push" joint="j" {}/></actuator></mujoco>"""
 MEMORIES = [
@@ -92,7 +91,7 @@ def test_checkpoints_change_no_bit_and_memory_is_what_they_take(ants, every):
 
 def test_a_rollout_is_that_of_the_stepper_with_its_drives():
     model = stepper_model("gymnasium/hopper", strict=False)
-    drives = stepper.ActuatorModel(default=Drive(friction=0.05, limits=(-0.5, 0.5)))
+    drives = stepper.ActuatorModel(default=stepper.Drive(friction=0.05, limits=(-0.5, 0.5)))
     sim, rng = stepper.Stepper(model, actuators=drives), np.random.default_rng(0)
     sim.step(rng.uniform(-1, 1, model.nu), nstep=30)
     ctrl = rng.uniform(-1, 1, (6, model.nu))
@@ -162,7 +161,7 @@ def test_a_smoothed_gradient_feels_what_a_gap_hides():
         '<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody><geom type="plane" size="9 9 1" friction="0"/><body pos="0 0 .1">'
         '<joint type="slide" axis="0 0 1"/><geom type="sphere" size=".1" mass="2" friction="0"/></body></worldbody></mujoco>'
     )
-    sim, h = stepper.Stepper(model, 2, options=Options(integrator="euler")), 0.002
+    sim, h = stepper.Stepper(model, 2, options=stepper.Options(integrator="euler")), 0.002
     gap, speed = 1e-3, -0.4
     sim.set_state([[gap], [gap]], [[speed], [speed]])
     made = rollout(sim, np.zeros((1, 2, 0)))
@@ -215,7 +214,7 @@ def test_a_rollout_through_an_actuator_with_a_memory_is_refused(attribute, drive
 
 
 def test_a_rollout_through_a_drive_without_a_memory_has_gradients():
-    sim = stepper.Stepper(stepper.load(SLIDE.format("")), 1, actuators=stepper.ActuatorModel(default=Drive(limits=(-9.0, 9.0))))
+    sim = stepper.Stepper(stepper.load(SLIDE.format("")), 1, actuators=stepper.ActuatorModel(default=stepper.Drive(limits=(-9.0, 9.0))))
     at_the_end = np.zeros((3, 1, 1))
     at_the_end[-1] = 1.0
     # A force on 1 kg for 10 ms.
@@ -238,11 +237,11 @@ def last(made: stepper.derivatives.Rollout, place: int) -> np.ndarray:
     return gradient
 
 
-def by_differences(model: stepper.Model, ctrl: np.ndarray, options: Options, width: float) -> float:
+def by_differences(model: stepper.Model, ctrl: np.ndarray, options: stepper.Options, width: float) -> float:
     """Derivative of where the box is in the end by the first control."""
     ends = []
     for sign in (1, -1):
-        sim = stepper.Stepper(model, options=Options(**{**vars(options), "tolerance": 1e-13}))
+        sim = stepper.Stepper(model, options=stepper.Options(**{**vars(options), "tolerance": 1e-13}))
         moved = ctrl.copy()
         moved[0] += sign * width
         ends.append(sim.rollout(moved, 2, fields=["qpos"])["qpos"][-1, 1])
@@ -251,7 +250,7 @@ def by_differences(model: stepper.Model, ctrl: np.ndarray, options: Options, wid
 
 @pytest.mark.parametrize("method", ["fd", "implicit"])
 def test_the_push_of_a_box_that_just_touches_the_floor(method):
-    model, ctrl, options = stepper.load(PUSHED_BOX), np.full((40, 1), 2.0), Options(contact="mujoco")
+    model, ctrl, options = stepper.load(PUSHED_BOX), np.full((40, 1), 2.0), stepper.Options(contact="mujoco")
     made = rollout(stepper.Stepper(model, options=options), ctrl, 2)
     found = made.vjp(qpos=last(made, 1), method=method)
     assert found.near_kink.any()
@@ -262,14 +261,14 @@ def test_the_push_of_a_box_that_just_touches_the_floor(method):
 
 def test_a_parameter_takes_nothing_from_the_other_columns():
     model, ctrl = stepper.load(PUSHED_BOX), np.full((40, 1), 2.0)
-    sim = stepper.Stepper(model, options=Options(contact="mujoco"))
+    sim = stepper.Stepper(model, options=stepper.Options(contact="mujoco"))
     alone, both = (rollout(sim, ctrl, 2, parameters=names) for names in ((), ("body_mass",)))
     gradient = last(alone, 1)
     found = both.vjp(qpos=gradient)
     np.testing.assert_array_equal(found.ctrl, alone.vjp(qpos=gradient).ctrl)
     h, ends = 1e-4, []
     for factor in (1 + h, 1 - h):
-        other = stepper.Stepper(model, options=Options(contact="mujoco", tolerance=1e-13))
+        other = stepper.Stepper(model, options=stepper.Options(contact="mujoco", tolerance=1e-13))
         other.randomize(body_mass=np.asarray(model.body_mass) * factor)
         ends.append(other.rollout(ctrl, 2, fields=["qpos"])["qpos"][-1, 1])
     # As above; differences of masses are relative ones, whose truncation is 1e-8.

@@ -10,7 +10,6 @@ from checks import every
 from geometry import matrix
 from models import simulate
 from scenes import BOX, G, every_choice, every_dt, on_plane
-from stepper import Options, Status
 
 
 def scene(geom: str, height: float, condim: int, friction: str) -> str:
@@ -178,16 +177,16 @@ def car() -> str:
 @pytest.mark.parametrize("integrator", ["midpoint", "euler"])
 def test_a_car_under_random_control_is_solved_with_bounded_forces(integrator):
     """Wheels are steered into the bumper, contacts in line with both axes: forces in that line move nothing, and are not to grow."""
-    sim = stepper.Stepper(stepper.load(car()), num_envs=32, options=Options(integrator=integrator, tolerance=1e-6))
+    sim = stepper.Stepper(stepper.load(car()), num_envs=32, options=stepper.Options(integrator=integrator, tolerance=1e-6))
     rng, unsolved, most = np.random.default_rng(0), 0, 0.0
     for step in range(400):
         if step % 10 == 0:
             ctrl = rng.uniform([-1, -1, -0.785], [1, 1, 0.785], (32, 3))
         sim.step(ctrl)
-        assert not np.any(sim.status & Status.NON_FINITE)
-        unsolved += np.count_nonzero(sim.status & Status.NOT_CONVERGED)
+        assert not np.any(sim.status & stepper.Status.NON_FINITE)
+        unsolved += np.count_nonzero(sim.status & stepper.Status.NOT_CONVERGED)
         contacts = sim.contacts()
-        most = max(most, np.abs(contacts["force"][sim.status[contacts["env"]] == Status.OK]).max(initial=0.0))
+        most = max(most, np.abs(contacts["force"][sim.status[contacts["env"]] == stepper.Status.OK]).max(initial=0.0))
     assert unsolved / (32 * 400) <= 1e-3
     # What a residual of 1e-6 m/s leaves open of their work within a step, 4 ms 1e-6 m/s F, is less than the energy of the 5 kg at 1 m/s.
     assert most < 2.5 / (4e-3 * 1e-6)
@@ -285,7 +284,7 @@ def test_stacked_cubes_settle_at_every_friction(friction, step, precision):
     before = sim.qpos.copy()
     sim.step(nstep=round(1.0 / step))
     np.testing.assert_allclose(sim.qpos, before, atol=1e-4)
-    assert not sim.status & ~Status.OK, sim.status
+    assert not sim.status & ~stepper.Status.OK, sim.status
 
 
 @functools.cache

@@ -7,7 +7,6 @@ import stepper
 from checks import every
 from hypothesis import given, strategies as st
 from models import SOURCES, afloat, random_quaternion, simulate
-from stepper import Options, Status
 
 HEAD = '<mujoco><option gravity="0 0 0"/><worldbody>'
 TAIL = "</worldbody></mujoco>"
@@ -54,10 +53,10 @@ def test_a_wall_stops_what_flies_into_it(body, way, dt, integrator, stabilizatio
         touched |= [len(sim.contacts(env)) > 0 for env in range(ENVS)]
         # A leaning capsule is turned by the wall; its middle stays on this side as long as any of it does.
         passed = sim.qpos[:, 0] > 0
-        assert not passed.any() or (sim.status[passed] & Status.TUNNELLED).all()
+        assert not passed.any() or (sim.status[passed] & stepper.Status.TUNNELLED).all()
         if "leaning" not in body:
             assert not passed.any()
-            assert not (sim.status & Status.TUNNELLED).any()
+            assert not (sim.status & stepper.Status.TUNNELLED).any()
     assert touched.all()
 
 
@@ -93,7 +92,7 @@ def test_a_swinging_bar_stops_at_a_post_or_says_that_it_may_not_have(angle, dt, 
     suspected = np.zeros(ENVS, dtype=bool)
     for _ in range(int(2.5 / angle)):
         sim.step()
-        suspected |= (sim.status & Status.TUNNELLED) != 0
+        suspected |= (sim.status & stepper.Status.TUNNELLED) != 0
     assert ((sim.qpos[:, 0] < 1.0) | suspected).all()
     if angle < 0.05:
         assert not suspected.any()
@@ -111,7 +110,7 @@ def test_what_is_struck_fast_and_unforeseen_is_reported():
     for _ in range(4):
         sim.step()
         passed |= sim.qpos[7] > 0
-        assert not passed or sim.status & Status.TUNNELLED
+        assert not passed or sim.status & stepper.Status.TUNNELLED
         if passed:
             break
 
@@ -123,7 +122,7 @@ def test_what_is_struck_fast_and_unforeseen_is_reported():
 LAWS = pytest.mark.parametrize("contact", ["hard", "mujoco"])
 STEPS = pytest.mark.parametrize("timestep", [1e-3, 2e-3, 5e-3])
 POINTS, HALF, HIGH = 33, 2.0, 0.08
-TUNNELLED = int(Status.TUNNELLED)
+TUNNELLED = int(stepper.Status.TUNNELLED)
 
 
 def quadruped():
@@ -200,7 +199,7 @@ def test_a_robot_on_rough_ground_does_not_tunnel(kind, contact, timestep):
     model = stepper.load(source, strict=False)
     if kind == "mesh":
         model = model.replace(geom_concave=[True] + [False] * (model.ngeom - 1))
-    sim = stepper.Stepper(model, 8, options=Options(contact=contact, timestep=timestep))
+    sim = stepper.Stepper(model, 8, options=stepper.Options(contact=contact, timestep=timestep))
     stand, qpos = np.tile([0, 0.9, -1.8], 4), sim.qpos.copy()
     qpos[:, :2], qpos[:, 7:] = rng.uniform(-0.7, 0.7, (8, 2)), stand
     sim.set_state(qpos=qpos)
@@ -269,7 +268,7 @@ def test_what_falls_through_rough_ground_unseen_is_flagged(kind):
     model = stepper.load(f'<mujoco><option timestep=".005"/>{asset}<worldbody>{geom}{BALL}</worldbody></mujoco>', strict=False)
     if kind == "mesh":
         model = model.replace(geom_concave=[True, False])
-    sim = stepper.Stepper(model, 20, options=Options(contact="mujoco"))
+    sim = stepper.Stepper(model, 20, options=stepper.Options(contact="mujoco"))
     rng, qpos, qvel = np.random.default_rng(1), sim.qpos.copy(), sim.qvel.copy()
     qpos[:, :2], qpos[:, 2], qvel[:, 2] = rng.uniform(-1.5, 1.5, (20, 2)), 0.2, -80.0
     sim.set_state(qpos=qpos, qvel=qvel)
@@ -286,7 +285,7 @@ def test_a_sphere_through_a_ridge_of_a_field_is_flagged():
     field = f'<hfield name="t" nrow="21" ncol="21" size=".2 .2 .1 .1" elevation="{numbers}"/>'
     source = f"""<mujoco><option timestep=".005" gravity="0 0 0"/><asset>{field}</asset>
       <worldbody><geom type="hfield" hfield="t"/>{BALL}</worldbody></mujoco>"""
-    sim = stepper.Stepper(stepper.load(source), 2, options=Options(contact="mujoco"))
+    sim = stepper.Stepper(stepper.load(source), 2, options=stepper.Options(contact="mujoco"))
     qpos, qvel = sim.qpos.copy(), sim.qvel.copy()
     qpos[:, 0], qpos[:, 2], qvel[:, 0] = -0.1, [0.05, 0.13], 40.0
     sim.set_state(qpos=qpos, qvel=qvel)

@@ -12,7 +12,6 @@ import stepper
 from hypothesis import assume, given, strategies as st
 from models import full_mass_matrix
 from mujoco_law.parity import prepare, states
-from stepper import Options
 
 # Relative to 1 + max |qvel|. Rounding is 1e-16 times what a factored mass matrix loses, 1e-12 in single steps here, and grows with motion.
 BOUND = 1e-9
@@ -133,7 +132,7 @@ def difference(source, integrator, ctrl, qvel=None, displacement=None):
     model = mujoco.MjModel.from_xml_string(source)
     prepare(model)
     model.opt.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}"))
-    data, options = mujoco.MjData(model), Options(contact="mujoco", integrator=integrator, tolerance=1e-13)
+    data, options = mujoco.MjData(model), stepper.Options(contact="mujoco", integrator=integrator, tolerance=1e-13)
     sim = stepper.Stepper(stepper.load(model, strict=False), options=options)
     data.ctrl[:] = ctrl
     data.qvel[:] = np.resize([0.3, -1.0, 0.7, 0.2], model.nv) if qvel is None else qvel
@@ -259,7 +258,7 @@ def test_mujoco_stops_before_its_own_solution_on_feet_of_nearly_rigid_friction()
     model = mujoco.MjModel.from_xml_string(FEET.format(legs=legs))
     prepare(model)
     found = states(model, 12, 3)
-    sim = stepper.Stepper(stepper.load(model, strict=False), 12, options=Options(contact="mujoco", tolerance=1e-13, iterations=100))
+    sim = stepper.Stepper(stepper.load(model, strict=False), 12, options=stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100))
     sim.set_state(qpos=found.qpos, qvel=found.qvel)
     sim.step()
     touching = 0

@@ -27,14 +27,6 @@ PLATE = """<mujoco><option density="1.2" viscosity="2e-5" wind="{wind}" gravity=
   <geom type="{kind}" size="{size}" fluidshape="ellipsoid" fluidcoef="{coef}"/></body></worldbody></mujoco>"""
 
 
-def rng_of(name: str) -> np.random.Generator:
-    return np.random.default_rng(list(name.encode()))
-
-
-def force_error(mass, found, expected) -> float:
-    return kinetic_error(np.linalg.inv(mass), found, expected)
-
-
 def kinetic_error(metric, found, expected) -> float:
     """|found - expected| / |expected| in a metric; nothing to measure without degrees of freedom."""
     difference, scale = found - expected, expected @ metric @ expected
@@ -50,7 +42,7 @@ def test_every_model_loads_strictly(name):
 
 def states(name: str):
     """A simulation and MuJoCo's model, with twenty random states and a source of more randomness."""
-    model, rng = mujoco_model(name), rng_of(name)
+    model, rng = mujoco_model(name), np.random.default_rng(list(name.encode()))
     return simulate(stepper_model(name)), model, [random_state(model, rng) for _ in range(STATES)], rng
 
 
@@ -65,7 +57,7 @@ def test_mass_matrix_and_qfrc_bias(name):
         size = np.sqrt(np.outer(np.diag(mass), np.diag(mass)))
         assert sim.mass_matrix().shape == mass.shape
         assert np.abs((sim.mass_matrix() - mass) / size).max(initial=0) < BOUND
-        assert force_error(mass, sim.qfrc_bias, data.qfrc_bias) < BOUND
+        assert kinetic_error(np.linalg.inv(mass), sim.qfrc_bias, data.qfrc_bias) < BOUND
 
 
 @pytest.mark.parametrize("name", SOURCES_BY_NAME)
@@ -249,19 +241,13 @@ def test_drag_takes_energy_out_however_strong(density, viscosity, shape, integra
     # Lift and added mass, which an ellipsoid has besides, do no work, but they are explicit: for them the medium is not heavier than water.
     text = f"""<mujoco>{MEDIUM.format(density=density, viscosity=viscosity, wind="0 0 0")}<worldbody><body><freejoint/>
       <geom type="box" size=".2 .1 .02" density="500" {shape}/></body></worldbody></mujoco>"""
-    sim = simulate(stepper_weightless(text), timestep=1e-2, integrator=integrator, qvel=[3, -2, 1, 5, -4, 6])
+    sim = simulate(text.replace("<option", '<option gravity="0 0 0"'), timestep=1e-2, integrator=integrator, qvel=[3, -2, 1, 5, -4, 6])
     before = first = sum(sim.energy())
     for _ in range(500):
         sim.step()
         now = sum(sim.energy())
         assert now <= before * (1 + 1e-9) + 1e-20 * first
         before = now
-
-
-def stepper_weightless(text: str) -> mujoco.MjModel:
-    model = mujoco.MjModel.from_xml_string(text)
-    model.opt.gravity[:] = 0
-    return model
 
 
 def test_terminal_speed():

@@ -8,6 +8,7 @@ from checks import every
 from equalities import KINDS, LINKAGE
 from models import SOURCES
 from mujoco_law.parity import AGREES, States as Found, compare, prepare, states
+from stepper.loading.mjcf import describe
 
 # The acceleration of both is that of a strictly convex problem, which both solve until rounding stops them: relative to 1 + max |qvel| the
 # velocities after a step differ by less than 1e-9, or than MuJoCo's own solvers do (Parity.agrees).
@@ -266,20 +267,14 @@ def test_a_model_without_inverse_weights_gets_those_of_mujocos_compiler():
     """Relative 1e-9: the same matrices, summed in another order; the compiler's own are in double precision."""
     source = SOURCES["dm_control/humanoid"]
     kept = stepper.load(str(source), strict=False)
-    code = stepper.Model.from_description(_without_weights(mujoco.MjModel.from_xml_path(str(source))), strict=False)
+    described = describe(mujoco.MjModel.from_xml_path(str(source)))
+    described["soft"]["inverse_weights"] = None
+    code = stepper.Model.from_description(described, strict=False)
     settings = stepper.Options(contact="mujoco")
     sims = [stepper.Stepper(model, options=settings) for model in (kept, code)]
     for sim in sims:
         sim.step(np.linspace(-1, 1, kept.nu), nstep=200)
     assert np.abs(sims[0].qpos - sims[1].qpos).max() < 1e-6
-
-
-def _without_weights(model):
-    from stepper.loading.mjcf import describe
-
-    described = describe(model)
-    described["soft"]["inverse_weights"] = None
-    return described
 
 
 def _crowd(cone):

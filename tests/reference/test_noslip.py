@@ -7,7 +7,6 @@ import stepper
 from checks import raises
 from hypothesis import assume, given, settings, strategies as st
 from models import full_mass_matrix, simulate
-from stepper import Options, Status
 
 BLOCK = """<mujoco><option timestep=".002" cone="{cone}" noslip_iterations="{sweeps}" gravity="4.0 0 -8.96"/>
   <worldbody><geom type="plane" size="3 3 .1" friction="{friction}"/>
@@ -83,7 +82,7 @@ PIVOT = """<mujoco><worldbody><geom type="box" size=".02 .02 .02"/>
 def law(compiled: mujoco.MjModel, **more) -> stepper.Stepper:
     """Stepper of a compiled model with the model's own settings, and MuJoCo's contact law."""
     model = stepper.load(compiled)
-    return stepper.Stepper(model, options=Options.from_model(model), **more)
+    return stepper.Stepper(model, options=stepper.Options.from_model(model), **more)
 
 
 @pytest.mark.parametrize("num_envs", [1, 9])
@@ -96,7 +95,7 @@ def test_a_contact_of_a_body_that_turns_about_its_centre_of_mass_converges(num_e
     for _ in range(50):
         mujoco.mj_step(compiled, data)
         sim.step()
-        assert not np.any(np.asarray(sim.status) & Status.NOT_CONVERGED)
+        assert not np.any(np.asarray(sim.status) & stepper.Status.NOT_CONVERGED)
         assert np.max(sim.newton_steps) <= 1  # As many as MuJoCo takes.
         # Both solve the same row, which alone determines the velocity. The limit of its weight changes each of 50 steps by 1e-8.
         assert np.asarray(sim.qvel) == pytest.approx(data.qvel[0], rel=5e-8, abs=1e-15)
@@ -138,7 +137,7 @@ def test_rigid_rows_converge_to_mujocos_acceleration(text, seed):
     assume(not np.any((levers > 0) & (levers < 1e-9)))
     sim.step()
     assert data.ncon == len(sim.contacts())
-    assert not sim.status & Status.NON_FINITE
+    assert not sim.status & stepper.Status.NON_FINITE
     # Rounding of large forces: up to 7e-6 m/s in 5,854 draws, and above the tolerance, 1e-6 m/s, in two of them.
     assert sim.residual < 1e-5
     if compiled.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC:

@@ -39,6 +39,7 @@ ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" da
   <actuator><position name="servo" joint="hinge" kp="5" kv=".5"/></actuator>
   <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
 G, MASS, PUSH = 9.81, 0.3, 2.0
+ANGLE = Outcome(name="angle", measure="joint hinge")
 
 
 def swept(study, out):
@@ -49,6 +50,10 @@ def swept(study, out):
 
 def push(now):
     now.xfrc_applied[:, 1, 0] = now.parameters["push"]
+
+
+def to_the_middle(now):
+    return 0.5 - now.read("sensordata", "angle")
 
 
 def scaled(gain, now):
@@ -80,8 +85,8 @@ def test_cliffs_are_where_coulomb_has_them(tmp_path):
     ends = {cliff.parameter: cliff for cliff in found.cliffs}
     # x = a t^2 / 2 reaches 1e-5 m in 0.4 s with a = 1.25e-4 m/s^2: 1.3e-5 of mu and 4e-5 N, within a thousandth of each range.
     for name, exact in (("push", MASS * G), ("friction", PUSH / (MASS * G)), ("mass", PUSH / (MASS * G))):
-        low, high = study_range(name)
-        assert ends[name].high - ends[name].low <= 1e-3 * (high - low)
+        varied = tray().parameters[name]
+        assert ends[name].high - ends[name].low <= 1e-3 * (varied.high - varied.low)
         assert ends[name].low - 1e-4 <= exact <= ends[name].high + 1e-4
     nominal = found.levels_of("")[0]
     assert (nominal.successes, nominal.episodes, nominal.unsolved) == (3, 3, 0)
@@ -122,11 +127,6 @@ def test_cliffs_of_values_in_any_order_and_of_any_width(tmp_path):
         # Narrower than a bracket can be: it ends at neighbouring numbers.
         (cliff,) = run_sweep(study, results.journal, parameters=["friction"], resolution=1e-300).cliffs
         assert cliff.high == np.nextafter(cliff.low, 2.0)
-
-
-def study_range(name):
-    parameter = tray().parameters[name]
-    return parameter.low, parameter.high
 
 
 def test_an_environment_of_a_batch_is_the_model_with_its_numbers(tmp_path):
@@ -208,10 +208,7 @@ def test_settings_delays_and_errors_of_sensors_vary():
         "delay": Parameter("actuator.delay", low=0.0, high=0.02),
     }
 
-    def servo(now):
-        return 0.5 - now.read("sensordata", "angle")
-
-    study = Study(model=ARM, controller=servo, parameters=parameters, outcomes=Outcome(name="angle", measure="joint hinge"), episodes=4)
+    study = Study(model=ARM, controller=to_the_middle, parameters=parameters, outcomes=ANGLE, episodes=4)
     found = world_of(study, "stepper", [{"step": 0.01, "noise": 0.1, "delay": 0.02}] * 2)
     assert found.timestep == 0.01
     assert found.sim.sensors.named["angle"].noise_std.tolist() == [0.1, 0.1]
@@ -223,7 +220,7 @@ def test_mujoco_beside(tmp_path):
     study = Study(
         model=ARM,
         controller=lambda now: np.full((now.num_envs, 1), 0.4),
-        outcomes=[Outcome(name="angle", measure="joint hinge"), Outcome(name="z", measure="site tip z", reduce="min")],
+        outcomes=[ANGLE, Outcome(name="z", measure="site tip z", reduce="min")],
         parameters={"mass": Parameter("body_mass", operation="scale", low=0.5, high=1.5)},
         settings={"MuJoCo": {"engine": "mujoco"}, "f32": {"precision": "f32"}},
         options=stepper.Options(timestep=0.001),
@@ -244,7 +241,7 @@ def still(**changed):
     given = {
         "model": ARM,
         "controller": lambda now: np.full((now.num_envs, 1), 0.4),
-        "outcomes": Outcome(name="angle", measure="joint hinge"),
+        "outcomes": ANGLE,
         "episodes": 1,
         "seconds": 0.1,
     }
@@ -356,17 +353,10 @@ def test_nothing_is_run_twice_and_what_changes_is_run_anew(tmp_path):
 
 
 def servo_with_noise(**changed):
-    given = {
-        "model": ARM,
-        "name": "servo",
-        "sensors": stepper.SensorModel(default=stepper.Transfer(noise_std=0.1)),
-        "controller": lambda now: 0.5 - now.read("sensordata", "angle"),
-        "outcomes": Outcome(name="angle", measure="joint hinge"),
-        "parameters": {"damping": Parameter("dof_damping", operation="scale", low=0.5, high=1.5)},
-        "episodes": 5,
-        "seconds": 0.2,
-    }
-    return Study(**(given | changed))
+    sensors = stepper.SensorModel(default=stepper.Transfer(noise_std=0.1))
+    parameters = {"damping": Parameter("dof_damping", operation="scale", low=0.5, high=1.5)}
+    servo = {"name": "servo", "sensors": sensors, "controller": to_the_middle, "parameters": parameters, "episodes": 5, "seconds": 0.2}
+    return still(**(servo | changed))
 
 
 @pytest.mark.parametrize("made", [tray, servo_with_noise])
@@ -481,10 +471,9 @@ def test_what_has_no_digest_is_named_with_the_remedy():
 
 
 def test_functions_policies_and_random_controls(tmp_path):
-    outcome = Outcome(name="angle", measure="joint hinge")
     played = []
     for k, drive in enumerate((lambda now: np.full(1, 0.3), PolicyController(lambda seen: 0.5 - seen), "random", None)):
-        study = Study(model=ARM, controller=drive, outcomes=outcome, episodes=2, seconds=0.3)
+        study = Study(model=ARM, controller=drive, outcomes=ANGLE, episodes=2, seconds=0.3)
         with Results(study, tmp_path / str(k)) as results:
             played.append([row["outcomes"]["angle"] for row in run_points(study, [Point({})], results.journal)])
     sim = stepper.Stepper(stepper.load(ARM))
@@ -536,15 +525,8 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
     page = (tmp_path / "out/servo/report.html").read_text()
     assert "<img" in page
     assert "http" not in page.replace("http-equiv", "")
-    for title in (
-        "State variables",
-        "Observation map",
-        "Contacts that decide",
-        "Perturbation table",
-        "Cliffs",
-        "Transfer gap",
-        "Causes of failures",
-    ):
+    titles = "State variables, Observation map, Contacts that decide, Perturbation table, Cliffs, Transfer gap, Causes of failures"
+    for title in titles.split(", "):
         assert f"<h2>{title}</h2>" in page
     assert "noise_std 0.01" in page
     assert "MuJoCo cannot run this study: it has no sensor errors" in page
@@ -677,14 +659,9 @@ def blind(now):
 
 
 def judged(tmp_path, **changed):
-    given = {
-        "model": ARM,
-        "controller": lambda now: np.full((now.num_envs, 1), 0.5),
-        "outcomes": Outcome(name="angle", measure="joint hinge", success="<= 0.6", margin=1e-6),
-        "episodes": 3,
-        "seconds": 0.5,
-    }
-    found = stepper.lab.report(Study(**(given | changed)), tmp_path)
+    angle = replace(ANGLE, success="<= 0.6", margin=1e-6)
+    reached = {"controller": functools.partial(scaled, 0.5), "outcomes": angle, "episodes": 3, "seconds": 0.5}
+    found = stepper.lab.report(still(**(reached | changed)), tmp_path)
     table = found.sweep.table
     # The table has the same words, in the rows of the verdicts alone.
     named = {(row["key"], cause) for row, cause in zip(table.rows, table["cause"].tolist(), strict=True) if cause}
@@ -707,35 +684,19 @@ def test_whose_a_failure_is(tmp_path):
 def test_a_time_step_that_decides_is_physics(tmp_path):
     """A free fall by semi-implicit Euler falls g t h / 2 too far: 2.45 mm in 0.1 s at 5 ms, half of it at half the step."""
     fall = 0.5 * G * 0.1**2
-    found = stepper.lab.report(
-        Study(
-            model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 1"'),
-            name="fall",
-            outcomes=Outcome(name="z", measure="body object z", reduce="change", success=f">= {-fall - 0.0018}"),
-            options=stepper.Options(integrator="euler"),
-            episodes=2,
-            seconds=0.1,
-            control=0.02,
-        ),
-        tmp_path,
-    )
+    change = Outcome(name="z", measure="body object z", reduce="change", success=f">= {-fall - 0.0018}")
+    model, options = TRAY.replace('pos="0 0 .02"', 'pos="0 0 1"'), stepper.Options(integrator="euler")
+    study = Study(model=model, name="fall", outcomes=change, options=options, episodes=2, seconds=0.1, control=0.02)
+    found = stepper.lab.report(study, tmp_path)
     assert {(v.row["setting"], v.cause) for v in found.verdicts} >= {("stepper", "physics")}
 
 
 def test_softness_is_judged_against_hard_contact_with_nominal_values(tmp_path):
     """A box that must bounce: from 0.1 m with a restitution of 0.8 it is 6 cm up again after 0.25 s; MuJoCo's law has none."""
-    found = stepper.lab.report(
-        Study(
-            model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 .12"'),
-            name="bounce",
-            outcomes=Outcome(name="z", measure="body object z", success=">= 0.05"),
-            parameters={"bounce": Parameter("geom_restitution", values=(0.7, 0.9), nominal=0.8)},
-            episodes=1,
-            seconds=0.25,
-            control=0.025,
-        ),
-        tmp_path,
-    )
+    model, height = TRAY.replace('pos="0 0 .02"', 'pos="0 0 .12"'), Outcome(name="z", measure="body object z", success=">= 0.05")
+    parameters = {"bounce": Parameter("geom_restitution", values=(0.7, 0.9), nominal=0.8)}
+    study = Study(model=model, name="bounce", outcomes=height, parameters=parameters, episodes=1, seconds=0.25, control=0.025)
+    found = stepper.lab.report(study, tmp_path)
     assert found.sweep.levels_of("")[0].successes == 1
     assert {v.rule for v in found.verdicts if v.row["setting"] == "MuJoCo's law"} == {LAW}
 

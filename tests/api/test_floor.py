@@ -191,8 +191,7 @@ def scene(**parts):
 
 def loaded(text):
     """The model, and the warnings of loading it."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         model = stepper.load(text)
     return model, [w for w in caught if issubclass(w.category, stepper.ModelWarning)]
 
@@ -238,8 +237,7 @@ def test_what_cannot_push_is_not_soft():
 
 
 def test_the_warning_can_be_silenced_and_saved_models_say_it_in_explain(tmp_path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         warnings.filterwarnings("ignore", category=stepper.ModelWarning)
         model = stepper.load(scene(option='integrator="RK4"'))
         model.save(tmp_path / "robot.stepper")
@@ -291,8 +289,7 @@ def test_the_command_explain_says_it_once(tmp_path, capsys):
 
     file = tmp_path / "robot.xml"
     file.write_text(scene(option='integrator="RK4"'))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         explain(str(file))
     assert capsys.readouterr().out.count("the source sets RK4") == 1
 

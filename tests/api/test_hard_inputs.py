@@ -16,26 +16,11 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
+from mjcf import mjcf
 from models import simulate, stepper_model
 
 HOPPER, ANT = "dm_control/hopper", "gymnasium/ant"
-SCENE = """
-<mujoco><option density="1.2" viscosity="1e-5" wind="0 0 1"/>
-  <asset><mesh name="rock" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>
-  <worldbody><geom name="floor" type="plane" size="1 1 1"/>
-  <body name="hand" mocap="true" pos="0 0 3"><geom size=".05"/></body>
-  <body name="ball" pos="0 0 1" gravcomp=".5"><freejoint/><geom name="ball" size=".1"/><geom type="mesh" mesh="rock" pos="0 0 1"/></body>
-  <body name="arm" pos="2 0 2"><joint name="a" axis="0 1 0" range="-1 1" stiffness="1" damping=".1" frictionloss=".1"/>
-    <geom type="capsule" size=".05 .2"/><site name="here"/>
-    <body name="tool" pos="0 0 .5"><joint name="b" type="slide" actuatorfrcrange="-5 5"/><geom type="box" size=".1 .1 .1"/></body></body>
-  </worldbody>
-  <tendon><fixed name="belt" range="-3 3" stiffness="1" springlength="-1 1"><joint joint="a" coef="1"/>
-    <joint joint="b" coef="-1"/></fixed></tendon>
-  <equality><joint joint1="a" joint2="b" active="false"/><weld body1="ball" body2="hand" active="false"/></equality>
-  <actuator><position joint="a" kp="10" ctrlrange="-1 1" forcerange="-9 9"/><motor tendon="belt"/></actuator>
-  <sensor><jointpos joint="a"/><accelerometer site="here"/></sensor>
-  <contact><pair geom1="floor" geom2="ball"/></contact>
-</mujoco>"""
+SCENE = mjcf("inputs")
 OPEN = {"tendon_range", "jnt_actfrcrange", "actuator_ctrlrange", "actuator_forcerange"}
 """Whose lower bound may be -inf and upper inf."""
 RIGID = {"eq_stiffness", "geom_stiffness", "pair_stiffness"}

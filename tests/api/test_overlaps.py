@@ -30,8 +30,7 @@ LEG = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
 
 
 def load(source, **arguments):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         model = stepper.load(source, **{"overlaps": "exclude"} | arguments)
     return model, [str(w.message) for w in caught if issubclass(w.category, stepper.ModelWarning)]
 
@@ -221,8 +220,7 @@ def test_the_command_explain_lists_overlaps_of_keyframes(tmp_path, capsys):
 def test_overlaps_of_a_keyframe_are_those_of_its_joint_angles(angle, height, speed):
     """The depth in the floor is that of geometry, to the digits of the message, at every angle and speed."""
     key = f'<key name="k" qpos="0 0 {height!r} 1 0 0 0 {angle!r}" qvel="0 0 {speed!r} 0 0 0 0"/>'
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as found:
         stepper.load(LEG.format(keys=key))
     depth = 1e3 * max(0.1 - height, 0.03 - (height - 0.4 * math.cos(angle)))
     if depth > 1.01:
@@ -244,13 +242,6 @@ def scene(mesh, body=BALL, inertia="shell"):
     return f'<mujoco>{asset}<worldbody><geom name="ground" type="mesh" mesh="m"/>{body}</worldbody></mujoco>'
 
 
-def load_with_warnings(text):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        model = stepper.load(text)
-    return model, [str(w.message) for w in caught if issubclass(w.category, stepper.ModelWarning)]
-
-
 def faces_of(*boxes):
     """Closed mesh of boxes (lows, highs), each of twelve triangles seen from outside."""
     corners = [[(high if k >> i & 1 else low)[i] for i in range(3)] for low, high in boxes for k in range(8)]
@@ -261,12 +252,12 @@ def faces_of(*boxes):
 
 def ratio(mesh):
     """Of the hull's volume to that of the mesh as reported; 1 where it is not worth a line."""
-    found = load_with_warnings(scene(mesh))[0].wide_hulls
+    found = load(scene(mesh), overlaps="keep")[0].wide_hulls
     return found[0][1] if found else 1.0
 
 
 def test_a_ball_rests_above_a_valley_and_the_warning_says_why():
-    model, (message,) = load_with_warnings(scene(VALLEY))
+    model, (message,) = load(scene(VALLEY), overlaps="keep")
     assert model.wide_hulls == [(0, math.inf)]
     assert "ground: more than 100 times" in message
     assert "geom_concave" in message
@@ -281,9 +272,9 @@ def test_a_ball_rests_above_a_valley_and_the_warning_says_why():
 
 
 def test_a_saved_model_reports_them_and_does_not_warn_again(tmp_path):
-    model, _ = load_with_warnings(scene(VALLEY))
+    model, _ = load(scene(VALLEY), overlaps="keep")
     model.save(tmp_path / "valley")
-    again, messages = load_with_warnings(tmp_path / "valley")
+    again, messages = load(tmp_path / "valley", overlaps="keep")
     assert again.wide_hulls == model.wide_hulls
     assert messages == []
 
@@ -292,13 +283,13 @@ def test_a_saved_model_reports_them_and_does_not_warn_again(tmp_path):
 def test_convex_solids_and_shells_are_right(closed):
     vertices, faces = faces_of(([-1, -1, -1], [1, 1, 1]))
     # Without its lid and its floor it is a tube of sheets: from outside, where its surface looks, it is the box.
-    assert load_with_warnings(scene((vertices, faces if closed else "  ".join(faces.split("  ")[4:]))))[0].wide_hulls == []
+    assert load(scene((vertices, faces if closed else "  ".join(faces.split("  ")[4:]))), overlaps="keep")[0].wide_hulls == []
 
 
 def test_hills_are_right():
     """A dome of a height field's grid: its hull is the dome, with a floor."""
     heights = [[2 - (x * x + y * y) / 9 for x in range(-3, 4)] for y in range(-3, 4)]
-    assert load_with_warnings(scene(sheet(heights)))[0].wide_hulls == []
+    assert load(scene(sheet(heights)), overlaps="keep")[0].wide_hulls == []
 
 
 def test_nothing_gets_into_a_casing():
@@ -308,7 +299,7 @@ def test_nothing_gets_into_a_casing():
         for i in range(3)
         for s in (-1, 1)
     ]
-    assert load_with_warnings(scene(faces_of(*walls)))[0].wide_hulls == []
+    assert load(scene(faces_of(*walls)), overlaps="keep")[0].wide_hulls == []
 
 
 def test_a_bin_is_open():
@@ -342,7 +333,7 @@ def test_the_ratio_is_that_of_an_l(a, b, size, turn):
 def test_a_trench_in_a_plain_is_told():
     """Of a trench with ramps: 1.5 m wide at the top, 0.5 m at the bottom, 1 m deep."""
     trench = sheet([[1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0]] * 2, 0.5)
-    model, (message,) = load_with_warnings(scene(trench))
+    model, (message,) = load(scene(trench), overlaps="keep")
     # The hull goes from the rims of the plain, 3.5 m apart, to the bottom: 2 m^2, of which the trench is 1 m^2; to one of 16 points.
     assert model.wide_hulls[0][1] == pytest.approx(2.0, abs=0.15)
     assert "ground: 1.9 times" in message
@@ -355,14 +346,14 @@ def test_parts_of_robots_are_told_where_they_are_much_larger():
         asset = f'<asset><mesh name="m" inertia="shell" vertex="{vertices}" face="{faces}"/></asset>'
         floor = '<geom type="plane" size="9 9 1" pos="0 0 -9"/>'
         moving = f'<mujoco>{asset}<worldbody>{floor}<body name="b"><joint/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
-        _, messages = load_with_warnings(moving)
+        _, messages = load(moving, overlaps="keep")
         assert bool(messages) == told
         assert all("#1 of body b: more than 100 times" in message for message in messages)
 
 
 def test_what_is_drawn_alone_is_not_measured():
     text = scene(VALLEY).replace('name="ground"', 'name="ground" contype="0" conaffinity="0"')
-    assert load_with_warnings(text) == (stepper.load(text), [])
+    assert load(text, overlaps="keep") == (stepper.load(text), [])
 
 
 def test_boxes_and_height_fields_have_no_hull():

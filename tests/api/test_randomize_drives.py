@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import every, raises
-from models import stepper_model
+from models import samples, stepper_model
 from stepper import ActuatorModel, Drive
 from stepper.actuators import PID, DCMotor
 
@@ -269,9 +269,6 @@ def test_ranges_of_forces_and_delays_of_the_model_stay():
     sim = stepper.Stepper(stepper.load(text), 2, actuators=ActuatorModel({"m": Drive(limits=(-3, 3), delay_steps=2)}))
     sim.randomize([True, False], actuators=ActuatorModel({"m": Drive()}))
     sim.step([0.0], nstep=9)
-    force = []
-    for _ in range(6):
-        sim.step([5.0])
-        force.append(sim.sensordata_ideal[:, 0])
+    force = samples(sim, 6, lambda: sim.sensordata_ideal[:, 0], [5.0])
     assert np.max(force, axis=0).tolist() == [2.0, 2.0]
     assert np.count_nonzero(force, axis=0)[0] == np.count_nonzero(force, axis=0)[1] + 2

@@ -318,8 +318,7 @@ def test_speed_limits_are_kept_and_explained(tmp_path):
     ('<dynamics damping="1" spring_stiffness="2"/>', "continuous", "URDF dynamics attribute spring_stiffness j"),
 ])  # fmt: skip
 def test_limits_and_attributes_that_are_not_what_they_seem_have_a_line(more, kind, said):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         assert lines(stepper.load(revolute_arm(more, kind)), said)
 
 

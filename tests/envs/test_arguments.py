@@ -287,8 +287,7 @@ def test_a_urdf_without_actuators_warns_with_the_remedy():
 
 
 def test_one_with_actuators_does_not():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         envs = StepperVectorEnv(Arm("position"), 2)
     assert envs.single_action_space.low.tolist() == [-1, -1]
     assert envs.single_action_space.high.tolist() == [2, 2]
@@ -299,6 +298,5 @@ def test_a_task_with_actions_of_its_own_does_not():
         def action_bounds(self, model):
             return np.full(1, -1.0), np.full(1, 1.0)
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         StepperVectorEnv(Moved(), 2)

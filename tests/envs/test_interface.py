@@ -46,13 +46,12 @@ def test_make_vec_makes_a_batch(name, contact):
     assert sum(envs.observation_structure.values()) == observation.shape[1]
 
 
-def test_importing_stepper_imports_no_gymnasium():
-    code = "import sys, stepper; assert 'gymnasium' not in sys.modules; stepper.envs; assert 'gymnasium' in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_gymnasium_finds_it_by_the_module_in_its_name():
-    code = "import gymnasium; gymnasium.make('stepper.envs:stepper/HalfCheetah-v5')"
+@pytest.mark.parametrize("code", [
+    "import sys, stepper; assert 'gymnasium' not in sys.modules; stepper.envs; assert 'gymnasium' in sys.modules",
+    "import gymnasium; gymnasium.make('stepper.envs:stepper/HalfCheetah-v5')",
+    "import sys, stepper.adapters.native; assert not {'torch', 'ray'} & sys.modules.keys()",
+], ids=["stepper imports no gymnasium", "gymnasium finds it by the module in its name", "adapters need no library"])  # fmt: skip
+def test_modules_are_imported_where_they_are_needed(code):
     subprocess.run([sys.executable, "-W", "ignore", "-c", code], check=True)
 
 
@@ -341,8 +340,3 @@ def test_a_library_that_is_missing_is_named_with_its_remedy(module):
     assert f"{library.partition('.')[0]}" in error
     assert f"for stepper.adapters.{module}" in error
     assert remedy in error
-
-
-def test_the_package_needs_no_library():
-    code = "import sys, stepper.adapters.native; assert not {'torch', 'ray'} & sys.modules.keys()"
-    subprocess.run([sys.executable, "-c", code], check=True)

@@ -56,8 +56,7 @@ def bounds(spec):
 
 def pair(name):
     """dm_control's environment and ours, both with solvers that converge."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load(*name.split("-", 1), task_kwargs={"random": 0})
     model = theirs.physics.model.ptr
     # MuJoCo takes frames that nearly coincide as one.
@@ -231,8 +230,7 @@ def test_a_dog_that_stands_feels_what_dm_controls_does():
 
 @pytest.mark.parametrize("name", sorted(SUITE))
 def test_spaces_and_times_are_dm_controls(name):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load(*name.split("-", 1))
     ours = gymnasium.make(named(name))
     spec = theirs.action_spec()
@@ -246,8 +244,7 @@ def test_spaces_and_times_are_dm_controls(name):
 @pytest.mark.parametrize("name", sorted(SUITE))
 def test_starts_are_drawn_from_dm_controls_distribution(name):
     """Numbers of 150 first observations of ours among as many of theirs: Kolmogorov and Smirnov's distance."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load(*name.split("-", 1), task_kwargs={"random": 1})
     ours = StepperVectorEnv(SUITE[name][0], 150, **SUITE[name][1])
     # Under the dog's first forces its muscles pull, in dm_control they do not yet.
@@ -262,8 +259,7 @@ def test_starts_are_drawn_from_dm_controls_distribution(name):
 
 @pytest.mark.parametrize("seed", [0, 7])
 def test_springs_of_the_regulator_are_dm_controls(seed):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load("lqr", "lqr_6_2", task_kwargs={"random": seed})
     ours = StepperEnv(SUITE["lqr-lqr_6_2"][0], bodies=6, driven=2, model_seed=seed)
     np.testing.assert_array_equal(ours.sim.model.jnt_stiffness, np.ravel(theirs.physics.model.jnt_stiffness))
@@ -290,8 +286,7 @@ def test_wrong_arguments_are_named(name, arguments, message):
 @pytest.mark.parametrize("seed", [0, 7])
 def test_a_bowl_is_dm_controls(seed):
     """Heights of a tile from dm_control's random numbers are dm_control's to 1e-6 m, because MuJoCo rounds heights of 5 m to 32 bits."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load("quadruped", "escape", task_kwargs={"random": seed})
     theirs.reset()
     line = np.linspace(-30.0, 30.0, 201)

@@ -127,8 +127,7 @@ def test_settings_that_learn_nothing_are_named(settings, message):
 @needs_gymnasiums
 def test_it_trains_in_gymnasiums_own_environment_too(tmp_path):
     settings = train.Settings(env="InvertedPendulum-v5", steps=8 * PER_ITERATION, **SMALL)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         run = train.train(settings, tmp_path, quiet=True)
     assert run.episodes > 0
     assert run.policy().environment["engine"] == "MuJoCo"
@@ -174,8 +173,7 @@ def test_the_critic_sees_its_group_and_the_policy_the_other(tmp_path):
     assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
     assert (whole.net.actor[0].in_features, whole.net.critic[0].in_features) == (8, 9)
     assert not np.array_equal(whole.observed["critic"].mean[:8], whole.observed["policy"].mean)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         policy = load(tmp_path / "whole/policy.npz", env=make("test/Grouped-v0", 2, precision="f32"))
     assert policy(np.zeros((2, 8))).shape == (2, 1)
     np.testing.assert_array_equal(parts.policy()(np.ones(8)), policy(np.ones(8)))

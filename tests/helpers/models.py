@@ -1,6 +1,7 @@
 """Robots that others wrote, random states of them, and their MuJoCo counterparts."""
 
 import functools
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -67,6 +68,15 @@ def simulate(
     if steps:
         sim.step(nstep=steps)
     return sim
+
+
+def samples(sim: stepper.Stepper, steps: int, read: Callable, ctrl=None) -> np.ndarray:
+    """What `read` returns after each of `steps` steps."""
+    rows = []
+    for _ in range(steps):
+        sim.step(ctrl)
+        rows.append(read())
+    return np.array(rows)
 
 
 def flags_of(sim: stepper.Stepper, steps: int) -> stepper.Status:

@@ -63,8 +63,7 @@ HEAD_OF = "## {}\n"
 def tables_of(name: str) -> str:
     """Tables of an environment's observations and actions."""
     arguments: dict[str, Any] = dict(gymnasium.spec(name).kwargs)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         env = StepperEnv(arguments.pop("task"), **arguments)
     observations = table("observation", observation_rows(env))
     actions = table("action", action_rows(env))

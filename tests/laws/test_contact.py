@@ -7,7 +7,7 @@ import stepper
 from checks import every
 from contact_problem import problem_of
 from hypothesis import example, given, strategies as st
-from models import SOURCES, simulate, stepper_model
+from models import SOURCES, samples, simulate, stepper_model
 from scenes import Heap, heaps
 
 GRAVITY = np.array([0, 0, -9.81])
@@ -212,11 +212,7 @@ def test_an_overlap_elsewhere_takes_no_rebound_away(speed):
         options = stepper.Options(integrator="euler", stabilization="baumgarte")
         sim = stepper.Stepper(model.replace(geom_restitution=restitution), options=options)
         sim.set_state(qvel=[0, 0, -speed, *[0] * (model.nv - 3)])
-        up = []
-        for _ in range(30):
-            sim.step()
-            up.append(sim.qvel[2])
-        return max(up)
+        return samples(sim, 30, lambda: sim.qvel[2]).max()
 
     box = '<body pos="3 0 .0999"><freejoint/><geom type="box" size=".1 .1 .1"/></body>'
     # The solver's tolerance is at most 1e-4 m/s.

@@ -8,6 +8,7 @@ import pytest
 import stepper
 from hypothesis import given, settings, strategies as st
 from mjcf import mjcf
+from models import samples
 from scipy import stats
 from stepper import SensorModel, Transfer
 from stepper.sensors import devices
@@ -27,11 +28,7 @@ TRAY = mjcf("tray")
 def errors(steps: int, num_envs: int, dt: float = 0.01, seed: int = 0, **transfers: Transfer) -> np.ndarray:
     """Readings of sensors at rest, (steps + 1, num_envs, nsensordata)."""
     sim = stepper.Stepper(stepper.load(STILL.format(dt=dt)), num_envs, sensors=SensorModel(transfers), seed=seed)
-    rows = [sim.sensordata]
-    for _ in range(steps):
-        sim.step()
-        rows.append(sim.sensordata)
-    return np.array(rows)
+    return np.concatenate([[sim.sensordata], samples(sim, steps, lambda: sim.sensordata)])
 
 
 @pytest.mark.parametrize(("kind", "kurtosis"), [("gaussian", 3.0), ("uniform", 1.8)])
@@ -189,11 +186,7 @@ def test_jitter_scatters_the_delay():
     model = stepper.load(STILL.replace("<framequat", '<clock name="clock"/><framequat').format(dt=0.01))
     sim = stepper.Stepper(model, 64, sensors=SensorModel({"clock": Transfer(delay=0.05, jitter=0.02)}))
     sim.step(nstep=20)
-    late = []
-    for _ in range(200):
-        sim.step()
-        late.append(sim.time - sim.sensordata[:, 7])
-    late = np.array(late)
+    late = samples(sim, 200, lambda: sim.time - sim.sensordata[:, 7])
     assert late.min() >= 0.03 - 1e-12
     assert late.max() <= 0.07 + 1e-12
     assert abs(late.mean() - 0.05) < 5 * 0.04 / np.sqrt(12 * late.size)

@@ -11,7 +11,7 @@ import stepper
 from checks import every
 from geometry import about, matrix, product
 from hypothesis import given, strategies as st
-from models import SOURCES, force_of_world, mujoco_model, random_quaternion, simulate, stepper_model
+from models import SOURCES, force_of_world, mujoco_model, random_quaternion, samples, simulate, stepper_model
 
 G = 9.81
 BOUND = 0.01  # Of the weight: what the tolerance of a short step may leave is 0.6 % of it.
@@ -241,10 +241,7 @@ def _pyramid(levels: int) -> list[tuple[float, float]]:
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_most_steps_of_a_stack_at_rest_accept_the_impulses_of_the_step_before(precision: str, places: list, offset: float) -> None:
     sim = simulate(_model(places, offset), precision=precision, steps=300)
-    iterations = []
-    for _ in range(STEPS):
-        sim.step()
-        iterations.append(int(sim.iterations))
+    iterations = samples(sim, STEPS, lambda: int(sim.iterations))
     # One Gauss-Seidel iteration finds that nothing is left to solve. Slow creep may need an occasional solve: in 0 to 30 % of the steps.
     # Changing names of contact points, or gaps from rounding, need one in every step.
     assert np.mean(np.array(iterations) == 1) > 0.5

@@ -56,8 +56,7 @@ def test_an_action_is_what_the_layers_say(envs, activation):
 def test_it_is_the_same_after_it_was_saved(envs, tmp_path):
     policy = made(envs)
     policy.save(tmp_path / "policy.npz")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         again = load(tmp_path / "policy.npz", env=envs)
     observation = np.random.default_rng(2).normal(size=(5, 10))
     np.testing.assert_array_equal(again(observation), policy(observation))

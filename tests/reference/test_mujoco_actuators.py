@@ -9,7 +9,7 @@ import pytest
 import stepper
 from actuators import ALL_KINDS, TARGETS, TREE, scene
 from checks import every, raises
-from models import forward, random_state, simulate
+from models import forward, random_state, samples, simulate
 from numerics import relative_error
 
 BOUND = 1e-10  # As for smooth dynamics: rounding (1e-16) times what a mass matrix loses in a difference of accelerations.
@@ -164,11 +164,8 @@ def test_a_declared_delay_adds_to_a_drives_and_to_a_batch():
     for actuators, late in ((None, 3), (stepper.ActuatorModel({"m": stepper.Drive(delay_steps=2)}), 5)):
         sim = stepper.Stepper(model, 9, actuators=actuators)
         sim.step(np.zeros((9, 1)))
-        moves = []
-        for _ in range(8):
-            sim.step(np.ones((9, 1)))
-            moves.append(bool(np.all(sim.qvel > 0)))
-        assert moves == [k >= late for k in range(8)]
+        moves = samples(sim, 8, lambda sim=sim: bool(np.all(sim.qvel > 0)), np.ones((9, 1)))
+        assert moves.tolist() == [k >= late for k in range(8)]
 
 
 def test_a_cubic_delay_is_refused_but_where_it_is_whole():

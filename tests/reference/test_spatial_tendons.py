@@ -138,15 +138,18 @@ def test_moment_arms_are_the_derivatives_of_lengths():
         assert relative_error(rates, (ends[0] - ends[1]) / 2e-6) < 1e-8
 
 
+def agrees(source: str, count: int = 6) -> None:
+    """Check that steps from random states are MuJoCo's by its law."""
+    model = mujoco.MjModel.from_xml_string(source)
+    prepare(model)
+    assert compare(stepper.load(model), states(model, count, 0)).agrees == 1.0, source
+
+
 @every(path=["sites", "sphere with a side", "cylinder", "pulley"], rows=ROWS)
 def test_a_step_of_mujocos_law_is_mujocos(path, rows):
     """Springs, dampers, limits and dry friction: relative to 1 + max |qvel|, within 1e-9 or the difference of MuJoCo's own solvers."""
     for integrator in INTEGRATORS:
-        model = mujoco.MjModel.from_xml_string(
-            scene(f'<spatial name="t" {ROWS[rows]}>{PATHS[path]}</spatial>', option=f'integrator="{integrator}"')
-        )
-        prepare(model)
-        assert compare(stepper.load(model), states(model, 6, 0)).agrees == 1.0, integrator
+        agrees(scene(f'<spatial name="t" {ROWS[rows]}>{PATHS[path]}</spatial>', option=f'integrator="{integrator}"'))
 
 
 def heavy(path: str, more: str = "", option: str = "") -> str:
@@ -158,9 +161,7 @@ def heavy(path: str, more: str = "", option: str = "") -> str:
 def test_a_step_with_inertia_of_mujocos_law_is_mujocos(path, more):
     """As above. MuJoCo's mass matrix has no entries between branches, and so has the law's."""
     for integrator in INTEGRATORS:
-        model = mujoco.MjModel.from_xml_string(heavy(path, more, f'integrator="{integrator}"'))
-        prepare(model)
-        assert compare(stepper.load(model), states(model, 6, 0)).agrees == 1.0, integrator
+        agrees(heavy(path, more, f'integrator="{integrator}"'))
 
 
 @pytest.mark.parametrize("path", STRAIGHT)
@@ -207,11 +208,8 @@ def test_inertia_of_a_tendon_around_a_geom_is_refused():
 @every(kind=ACTUATORS, integrator=INTEGRATORS)
 def test_a_step_with_an_actuator_is_mujocos(kind, integrator):
     """As above, with the velocity derivative of muscles in the implicit rules."""
-    path = PATHS["sphere with a side"]
-    source = scene(f'<spatial name="t">{path}</spatial>', ACTUATORS[kind], option=f'integrator="{integrator}"')
-    model = mujoco.MjModel.from_xml_string(source)
-    prepare(model)
-    assert compare(stepper.load(model), states(model, 12, 0)).agrees == 1.0
+    path = f'<spatial name="t">{PATHS["sphere with a side"]}</spatial>'
+    agrees(scene(path, ACTUATORS[kind], option=f'integrator="{integrator}"'), count=12)
 
 
 @pytest.mark.parametrize("armature", [0.0, 0.5])

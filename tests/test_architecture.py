@@ -60,6 +60,15 @@ CRATE = {
     "a::b": "pub struct Two;",
     "c": "pub struct Three;",
 }
+LAYERED = {
+    "p": "from p.high import top",
+    "p.low": "",
+    "p.low.a": "import os",
+    "p.low.b": "from p.low.a import x",
+    "p.high": "from p.high.c import top",
+    "p.high.c": "from p.low import b",
+}
+DECLARED = {"low": set(), "high": {"low"}}
 
 
 def dependencies(crate: str) -> set[str]:
@@ -185,17 +194,6 @@ def test_the_bindings_name_python_modules_that_there_are():
     named = {name for file in (ROOT / "crates/python/src").rglob("*.rs") for name in re.findall(r'import\("(stepper[\w.]*)"\)', code(file))}
     assert "stepper" in named
     assert named <= sources_of(PACKAGE).keys()
-
-
-LAYERED = {
-    "p": "from p.high import top",
-    "p.low": "",
-    "p.low.a": "import os",
-    "p.low.b": "from p.low.a import x",
-    "p.high": "from p.high.c import top",
-    "p.high.c": "from p.low import b",
-}
-DECLARED = {"low": set(), "high": {"low"}}
 
 
 def test_layers_without_a_circle_pass():

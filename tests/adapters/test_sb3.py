@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stepper.envs  # names for Gymnasium
 import train_sb3
-from checks import raises
+from checks import every, raises
 from envs.test_hooks import Grouped
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_checker import check_env
@@ -37,8 +37,7 @@ def pair(name, limit, **settings):
     return StepperVecEnv(f"stepper/{name}-v5", NUM_ENVS, max_episode_steps=limit, **settings), DummyVecEnv([one] * NUM_ENVS)
 
 
-@pytest.mark.parametrize("name", ["Hopper", "Ant", "HalfCheetah", "Reacher"])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@every(name=["Hopper", "Ant", "HalfCheetah", "Reacher"], precision=["f64", "f32"])
 def test_it_says_what_their_own_says_of_single_environments(name, precision):
     ours, theirs = pair(name, 11, precision=precision)
     assert (ours.observation_space, ours.action_space) == (theirs.observation_space, theirs.action_space)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from checks import raises
+from checks import every, raises
 from envs.test_hooks import Grouped
 from stepper.adapters.torchrl import StepperTorchRLEnv
 from stepper.envs import StepperVectorEnv
@@ -14,8 +14,7 @@ from torchrl.envs import RewardSum, StepCounter, TransformedEnv, check_env_specs
 NUM_ENVS = 4
 
 
-@pytest.mark.parametrize("name", ["Hopper", "Ant", "Reacher"])
-@pytest.mark.parametrize("break_when_any_done", [True, False])
+@every(name=["Hopper", "Ant", "Reacher"], break_when_any_done=[True, False])
 def test_its_check_of_specs_passes(name, break_when_any_done):
     env = StepperTorchRLEnv(f"stepper/{name}-v5", NUM_ENVS, max_episode_steps=2)
     check_env_specs(env, break_when_any_done=break_when_any_done, seed=0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import stepper
-from checks import raises
+from checks import every, raises
 from models import STATE, simulate, stepper_model
 
 ROBOT = "dm_control/humanoid"
@@ -83,8 +83,7 @@ CALLS = {
 }
 
 
-@pytest.mark.parametrize("kind", WRONG)
-@pytest.mark.parametrize("call", CALLS)
+@every(kind=WRONG, call=CALLS)
 def test_arrays_that_are_no_real_numbers_are_refused(call, kind):
     sim = stepper.Stepper(MODEL, 2)
     raises(TypeError, r"masked array|complex numbers|must be an array of numbers", lambda: CALLS[call](sim, WRONG[kind]))

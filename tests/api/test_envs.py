@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 import stepper
-from checks import raises
+from checks import every, raises
 from hypothesis import given, strategies as hypothesis
 from models import STATE, simulate, stepper_model
 from stepper.envs import StepperVectorEnv
@@ -21,6 +21,30 @@ HAND_MOVED = """
   <body name="hand" mocap="true" pos="0 0 0.3"><geom type="box" size="0.3 0.3 0.02"/></body>
   <body pos="0.05 0 0.45"><freejoint/><geom type="box" size="0.1 0.1 0.1"/></body>
 </worldbody></mujoco>"""
+TAKERS = {
+    "reset": lambda sim, envs: sim.reset(envs),
+    "step": lambda sim, envs: sim.step(envs=envs),
+    "set_state": lambda sim, envs: sim.set_state(qvel=np.full(sim.model.nv, 0.5), envs=envs),
+    "set_state of a State": lambda sim, envs: sim.set_state(sim.get_state(0), envs=envs),
+    "randomize": lambda sim, envs: sim.randomize(envs, gravity=None),
+    "copy_state": lambda sim, envs: sim.copy_state(0, envs),
+    "contacts": lambda sim, envs: sim.contacts(envs),
+}
+"""Calls that take `envs`, by name."""
+ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+  <body name="ball" pos="0 0 .1"><freejoint/><geom name="g" size=".1"/></body>
+  <body name="arm"><joint name="j" axis="0 1 0" damping=".1"/><geom type="capsule" fromto="1 0 .5 1.3 0 .5" size=".02"/></body>
+  </worldbody><actuator><motor name="m" joint="j" ctrlrange="-1 1"/></actuator></mujoco>"""
+N = 4
+EMPTY = {
+    "list": [],
+    "tuple": (),
+    "floats": np.array([]),
+    "integers": np.array([], dtype=np.int64),
+    "where": np.flatnonzero(np.zeros(N)),
+    "mask": np.zeros(N, dtype=bool),
+    "masks of Python": [False] * N,
+}
 
 
 def batch(num_envs=7, steps=9, **settings):
@@ -156,18 +180,6 @@ def test_nothing_changes_where_a_state_is_of_another_model():
     assert sim.get_state() == before
 
 
-TAKERS = {
-    "reset": lambda sim, envs: sim.reset(envs),
-    "step": lambda sim, envs: sim.step(envs=envs),
-    "set_state": lambda sim, envs: sim.set_state(qvel=np.full(sim.model.nv, 0.5), envs=envs),
-    "set_state of a State": lambda sim, envs: sim.set_state(sim.get_state(0), envs=envs),
-    "randomize": lambda sim, envs: sim.randomize(envs, gravity=None),
-    "copy_state": lambda sim, envs: sim.copy_state(0, envs),
-    "contacts": lambda sim, envs: sim.contacts(envs),
-}
-"""Calls that take `envs`, by name."""
-
-
 @pytest.mark.parametrize("call", TAKERS)
 @pytest.mark.parametrize(("envs", "error", "said"), [
     ([0.0, 2.0], TypeError, r"envs has 0\.0, of type float64"),
@@ -221,22 +233,6 @@ def test_a_recording_with_indices_replays(tmp_path):
     assert stepper.recording.verify(tmp_path / "run").difference is None
 
 
-ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
-  <body name="ball" pos="0 0 .1"><freejoint/><geom name="g" size=".1"/></body>
-  <body name="arm"><joint name="j" axis="0 1 0" damping=".1"/><geom type="capsule" fromto="1 0 .5 1.3 0 .5" size=".02"/></body>
-  </worldbody><actuator><motor name="m" joint="j" ctrlrange="-1 1"/></actuator></mujoco>"""
-N = 4
-EMPTY = {
-    "list": [],
-    "tuple": (),
-    "floats": np.array([]),
-    "integers": np.array([], dtype=np.int64),
-    "where": np.flatnonzero(np.zeros(N)),
-    "mask": np.zeros(N, dtype=bool),
-    "masks of Python": [False] * N,
-}
-
-
 def made(*, recorded=None):
     sim = stepper.Stepper(stepper.load(ARM), N, seed=3)
     sim.step(np.linspace(-1, 1, N)[:, None], 3)
@@ -278,8 +274,7 @@ def everything(sim):
     )
 
 
-@pytest.mark.parametrize("recorded", [False, True])
-@pytest.mark.parametrize("call", CALLS)
+@every(recorded=[False, True], call=CALLS)
 def test_an_empty_selection_changes_nothing(call, recorded, tmp_path):
     sim = made(recorded=tmp_path / "run" if recorded else None)
     before = everything(sim)

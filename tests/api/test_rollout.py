@@ -15,6 +15,16 @@ ROBOT = "dm_control/humanoid"
 T, ENVS = 12, 19
 NSTEP = 3
 SHARED = np.zeros((T, ENVS, 28))
+AFFINITY = """
+import os
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+import stepper
+from models import stepper_model
+sim = stepper.Stepper(stepper_model("dm_control/humanoid"), 64, threads=0)
+assert len(os.listdir("/proc/self/task")) == 1, "no thread before the first step"
+sim.step()
+print(sim.memory()["threads"], len(os.listdir("/proc/self/task")))
+"""
 
 
 def controls(shape=(T, ENVS)):
@@ -182,18 +192,6 @@ def test_memory():
     assert stepper_of(4096, precision="f32").memory()["state"] < 0.6 * many["state"]
     assert stepper_of(4096, threads=3).memory()["threads"] == 3
     assert stepper_of(8, threads=3).memory()["threads"] == 1
-
-
-AFFINITY = """
-import os
-os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-import stepper
-from models import stepper_model
-sim = stepper.Stepper(stepper_model("dm_control/humanoid"), 64, threads=0)
-assert len(os.listdir("/proc/self/task")) == 1, "no thread before the first step"
-sim.step()
-print(sim.memory()["threads"], len(os.listdir("/proc/self/task")))
-"""
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no CPU affinity to honour")

@@ -20,6 +20,21 @@ LEGS = """<mujoco><worldbody><body name="base"><freejoint name="floating_base_jo
   <body name="b"><joint name="FR_joint"/><geom size=".1" pos="0 .5 .5"/></body></body></worldbody></mujoco>"""
 ROBOTS = ["gymnasium/humanoid", "gymnasium/pusher_v5", "dm_control/quadruped", "dm_control/manipulator", "dm_control/finger"]
 TYPES = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
+DERIVED = ("mass_matrix", "subtree_com", "xipos", "geom_xpos", "qfrc_bias", "qacc_smooth", "actuator_force")
+"""Quantities of a state."""
+FOLLOW = {
+    "gravity": {"qfrc_bias", "qacc_smooth"},
+    "body_mass": {"mass_matrix", "subtree_com", "qfrc_bias", "qacc_smooth"},
+    "body_ipos": {"mass_matrix", "subtree_com", "xipos", "qfrc_bias", "qacc_smooth"},
+    "body_inertia": {"mass_matrix", "qfrc_bias", "qacc_smooth"},
+    "geom_pos": {"geom_xpos"},
+    "jnt_stiffness": {"qacc_smooth"},
+    "dof_damping": {"qacc_smooth"},
+    "dof_armature": {"mass_matrix", "qacc_smooth"},
+    "actuator_gainprm": {"qacc_smooth", "actuator_force"},
+    "actuator_biasprm": {"qacc_smooth", "actuator_force"},
+}
+"""Those that follow a field; the other fields act in constraints alone."""
 
 
 @given(
@@ -211,23 +226,6 @@ def test_one_selector_is_for_everything():
     parameter = stepper.lab.Parameter(text, low=0.1, high=1.0)
     assert stepper.lab.Study(model=MODEL, parameters={"friction": parameter}).loaded[0] == MODEL
     assert str(stepper.sysid.FitParameter.parse(f"{text}=0.1..2")) == text
-
-
-DERIVED = ("mass_matrix", "subtree_com", "xipos", "geom_xpos", "qfrc_bias", "qacc_smooth", "actuator_force")
-"""Quantities of a state."""
-FOLLOW = {
-    "gravity": {"qfrc_bias", "qacc_smooth"},
-    "body_mass": {"mass_matrix", "subtree_com", "qfrc_bias", "qacc_smooth"},
-    "body_ipos": {"mass_matrix", "subtree_com", "xipos", "qfrc_bias", "qacc_smooth"},
-    "body_inertia": {"mass_matrix", "qfrc_bias", "qacc_smooth"},
-    "geom_pos": {"geom_xpos"},
-    "jnt_stiffness": {"qacc_smooth"},
-    "dof_damping": {"qacc_smooth"},
-    "dof_armature": {"mass_matrix", "qacc_smooth"},
-    "actuator_gainprm": {"qacc_smooth", "actuator_force"},
-    "actuator_biasprm": {"qacc_smooth", "actuator_force"},
-}
-"""Those that follow a field; the other fields act in constraints alone."""
 
 
 @pytest.mark.parametrize("field", RANDOMIZED)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import stepper
-from checks import raises
+from checks import every, raises
 from models import STATE, simulate, stepper_model
 
 HOPPER, HUMANOID = "dm_control/hopper", "dm_control/humanoid"
@@ -197,8 +197,7 @@ def test_a_cold_start_forgets_what_a_correction_keeps():
     assert np.abs(cold.qvel - plant.qvel).max() > 1e-6
 
 
-@pytest.mark.parametrize("contact", ["hard", "mujoco"])
-@pytest.mark.parametrize("num_envs", [1, 11])
+@every(contact=["hard", "mujoco"], num_envs=[1, 11])
 def test_contacts_of_a_state_that_was_set_are_those_of_the_next_step(contact, num_envs):
     """Like the forces of sensors and bodies; an environment whose state was not set keeps the contacts of its last step."""
     model = stepper.load("""<mujoco><worldbody><geom type="plane" size="5 5 .1"/><body pos="0 0 .1"><freejoint/>

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from checks import raises
+from checks import every, raises
 from hypothesis import given, strategies as st
 from stepper.recording.format import KINDS, read_header, read_rows
 
@@ -40,8 +40,7 @@ def new(tmp_path, steps=3):
     return sim
 
 
-@pytest.mark.parametrize("make", [lambda sim, path: sim.record(path), stepper.Recorder])
-@pytest.mark.parametrize("context", [True, False])
+@every(make=[lambda sim, path: sim.record(path), stepper.Recorder], context=[True, False])
 def test_a_recorder_records_however_it_is_made(tmp_path, make, context):
     sim = stepper.Stepper(MODEL, 2)
     if context:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from checks import raises
+from checks import every, raises
 from hypothesis import example, given, strategies as st
 from models import simulate, stepper_model
 from stepper._hints import _guesses
@@ -146,8 +146,7 @@ def test_every_field_names_a_single_number(field, number):
     assert str((2, *np.shape(getattr(TWO.model, field)))) in str(error.value)
 
 
-@pytest.mark.parametrize("envs", [None, [1]])
-@pytest.mark.parametrize("field", sorted(RANDOMIZED))
+@every(envs=[None, [1]], field=sorted(RANDOMIZED))
 def test_values_of_one_environment_are_named_with_the_call_that_repeats_them(field, envs):
     own = np.asarray(getattr(TWO.model, field), float)
     if own.ndim == 0 or own.size == 0 or own.shape == (1,):

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 import stepper
-from checks import raises
+from checks import every, raises
 from hypothesis import given, settings, strategies as st
 from loading_scenes import LIMIT, arm, joint, link, robot, sphere
 from stepper.loading.urdf import VARIABLES
@@ -97,8 +97,7 @@ def test_a_mesh_beside_the_file_that_is_missing_is_named_too(package):
         load(package, urdf("gone.obj"))
 
 
-@pytest.mark.parametrize("scheme", ["package", "model"])
-@pytest.mark.parametrize("variable", VARIABLES)
+@every(scheme=["package", "model"], variable=VARIABLES)
 def test_packages_are_found_by_the_environment(package, tmp_path_factory, monkeypatch, scheme, variable):
     away, name = tmp_path_factory.mktemp("away"), f"{scheme}://robot/meshes/left/hand.obj"
     raises(stepper.ModelError, r"hand\.obj not found; searched", lambda: load(away, urdf(name)))

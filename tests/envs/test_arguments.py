@@ -35,6 +35,22 @@ CALLS = {
     "single": lambda **given: StepperEnv("InvertedPendulum", **given),
     "native": lambda **given: make_native(NAME, 1, **given),
 }
+WRONG = {
+    "complex": np.array([[1.0 + 0.0j]]),
+    "masked": np.ma.array([[1.0]], mask=[[True]]),
+    "masked without a mask": np.ma.array([[1.0]]),
+    "objects": np.array([[1.0]], dtype=object),
+    "texts": np.array([["1.0"]]),
+    "times": np.array([[1]], dtype="m8[s]"),
+    "nothing": None,
+    "ragged": [[1.0], [1.0, 2.0]],
+}
+ENV_CALLS = {
+    "reset": lambda env: env.reset(seed=0),
+    "step": lambda env: env.step(np.zeros(env.action_space.shape)),
+    "set_state": lambda env: env.set_state(np.array(env.sim.qpos) if isinstance(env, StepperVectorEnv) else env.sim.qpos[0]),
+    "render": lambda env: env.render(),
+}
 
 
 @given(st.sampled_from(AutoresetMode), st.sampled_from(["member", "name", "value", "lower"]))
@@ -134,18 +150,6 @@ def test_settings_and_arguments_of_tasks_have_different_names():
         assert not settings & {field.name for field in dataclasses.fields(task)} - {"contact"}
 
 
-WRONG = {
-    "complex": np.array([[1.0 + 0.0j]]),
-    "masked": np.ma.array([[1.0]], mask=[[True]]),
-    "masked without a mask": np.ma.array([[1.0]]),
-    "objects": np.array([[1.0]], dtype=object),
-    "texts": np.array([["1.0"]]),
-    "times": np.array([[1]], dtype="m8[s]"),
-    "nothing": None,
-    "ragged": [[1.0], [1.0, 2.0]],
-}
-
-
 @pytest.mark.parametrize("kind", WRONG)
 def test_actions_that_are_no_real_numbers_are_refused(kind):
     """NumPy would drop imaginary parts and masks, and convert texts and objects."""
@@ -198,14 +202,6 @@ def test_a_training_with_infinite_bounds_ends_before_it_starts():
     ):
         check_bounds("me/Reach-v0", space)
     check_bounds("stepper/HalfCheetah-v5", StepperVectorEnv("HalfCheetah", 1).single_action_space)
-
-
-ENV_CALLS = {
-    "reset": lambda env: env.reset(seed=0),
-    "step": lambda env: env.step(np.zeros(env.action_space.shape)),
-    "set_state": lambda env: env.set_state(np.array(env.sim.qpos) if isinstance(env, StepperVectorEnv) else env.sim.qpos[0]),
-    "render": lambda env: env.render(),
-}
 
 
 @pytest.mark.parametrize("make", [lambda: StepperEnv(Slide()), lambda: StepperVectorEnv(Slide(), 2)], ids=["single", "vector"])

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper
-from checks import raises
+from checks import every, raises
 from envs.cases import same
 from envs.test_hooks import Levels
 from envs.test_terms import Robot
@@ -52,8 +52,7 @@ def watched(name):
     return Watched(**arguments), options
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("mode", AutoresetMode)
+@every(name=NAMES, mode=AutoresetMode)
 def test_a_batch_says_what_single_environments_say(name, mode):
     for part, package in NEEDS.items():
         if part in name and find_spec(package) is None:

@@ -25,6 +25,27 @@ NAMES = sorted(TASKS)
 FREE = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
 SLIDER = """<mujoco><worldbody><body><joint name="slider" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
   <actuator><motor joint="slider" ctrlrange="-5 5" ctrllimited="true"/></actuator></mujoco>"""
+WRAPPERS = {
+    "ClipAction": {},
+    "RecordEpisodeStatistics": {},
+    "NormalizeReward": {},
+    "TransformReward": {"func": lambda reward: reward},
+    "NormalizeObservation": {"refused": ("SAME_STEP", "DISABLED")},
+    "TransformObservation": {"func": lambda observation: observation, "refused": ("SAME_STEP",)},
+    "DtypeObservation": {"dtype": np.float32, "refused": ("SAME_STEP",)},
+    "FlattenObservation": {"refused": ("SAME_STEP",)},
+}
+MODULES = sorted(path.stem for path in Path(stepper.adapters.__file__).parent.glob("[a-z]*.py"))
+LIBRARIES = {
+    "jax_rollout": ("jax", "pip install jax"),
+    "ray": ("ray", "pip install ray"),
+    "rllib": ("ray.rllib", 'pip install "ray[rllib]"'),
+    "rsl_rl": ("rsl_rl", "pip install rsl-rl-lib"),
+    "sb3": ("stable_baselines3", "pip install stable-baselines3"),
+    "torch_rollout": ("torch", "pip install torch"),
+    "torchrl": ("torchrl", "pip install torchrl"),
+}
+"""Library of each adapter, and the command that installs it."""
 
 
 @pytest.mark.parametrize("name", [*(f"{name}-v5" for name in NAMES), "FallingBlock-v0", "Grasp-v0"])
@@ -288,18 +309,6 @@ def test_a_mask_reaches_wrappers():
     np.testing.assert_array_equal(envs.episode_lengths, [3, 3, 0, 3])
 
 
-WRAPPERS = {
-    "ClipAction": {},
-    "RecordEpisodeStatistics": {},
-    "NormalizeReward": {},
-    "TransformReward": {"func": lambda reward: reward},
-    "NormalizeObservation": {"refused": ("SAME_STEP", "DISABLED")},
-    "TransformObservation": {"func": lambda observation: observation, "refused": ("SAME_STEP",)},
-    "DtypeObservation": {"dtype": np.float32, "refused": ("SAME_STEP",)},
-    "FlattenObservation": {"refused": ("SAME_STEP",)},
-}
-
-
 @every(mode=["NEXT_STEP", "SAME_STEP", "DISABLED"], name=WRAPPERS)
 def test_wrappers_refuse_the_modes_that_the_page_of_adapters_names(name, mode):
     """By a ValueError in Gymnasium 1.4, by an AssertionError in 1.2."""
@@ -311,19 +320,6 @@ def test_wrappers_refuse_the_modes_that_the_page_of_adapters_names(name, mode):
         return
     with pytest.raises((ValueError, AssertionError)):
         getattr(vector, name)(envs, **arguments)
-
-
-MODULES = sorted(path.stem for path in Path(stepper.adapters.__file__).parent.glob("[a-z]*.py"))
-LIBRARIES = {
-    "jax_rollout": ("jax", "pip install jax"),
-    "ray": ("ray", "pip install ray"),
-    "rllib": ("ray.rllib", 'pip install "ray[rllib]"'),
-    "rsl_rl": ("rsl_rl", "pip install rsl-rl-lib"),
-    "sb3": ("stable_baselines3", "pip install stable-baselines3"),
-    "torch_rollout": ("torch", "pip install torch"),
-    "torchrl": ("torchrl", "pip install torchrl"),
-}
-"""Library of each adapter, and the command that installs it."""
 
 
 def test_every_adapter_is_here():

@@ -17,6 +17,20 @@ from stepper.envs import TASKS, Group, MujocoTask, Observation, StepperEnv, Step
 from stepper.envs.tasks import Hopper
 
 METHODS = [name for name, method in vars(Task).items() if inspect.isfunction(method) and name[0] != "_"]
+SPEED = Observation("speed", lambda now: now.qvel)
+TABLES = {
+    **{f"returns {words}, must return a tuple of Observation, as (Observation(": table for words, table in {
+        "a value of type Observation": SPEED, "'qpos'": "qpos", "None": None, "an array of shape (4, 1)": [np.zeros((4, 1))],
+        "a value of type list": (), "a function": (lambda now: now.qpos,), "the class Observation": (SPEED, Observation),
+    }.items()},
+    "returns the groups 'critic', must have the group 'policy'": {"critic": (SPEED,)},
+    "returns a value of type Group, must return a tuple of Observation": Group((SPEED,)),
+    "returns two rows with the name 'speed': give one another name": (SPEED, SPEED),
+    "the row 'x' is 0.0, must be an array (4, ...)": (Observation("x", lambda now: 0.0),),
+    "the row 'x' is an array of shape (1,), must be an array (4, ...)": (Observation("x", lambda now: now.qpos[0]),),
+    "the row 'qpos': columns is 0, must be a slice": (Observation("qpos", columns=0),),
+    "the row 'step' is a function, must be an array (4, ...)": (Observation("step"),),
+}  # fmt: skip
 
 
 class Scaled:
@@ -163,22 +177,6 @@ def cart(**methods):
     envs.step(np.zeros((4, 1)))
     envs.reset()
     return envs
-
-
-SPEED = Observation("speed", lambda now: now.qvel)
-TABLES = {
-    **{f"returns {words}, must return a tuple of Observation, as (Observation(": table for words, table in {
-        "a value of type Observation": SPEED, "'qpos'": "qpos", "None": None, "an array of shape (4, 1)": [np.zeros((4, 1))],
-        "a value of type list": (), "a function": (lambda now: now.qpos,), "the class Observation": (SPEED, Observation),
-    }.items()},
-    "returns the groups 'critic', must have the group 'policy'": {"critic": (SPEED,)},
-    "returns a value of type Group, must return a tuple of Observation": Group((SPEED,)),
-    "returns two rows with the name 'speed': give one another name": (SPEED, SPEED),
-    "the row 'x' is 0.0, must be an array (4, ...)": (Observation("x", lambda now: 0.0),),
-    "the row 'x' is an array of shape (1,), must be an array (4, ...)": (Observation("x", lambda now: now.qpos[0]),),
-    "the row 'qpos': columns is 0, must be a slice": (Observation("qpos", columns=0),),
-    "the row 'step' is a function, must be an array (4, ...)": (Observation("step"),),
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("message", TABLES)

@@ -8,15 +8,6 @@ from stepper.lab.study.batches import begin, world_of
 from stepper.lab.study.worlds import World
 
 pytest.importorskip("gymnasium")
-
-
-def test_one_function_is_a_reward_an_observation_and_an_outcome():
-    found = one_measure.measured()
-    assert set(found.values()) == {found["stepper"]}
-    # It moves: the hand begins sqrt(0.4^2 + 0.4^2) = 0.566 m from the target.
-    assert 0.3 < found["stepper"] < 0.565
-
-
 READINGS = {
     "qpos": lambda now: now.qpos,
     "qvel": lambda now: now.qvel,
@@ -28,6 +19,13 @@ READINGS = {
     "energy": lambda now: np.stack(now.energy(), axis=-1),
     "model": lambda now: np.full(now.num_envs, now.model.nv * now.timestep),
 }
+
+
+def test_one_function_is_a_reward_an_observation_and_an_outcome():
+    found = one_measure.measured()
+    assert set(found.values()) == {found["stepper"]}
+    # It moves: the hand begins sqrt(0.4^2 + 0.4^2) = 0.566 m from the target.
+    assert 0.3 < found["stepper"] < 0.565
 
 
 @pytest.mark.parametrize("name", READINGS)

@@ -10,6 +10,22 @@ import numpy as np
 import stepper
 
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+STATE = [
+    "qpos",
+    "qvel",
+    "act",
+    "time",
+    "ctrl",
+    "status",
+    "residual",
+    "iterations",
+    "max_penetration",
+    "max_limit_violation",
+    "max_equality_violation",
+    "sensordata",
+    "sensordata_ideal",
+]
+"""What a `Stepper` says of where it is and of its last call."""
 
 
 def _package(name: str) -> Path:
@@ -35,24 +51,6 @@ def mujoco_model(name: str) -> mujoco.MjModel:
 def stepper_model(name: str, *, strict: bool = True) -> stepper.Model:
     """The same in stepper."""
     return stepper.load(str(SOURCES[name]), strict=strict)
-
-
-STATE = [
-    "qpos",
-    "qvel",
-    "act",
-    "time",
-    "ctrl",
-    "status",
-    "residual",
-    "iterations",
-    "max_penetration",
-    "max_limit_violation",
-    "max_equality_violation",
-    "sensordata",
-    "sensordata_ideal",
-]
-"""What a `Stepper` says of where it is and of its last call."""
 
 
 def simulate(

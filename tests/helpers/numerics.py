@@ -9,6 +9,9 @@ import stepper
 from models import BALL, FREE, simulate, stepper_model
 from scipy.integrate import solve_ivp
 
+# Noise of a central difference: rounding of numbers of order 1 to 10 over the step of 1e-6.
+NOISE = 1e-8
+
 
 def relative_error(found, expected) -> float:
     """Largest difference over the largest expected entry; the difference itself where nothing is expected."""
@@ -71,10 +74,6 @@ def reference(model: mujoco.MjModel, qpos, qvel, seconds: float, ctrl=None) -> t
     start = np.concatenate([qpos, qvel])
     end = solve_ivp(lambda _, y: _rate(model, data, y), (0.0, seconds), start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
     return end[: model.nq], end[model.nq :]
-
-
-# Noise of a central difference: rounding of numbers of order 1 to 10 over the step of 1e-6.
-NOISE = 1e-8
 
 
 def joined(blocks: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -13,16 +13,6 @@ CHOICES = [{"integrator": i, "stabilization": s} for i in ("euler", "midpoint") 
 
 every_dt = pytest.mark.parametrize("dt", DTS)
 every_choice = pytest.mark.parametrize("choice", CHOICES, ids=lambda c: "-".join(c.values()))
-
-
-def on_plane(geom: str, friction: float, height: float, slope: float = 0.0) -> str:
-    """A body with one geom that touches a plane inclined about the y axis (rad), downhill towards +x; height is from plane to centre."""
-    x, z = (float(height * part) for part in (np.sin(slope), np.cos(slope)))
-    return f"""<mujoco><compiler angle="radian"/><option gravity="0 0 -{G}"/><default><geom friction="{friction} 0 0"/></default>
-      <worldbody><geom type="plane" size="0 0 1" euler="0 {slope} 0"/>
-      <body pos="{x} 0 {z}" euler="0 {slope} 0"><freejoint/><geom {geom}/></body></worldbody></mujoco>"""
-
-
 BOX = 'type="box" size=".2 .15 .05" mass="1.3"'
 
 
@@ -34,6 +24,22 @@ SLOT = """<mujoco><option gravity="0 0 0"/><worldbody>
 <geom name="right" type="box" size=".05 .1 .1" pos=".15 0 0"/><geom name="left" type="box" size=".05 .1 .1" pos="-.15 0 0"/>
 <body><joint type="slide" axis="1 0 0"/><geom name="block" type="box" size="{half} .05 .05"/></body></worldbody></mujoco>"""
 """Block on a slide in a slot of the half width 0.1 m, with its half width in m as a field."""
+GEOMS = {
+    # Boxes meet the floor only: there is no kernel for them among themselves yet.
+    "sphere": 'type="sphere" size="{0}"',
+    "capsule": 'type="capsule" size="{0} {0}"',
+    "box": 'type="box" size="{0} {0} {0}" contype="2" conaffinity="0"',
+}
+REACH = {"sphere": 1.0, "capsule": 2.0, "box": 3**0.5}
+"""Distance of a shape's farthest point from its centre, in sizes."""
+
+
+def on_plane(geom: str, friction: float, height: float, slope: float = 0.0) -> str:
+    """A body with one geom that touches a plane inclined about the y axis (rad), downhill towards +x; height is from plane to centre."""
+    x, z = (float(height * part) for part in (np.sin(slope), np.cos(slope)))
+    return f"""<mujoco><compiler angle="radian"/><option gravity="0 0 -{G}"/><default><geom friction="{friction} 0 0"/></default>
+      <worldbody><geom type="plane" size="0 0 1" euler="0 {slope} 0"/>
+      <body pos="{x} 0 {z}" euler="0 {slope} 0"><freejoint/><geom {geom}/></body></worldbody></mujoco>"""
 
 
 def arms(seed: int) -> str:
@@ -63,14 +69,6 @@ def _text(numbers: np.ndarray) -> str:
     return " ".join(map(str, numbers))
 
 
-GEOMS = {
-    # Boxes meet the floor only: there is no kernel for them among themselves yet.
-    "sphere": 'type="sphere" size="{0}"',
-    "capsule": 'type="capsule" size="{0} {0}"',
-    "box": 'type="box" size="{0} {0} {0}" contype="2" conaffinity="0"',
-}
-
-
 @dataclass(frozen=True)
 class Heap:
     """Bodies with a start: shapes as (kind, size in m, mass in kg), coefficient of friction, qpos (n, 7), qvel (n, 6)."""
@@ -88,10 +86,6 @@ class Heap:
             kind, size, mass = self.shapes[i]
             text += f'<body name="b{i}"><freejoint/><geom name="g{i}" mass="{mass}" {GEOMS[kind].format(size)}/></body>'
         return text + "</worldbody></mujoco>"
-
-
-REACH = {"sphere": 1.0, "capsule": 2.0, "box": 3**0.5}
-"""Distance of a shape's farthest point from its centre, in sizes."""
 
 
 def heap(shapes, friction: float, seed: int, spacing: float | None = None) -> Heap:

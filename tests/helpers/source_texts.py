@@ -11,6 +11,11 @@ from pathlib import Path
 
 COMMENT = re.compile(r"^\s*(///|//!|//)(?: (.*))?$")
 LIST_ITEM = re.compile(r"^\s*(?:[*-]|\d+\.) ")
+MESSAGES = re.compile(r"(Error|Warning|Exit|warn|refuse|BadParameter|Option|Argument|add_argument|echo)$")
+"""Last name of a call whose string arguments are messages or help texts."""
+SECTION = re.compile(r"(Args|Returns|Raises|Yields|Attributes|Example|Examples|Note):$")
+ENTRY = re.compile(r"\w[\w ,.*]*(\([^)]*\))?: ")
+MARKERS = re.compile(r"#\s*(type:|noqa|fmt:|ruff:|mypy:|!|%%|region|endregion)")
 
 
 @dataclass(frozen=True)
@@ -69,13 +74,6 @@ def sentences(paragraph: str) -> list[str]:
 def words(sentence: str) -> int:
     """Number of words; symbols and numbers of formulas do not count."""
     return len([word for word in sentence.split() if re.search(r"[A-Za-z]{2}", word)])
-
-
-MESSAGES = re.compile(r"(Error|Warning|Exit|warn|refuse|BadParameter|Option|Argument|add_argument|echo)$")
-"""Last name of a call whose string arguments are messages or help texts."""
-SECTION = re.compile(r"(Args|Returns|Raises|Yields|Attributes|Example|Examples|Note):$")
-ENTRY = re.compile(r"\w[\w ,.*]*(\([^)]*\))?: ")
-MARKERS = re.compile(r"#\s*(type:|noqa|fmt:|ruff:|mypy:|!|%%|region|endregion)")
 
 
 def texts_of(file: Path, root: Path) -> Iterator[Comment]:

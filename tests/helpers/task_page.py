@@ -43,6 +43,7 @@ UNITS = {
 }
 """Units of quantities of the stepper, but for those of single joints."""
 AXES = ("x", "y", "z")
+HEAD_OF = "## {}\n"
 
 
 def page() -> str:
@@ -55,9 +56,6 @@ def page() -> str:
     for (family, table), names in tables.items():
         sections[family].append(f"### {', '.join(names)}\n\n{table}")
     return "\n".join([HEAD, *("\n".join(parts) for parts in sections.values())])
-
-
-HEAD_OF = "## {}\n"
 
 
 def tables_of(name: str) -> str:

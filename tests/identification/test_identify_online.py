@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import stepper
-from checks import raises
+from checks import every, raises
 from identification.online import NOISE, PERIOD, controls, readings
 from identification.scenes import held
 from stepper.sysid.problem import MAX_PREDICTIONS, Problem
@@ -135,8 +135,7 @@ def test_samples_that_do_not_fit():
     raises(ValueError, r"'lift' has shape \(2,\), must be \(1,\)", tracker.update, np.zeros(3), {"lift": [1.0, 2.0]})
 
 
-@pytest.mark.parametrize("spacing", [1, 11, 20])
-@pytest.mark.parametrize("colour", [0.0, 0.8])
+@every(spacing=[1, 11, 20], colour=[0.0, 0.8])
 def test_intervals_of_a_line_under_coloured_noise(colour, spacing):
     """A regression on slow functions of time, whose covariance is known: J^T Gamma J; the sensor is read at every row, or at few."""
     T, count = 150, 200

@@ -21,6 +21,15 @@ ROUNDING = 1e-12
 UNSOLVED = 1e-2
 """Residual above which `Status.NOT_CONVERGED` says that the kinetic energy is kept from growing, m/s."""
 ENVS = 5
+TIED = """<mujoco><default><geom friction=".6 .02 .01" condim="{condim}"/></default><worldbody><geom type="plane" size="5 5 1"/>
+  <body name="a" pos="0 0 .5"><freejoint/><geom type="sphere" size=".1"/>
+    <body name="b" pos=".3 0 0">
+      <joint name="b" axis="0 1 0" limited="true" range="-20 30"/><geom type="capsule" size=".05 .1"/></body></body>
+  <body name="c" pos=".3 .4 .5"><freejoint/><geom type="sphere" size=".12"/></body>
+  <body name="d" pos="-.4 .4 .5"><freejoint/><geom type="sphere" size=".08"/></body></worldbody>
+  <contact><exclude body1="a" body2="b"/></contact>
+  <equality><connect body1="b" body2="c" anchor="0 .2 0"/><weld body1="c" body2="d"/><joint joint1="b" active="false"/></equality>
+  </mujoco>"""
 
 
 def steps_of(model: mujoco.MjModel, qpos, qvel, settings, *, steps: int = 60, ctrl=None):
@@ -126,17 +135,6 @@ def test_the_residual_of_the_midpoint_rule_is_what_numpy_finds(scene, iterations
     settings = EULER | {"integrator": "midpoint", "iterations": iterations}
     for _, sim, _, problem in steps_of(model, scene.qpos, scene.qvel, settings):
         check_certificate(sim, problem)
-
-
-TIED = """<mujoco><default><geom friction=".6 .02 .01" condim="{condim}"/></default><worldbody><geom type="plane" size="5 5 1"/>
-  <body name="a" pos="0 0 .5"><freejoint/><geom type="sphere" size=".1"/>
-    <body name="b" pos=".3 0 0">
-      <joint name="b" axis="0 1 0" limited="true" range="-20 30"/><geom type="capsule" size=".05 .1"/></body></body>
-  <body name="c" pos=".3 .4 .5"><freejoint/><geom type="sphere" size=".12"/></body>
-  <body name="d" pos="-.4 .4 .5"><freejoint/><geom type="sphere" size=".08"/></body></worldbody>
-  <contact><exclude body1="a" body2="b"/></contact>
-  <equality><connect body1="b" body2="c" anchor="0 .2 0"/><weld body1="c" body2="d"/><joint joint1="b" active="false"/></equality>
-  </mujoco>"""
 
 
 @every(iterations=[1, 4, 100], condim=[3, 4, 6])

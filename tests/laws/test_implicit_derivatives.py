@@ -28,6 +28,14 @@ SLIDES = "".join(
     f'<joint name="{axis}" type="slide" axis="{numbers}"/>' for axis, numbers in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)
 )
 PUSHED = '<actuator><motor joint="x"/><motor joint="z"/></actuator>'
+LOOP = (
+    '<body pos="0 0 1"><joint axis="0 1 0"/>{rod}<body pos="0 0 -.4"><joint axis="0 1 0"/>{bar}'
+    '<body name="tip" pos=".4 0 0"><geom size=".01" mass=".1" contype="0"/></body></body></body>'
+    '<body name="other" pos=".4 0 1"><joint axis="0 1 0"/>{rod}</body>'
+).format(
+    rod='<geom type="capsule" size=".02" fromto="0 0 0 0 0 -.4" mass=".5" contype="0"/>',
+    bar='<geom type="capsule" size=".02" fromto="0 0 0 .4 0 0" mass=".5" contype="0"/>',
+)
 
 
 def scene(body: str, *, more: str = "", floor: str = "") -> stepper.Model:
@@ -202,16 +210,6 @@ def test_balls_that_overlap_roll_and_touch_one_another(law):
     assert own.implicit.mean() > 0.8
     assert off.size > 200
     assert not off.any()
-
-
-LOOP = (
-    '<body pos="0 0 1"><joint axis="0 1 0"/>{rod}<body pos="0 0 -.4"><joint axis="0 1 0"/>{bar}'
-    '<body name="tip" pos=".4 0 0"><geom size=".01" mass=".1" contype="0"/></body></body></body>'
-    '<body name="other" pos=".4 0 1"><joint axis="0 1 0"/>{rod}</body>'
-).format(
-    rod='<geom type="capsule" size=".02" fromto="0 0 0 0 0 -.4" mass=".5" contype="0"/>',
-    bar='<geom type="capsule" size=".02" fromto="0 0 0 .4 0 0" mass=".5" contype="0"/>',
-)
 
 
 @every(law=SPLIT, wrong=[0.0, 1e-2])

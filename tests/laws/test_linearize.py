@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import stepper
-from checks import raises
+from checks import every, raises
 from hypothesis import example, given, strategies as st
 from models import SOURCES, afloat, random_quaternion, simulate, stepper_model
 from numerics import NOISE, joined, touching
@@ -461,8 +461,7 @@ CUP = scene(
 
 
 @pytest.mark.parametrize("arguments", [{}, {"centered": False}, {"method": "implicit"}], ids=str)
-@pytest.mark.parametrize("contact", ["hard", "mujoco"])
-@pytest.mark.parametrize("kink", [Kink.WRAP, Kink.ADHESION])
+@every(contact=["hard", "mujoco"], kink=[Kink.WRAP, Kink.ADHESION])
 def test_a_switch_of_a_tendon_or_of_suction_is_a_kink(kink, contact, arguments):
     """The end of a string and a cup, 3e-7 m from where the string touches a drum and suction begins, and far away."""
     # Differences move them by 1e-6 m. Suction begins at the gap of the cup, with hard contact 1e-5 m above it.

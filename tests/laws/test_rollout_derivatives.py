@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 import stepper
-from checks import raises
+from checks import every, raises
 from models import random_quaternion, simulate, stepper_model
 from rollout_gradients import LAWS, Judged, bodies_on_a_floor, judge
 from stepper.derivatives import Kink, Smoothing, UndeterminedDerivative, rollout
@@ -296,8 +296,7 @@ def read(function, differs=lambda x: np.zeros_like(x, bool)):
     return out[0, 0], bool(nominal[0]), bool(other[0])
 
 
-@pytest.mark.parametrize("place", [1e-7, -1e-7, 1e-12, -1e-12])
-@pytest.mark.parametrize("jump", [0.0, 1.0])
+@every(place=[1e-7, -1e-7, 1e-12, -1e-12], jump=[0.0, 1.0])
 def test_the_slope_on_the_side_of_the_nominal_point_is_found(place, jump):
     def function(x):
         return 2.0 * x if (x - place) * place < 0.0 else jump + 2.0 * place - 5.0 * (x - place)

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from checks import every
+from checks import every, raises
 from equalities import KINDS, LINKAGE
 from models import SOURCES
 from mujoco_law.parity import AGREES, States as Found, compare, prepare, states
@@ -304,8 +304,7 @@ def test_bodies_on_a_plate_accelerate_as_mujocos(cone):
     ({"contact": "soft"}, 'contact is "soft", must be one of: hard, mujoco'),
 ])  # fmt: skip
 def test_what_the_law_does_not_have_is_named(options, words):
-    with pytest.raises(ValueError, match=words):
-        stepper.Stepper(stepper.load(scene()), options=stepper.Options(**({"contact": "mujoco"} | options)))
+    raises(ValueError, words, lambda: stepper.Stepper(stepper.load(scene()), options=stepper.Options(**({"contact": "mujoco"} | options))))
 
 
 @pytest.mark.parametrize("more", ["", '<actuator><position site="s" refsite="r" gear="1 .2 0 0 .1 0" kp="300" kv="4"/></actuator>'])

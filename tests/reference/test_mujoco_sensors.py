@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from checks import every
+from checks import every, raises
 from mjcf import mjcf
 from models import SOURCES, forward, random_quaternion, random_state, simulate
 from stepper.loading.mjcf.sensors import MISSING
@@ -35,6 +35,21 @@ LIMITED = """
   <tendonlimitpos tendon="rope"/><tendonlimitvel tendon="rope"/><tendonlimitfrc tendon="rope"/></sensor></mujoco>"""
 HAND = """<mujoco><worldbody><body name="arm"><joint name="hinge"/><geom name="link" size=".1" pos=".3 0 0"/><site name="tip" pos=".4 0 0"/>
   </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator><sensor><clock name="now"/></sensor></mujoco>"""
+SHAPES = """
+<mujoco><worldbody>
+  <geom name="plane" type="plane" size="0 0 1" pos="0 0 -1" euler="10 5 0"/>
+  <body name="eye" pos="0 0 .5"><freejoint/><geom name="eye" size=".05" mass="1" contype="0" conaffinity="0"/>
+    <site name="eye" pos=".1 0 0" euler="10 0 0"/></body>
+  <body pos="1 0 0"><freejoint/><geom name="capsule" type="capsule" size=".2 .3" contype="0" conaffinity="0"/></body>
+  <body pos="0 1 0"><freejoint/><geom name="box" type="box" size=".3 .2 .1" contype="0" conaffinity="0"/></body>
+  <body pos="-1 0 0"><freejoint/><geom name="cylinder" type="cylinder" size=".2 .3" contype="0" conaffinity="0"/></body>
+  <body pos="0 -1 0"><freejoint/><geom name="ellipsoid" type="ellipsoid" size=".3 .2 .1" contype="0" conaffinity="0"/></body>
+  <body pos="0 0 1"><freejoint/><geom name="sphere" type="sphere" size=".2" contype="0" conaffinity="0"/></body>
+  <geom name="unseen" type="sphere" size="3" rgba="0 0 0 0" contype="0" conaffinity="0"/>
+</worldbody><sensor>
+  <rangefinder site="eye" data="dist dir origin point"/>
+  {proximity}
+</sensor></mujoco>"""
 
 
 def instrumented(name: str) -> mujoco.MjModel:  # noqa: PLR0912  (a list of sensors)
@@ -222,23 +237,6 @@ def test_rays_see_planes_without_end():
     np.testing.assert_allclose(stepper.Stepper(stepper.load(compiled)).sensordata_ideal, [1.0], atol=1e-12)
 
 
-SHAPES = """
-<mujoco><worldbody>
-  <geom name="plane" type="plane" size="0 0 1" pos="0 0 -1" euler="10 5 0"/>
-  <body name="eye" pos="0 0 .5"><freejoint/><geom name="eye" size=".05" mass="1" contype="0" conaffinity="0"/>
-    <site name="eye" pos=".1 0 0" euler="10 0 0"/></body>
-  <body pos="1 0 0"><freejoint/><geom name="capsule" type="capsule" size=".2 .3" contype="0" conaffinity="0"/></body>
-  <body pos="0 1 0"><freejoint/><geom name="box" type="box" size=".3 .2 .1" contype="0" conaffinity="0"/></body>
-  <body pos="-1 0 0"><freejoint/><geom name="cylinder" type="cylinder" size=".2 .3" contype="0" conaffinity="0"/></body>
-  <body pos="0 -1 0"><freejoint/><geom name="ellipsoid" type="ellipsoid" size=".3 .2 .1" contype="0" conaffinity="0"/></body>
-  <body pos="0 0 1"><freejoint/><geom name="sphere" type="sphere" size=".2" contype="0" conaffinity="0"/></body>
-  <geom name="unseen" type="sphere" size="3" rgba="0 0 0 0" contype="0" conaffinity="0"/>
-</worldbody><sensor>
-  <rangefinder site="eye" data="dist dir origin point"/>
-  {proximity}
-</sensor></mujoco>"""
-
-
 def proximities() -> mujoco.MjModel:
     """A scene with a ray and the distances of all pairs that the table has."""
     pairs = [("plane", s) for s in ("capsule", "box", "cylinder", "ellipsoid", "sphere")] + [("sphere", "capsule"), ("capsule", "plane"),
@@ -358,8 +356,7 @@ def test_what_is_added_reads_what_the_file_has(name):
     ({"type": "framepos", "site": "tip", "reference_body": "hand"}, "there is no body 'hand'; the names are: world, arm"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(reading, said):
-    with pytest.raises(ValueError, match=said):
-        stepper.load(HAND).with_sensors({"new": stepper.sensors.SensorSpec(**reading)})
+    raises(ValueError, said, lambda: stepper.load(HAND).with_sensors({"new": stepper.sensors.SensorSpec(**reading)}))
 
 
 def test_what_is_added_has_errors_of_its_own():

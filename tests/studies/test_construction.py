@@ -23,6 +23,16 @@ GIVEN = {
     "parameters": {"mass": Parameter("body_mass[arm]", low=1, high=2)},
 }
 MJCF = "<mujoco><worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+STUDY = """
+model = "arm.xml"
+policy = "servo.npz"
+seconds = 0.2
+episodes = 2
+qpos_noise = 0.1
+[[outcomes]]
+name = "angle"
+measure = "joint hinge"
+"""
 
 
 def words(measure):
@@ -183,18 +193,6 @@ def network(gain=-2.0):
     return stepper.policies.Policy(
         mean=np.zeros(2), std=np.ones(2), clip=10.0, layers=[layer, last], activation="tanh", low=-one, high=one, environment={}
     )
-
-
-STUDY = """
-model = "arm.xml"
-policy = "servo.npz"
-seconds = 0.2
-episodes = 2
-qpos_noise = 0.1
-[[outcomes]]
-name = "angle"
-measure = "joint hinge"
-"""
 
 
 def test_a_policy_of_stepper_drives_a_study(tmp_path):

@@ -40,6 +40,22 @@ ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" da
   <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
 G, MASS, PUSH = 9.81, 0.3, 2.0
 ANGLE = Outcome(name="angle", measure="joint hinge")
+CHILD = """
+import sys
+sys.path.insert(0, sys.argv[2])
+import test_study, stepper
+from stepper.lab.study.journal import Journal
+study = test_study.tray(batch=4)
+append = Journal.append
+def told(self, rows):
+    append(self, rows)
+    print("rows", flush=True)
+    sys.stdin.readline()
+Journal.append = told
+from stepper.lab import rank, report, sweep
+{"sweep": sweep, "report": report, "rank": lambda *given: rank(*given, samples=8)}[sys.argv[3]](study, sys.argv[1])
+"""
+COMMANDS = {"sweep": stepper.lab.sweep, "report": stepper.lab.report, "rank": functools.partial(stepper.lab.rank, samples=8)}
 
 
 def swept(study, out):
@@ -276,24 +292,6 @@ def test_nominal_values_that_mujoco_lacks_are_not_asked_of_it(tmp_path):
     assert values["stepper"].keys() == {"bounce", "room", "rule"}
     assert "MuJoCo cannot run" not in str(found)
     assert any("bounce with MuJoCo" in reason for reason in found.sweep.skipped)
-
-
-CHILD = """
-import sys
-sys.path.insert(0, sys.argv[2])
-import test_study, stepper
-from stepper.lab.study.journal import Journal
-study = test_study.tray(batch=4)
-append = Journal.append
-def told(self, rows):
-    append(self, rows)
-    print("rows", flush=True)
-    sys.stdin.readline()
-Journal.append = told
-from stepper.lab import rank, report, sweep
-{"sweep": sweep, "report": report, "rank": lambda *given: rank(*given, samples=8)}[sys.argv[3]](study, sys.argv[1])
-"""
-COMMANDS = {"sweep": stepper.lab.sweep, "report": stepper.lab.report, "rank": functools.partial(stepper.lab.rank, samples=8)}
 
 
 def child(folder, command):

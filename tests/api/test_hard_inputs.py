@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from mjcf import mjcf
-from models import simulate, stepper_model
+from models import mjcf, simulate, stepper_model
 
 HOPPER, ANT = "dm_control/hopper", "gymnasium/ant"
 SCENE = mjcf("inputs")

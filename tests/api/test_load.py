@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from mjcf import mjcf
-from models import SOURCES, mujoco_model, stepper_model
+from models import SOURCES, mjcf, mujoco_model, stepper_model
 from stepper.loading.mjcf import source
 from stepper.loading.mjcf.omissions import FLAGS
 

@@ -10,8 +10,7 @@ import pytest
 import stepper
 from hypothesis import given, settings, strategies as st
 from loading_scenes import arm, joint, link, robot, sheet, sphere
-from mjcf import mjcf
-from models import simulate
+from models import mjcf, simulate
 from stepper.cli.studies import explain
 
 SLOP = 1e-5

@@ -6,8 +6,7 @@ import pytest
 import stepper
 from checks import raises
 from hypothesis import given, strategies as st
-from mjcf import mjcf
-from models import SOURCES, stepper_model
+from models import SOURCES, mjcf, stepper_model
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 from stepper.shared.selectors import Selector, numbers_of, parse, places, rows_of
 

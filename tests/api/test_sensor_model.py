@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import raises
-from mjcf import mjcf
-from models import simulate
+from models import mjcf, simulate
 from stepper import SensorModel, Transfer
 from stepper.sensors import Combination, RayFan, SensorSpec, devices
 

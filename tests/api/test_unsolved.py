@@ -8,8 +8,7 @@ import pytest
 import stepper
 from checks import raises
 from golden import scenes
-from mjcf import mjcf
-from models import simulate
+from models import mjcf, simulate
 from scenes import OVERLAP, SLOT
 
 STACK = mjcf("overlapping_boxes")

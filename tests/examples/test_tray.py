@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import identified_cheetah
 import noisy_joints
 import numpy as np
 import push
@@ -12,6 +13,7 @@ import tendon_hand
 import tow
 import tray
 from dm_control.suite import cartpole
+from identified_cheetah import FRICTION, identified, nominal, recorded, returns, robot
 from noisy_joints import IDEAL, NOISY, STEPS, scores
 from tray import CASES, MASS, PUSH, G, threshold
 
@@ -147,3 +149,19 @@ def test_the_reward_is_dm_controls():
         qpos, qvel, ctrl = rng.normal(size=2), 3 * rng.normal(size=2), rng.uniform(-1, 1, 1)
         found = noisy_joints.reward(qpos[None], qvel[None], ctrl)
         np.testing.assert_allclose(found, task.get_reward(Physics(qpos, qvel, ctrl)), rtol=1e-14)
+
+
+def test_what_is_identified_is_the_robot_and_can_be_drawn_from(tmp_path):
+    recorded(tmp_path / "run", runs=1)
+    found = identified(tmp_path / "run")
+    mass, friction = found.interval(0.999)
+    # The model is far outside of what is said, the robot inside.
+    assert mass[0] < identified_cheetah.MASS < mass[1]
+    assert friction[0] < FRICTION < friction[1]
+    assert mass[0] > nominal().body("torso").mass
+    assert friction[1] < nominal().geom_friction[0][0]
+    total = returns(found.sample(4), episodes=4, actions=5)
+    assert total.shape == (4,)
+    # The draws are what runs: other returns than the model's from the same starts.
+    assert (total != returns({}, episodes=4, actions=5)).all()
+    assert robot(nominal()).body("torso").mass == identified_cheetah.MASS

@@ -1,6 +1,6 @@
 """Scenes that have one of everything, small enough to be tried thousands of times."""
 
-from mjcf import mjcf
+from models import mjcf
 
 ROBOT = "everything"
 SCENES = {name: mjcf(name) for name in (ROBOT, "stack", "double_pendulum")}

@@ -8,7 +8,7 @@ import numpy as np
 import stepper
 from equalities import KINDS, LINKAGE
 from meadow import MEADOW
-from mjcf import mjcf
+from models import mjcf
 
 ROCK = "0 0 -.1  .1 .02 0  -.09 .01 .01  .01 .11 .02  0 -.1 -.02  .02 .01 .12"
 SHARD = "0 0 0  .16 0 0  0 .15 0  .03 .02 .14"

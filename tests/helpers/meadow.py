@@ -1,7 +1,7 @@
 """A scene with shapes, joints, actuators and sensors of many kinds, and parameters that its environments may have of their own."""
 
 import numpy as np
-from mjcf import mjcf
+from models import mjcf
 
 MEADOW = mjcf("meadow")
 

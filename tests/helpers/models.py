@@ -1,4 +1,4 @@
-"""Robots that others wrote, random states of them, and their MuJoCo counterparts."""
+"""Robots that others wrote, random states of them, and their MuJoCo counterparts; scenes of tests, which are files in tests/scenes."""
 
 import functools
 from collections.abc import Callable
@@ -39,6 +39,11 @@ def _sources() -> dict[str, Path]:
 
 SOURCES = _sources()
 """Every MJCF of gymnasium and of the dm_control suite, as "package/name"."""
+
+
+def mjcf(name: str) -> str:
+    """Text of a scene."""
+    return (Path(__file__).parents[1] / "scenes" / f"{name}.xml").read_text(encoding="utf-8")
 
 
 @functools.cache

@@ -6,7 +6,7 @@ After a change of bits or of the format of saved models, this renews both:
 """
 
 import stepper
-from mjcf import mjcf
+from models import mjcf
 from stepper.doctor.self_test import DIGEST, SCENE, digest_at
 
 MJCF = mjcf("self_test")

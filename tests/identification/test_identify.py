@@ -9,8 +9,7 @@ import stepper
 from checks import raises
 from identification.repetitions import Kept, Row, noisy
 from identification.scenes import HARD, by_sensor, held, pushed
-from mjcf import mjcf
-from models import stepper_model
+from models import mjcf, stepper_model
 from sections import section_of
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import parse, places

@@ -9,8 +9,7 @@ import stepper
 from checks import every, raises
 from geometry import matrix
 from hypothesis import given, settings, strategies as st
-from mjcf import mjcf
-from models import simulate
+from models import mjcf, simulate
 
 SCENE = """
 <mujoco><option timestep=".002"/><worldbody><geom name="floor" type="plane" size="9 9 1"/>

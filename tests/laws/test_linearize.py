@@ -20,6 +20,7 @@ G = 9.81
 SCHEMES = ["midpoint", "euler", "implicit", "rk4"]
 AT_REST = {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0}
 SLIDE = '<body pos="0 0 .1"><joint name="x" type="slide" axis="{axis}" {more}/><geom type="sphere" size=".1" mass="1" {friction}/></body>'
+SLIDER = '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>'
 MOTOR = '<actuator><motor joint="x"/></actuator>'
 SERVO = '<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>'
 LIMITED, SMOOTH = 'range="-1 1" limited="true"', 'friction="0 0 0"'
@@ -112,10 +113,7 @@ def test_a_pendulum():
 
 
 def test_activations_and_their_controls():
-    model = scene(
-        '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>',
-        more='<actuator><general joint="x" dyntype="filter" dynprm=".05" gainprm="6"/></actuator>',
-    )
+    model = scene(SLIDER, more='<actuator><general joint="x" dyntype="filter" dynprm=".05" gainprm="6"/></actuator>')
     sim, h = stepper.Stepper(model, options=Options(integrator="euler")), 0.002
     sim.set_state(act=[0.4])
     lin = sim.linearize(ctrl=[1.0])
@@ -125,18 +123,10 @@ def test_activations_and_their_controls():
     np.testing.assert_allclose(lin.A[1, 2], 6 / 2 * h, atol=NOISE)
 
 
-def slider(v: float):
-    model = scene(
-        '<body pos="0 0 .1"><freejoint/><geom name="box" type="box" size=".1 .1 .1" mass="2" friction=".4 0 0"/></body>',
-        floor='friction="0 0 0"',
-    )
-    sim = simulate(model, 2, steps=50)
-    sim.set_state(qvel=[[v, 0, 0, 0, 0, 0], [0.8 * v, 0, 0, 0, 0, 0]])
-    return sim
-
-
 def test_a_box_slides_less_far_by_friction():
-    sim, n = slider(1.0), 40
+    box = '<body pos="0 0 .1"><freejoint/><geom name="box" type="box" size=".1 .1 .1" mass="2" friction=".4 0 0"/></body>'
+    sim, v, n = simulate(scene(box, floor=SMOOTH), 2, steps=50), np.array([1.0, 0.8]), 40
+    sim.set_state(qvel=np.outer(v, [1, 0, 0, 0, 0, 0]))
     lin = sim.linearize(("geom_friction[box]",), nstep=n)
     t = n * sim.timestep
     slides = lin.blocks["geom_friction[box]"]
@@ -145,17 +135,14 @@ def test_a_box_slides_less_far_by_friction():
     np.testing.assert_allclose(slides[:, 0, 0], -G * t**2 / 2, rtol=1e-6)
     # To where it stops: v^2 / (2 mu g), but for the last step, a hundredth of all.
     stopped = sim.linearize(("geom_friction[box]",), nstep=200)
-    v = np.array([1.0, 0.8])
     np.testing.assert_allclose(stopped.blocks["geom_friction[box]"][:, 0, 0], -(v**2) / (2 * 0.4**2 * G), rtol=0.02)
     np.testing.assert_allclose(stopped.blocks["geom_friction[box]"][:, 6, 0], 0, atol=1e-6)
 
 
 def test_a_ball_bounces_higher_by_restitution():
     height, e = 0.5, 0.8
-    model = scene(
-        f'<body pos="0 0 {0.1 + height}"><freejoint/><geom name="ball" type="sphere" size=".1" mass="2"/></body>', floor='friction="0 0 0"'
-    ).replace(geom_restitution=np.array([0.0, e]))
-    sim = stepper.Stepper(model, options=Options(integrator="midpoint"))
+    body = f'<body pos="0 0 {0.1 + height}"><freejoint/><geom name="ball" type="sphere" size=".1" mass="2"/></body>'
+    sim = simulate(scene(body, floor=SMOOTH).replace(geom_restitution=[0.0, e]), integrator="midpoint")
     speed = np.sqrt(2 * G * height)
     n = round((1 + e) * speed / G / sim.timestep)
     rise = n * sim.timestep - speed / G
@@ -181,15 +168,6 @@ def test_gravity_and_mass_are_parameters():
     np.testing.assert_allclose(lin.B[:, 1, 0], 4 * h / mass, rtol=1e-6)
 
 
-def transition(model, data, ctrl):
-    """MuJoCo's A and B, solved as far as it can."""
-    n = 2 * model.nv + model.na
-    A, B = np.zeros((n, n)), np.zeros((n, model.nu))
-    data.ctrl[:] = ctrl
-    mujoco.mjd_transitionFD(model, data, 1e-6, 1, A, B, None, None)
-    return np.concatenate([A, B], axis=1)
-
-
 @pytest.mark.parametrize(("robot", "integrator"), [
     *((robot, scheme) for robot in ("hopper", "half_cheetah", "ant", "walker2d_v5") for scheme in ("Euler", "implicitfast")),
     ("humanoid", "Euler"), ("humanoid", "implicitfast"), ("swimmer", "Euler"),
@@ -211,7 +189,10 @@ def test_mujocos_law_has_mujocos_derivatives(robot, integrator):
     for env in range(6):
         data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = sim.qpos[env], sim.qvel[env], 0
         mujoco.mj_forward(own, data)
-        theirs = transition(own, data, ctrl[env])
+        data.ctrl[:], n = ctrl[env], 2 * own.nv + own.na
+        A, B = np.zeros((n, n)), np.zeros((n, own.nu))
+        mujoco.mjd_transitionFD(own, data, 1e-6, 1, A, B, None, None)
+        theirs = np.concatenate([A, B], axis=1)
         scale = np.maximum(np.abs(theirs).max(axis=0), 1.0)
         worst.append((np.abs(joined(lin.blocks)[env] - theirs).max(axis=0) / scale)[smooth[env]])
     worst = np.concatenate(worst)
@@ -327,10 +308,7 @@ def test_a_batch_is_its_environments_with_their_memory_and_parameters():
 
 def test_a_batch_in_parts_is_the_batch_at_once(monkeypatch):
     # Environments of every part lack what one of another part has: the longest delays, whose sums are not those of the largest terms, lags.
-    model = scene(
-        '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>',
-        more='<actuator><motor joint="x" gear="4"/></actuator><sensor><jointpos joint="x"/></sensor>',
-    )
+    model = scene(SLIDER, more='<actuator><motor joint="x" gear="4"/></actuator><sensor><jointpos joint="x"/></sensor>')
     drive = Drive(
         delay=np.array([0.0, 0.004, 0.001]), delay_steps=np.array([0.0, 0.0, 4.0]), lag=np.array([0.01, 0.0, 0.0]),
         limits=(np.array([-np.inf, -9, -9]), np.array([np.inf, 9, 9])), servo=stepper.actuators.PID(kp=np.array([3.0, 4.0, 5.0]), ki=2.0),
@@ -478,11 +456,8 @@ def test_a_switch_of_a_tendon_or_of_suction_is_a_kink(kink, contact, arguments):
 
 
 def test_a_control_at_its_bound_is_perturbed_inwards():
-    model = scene(
-        '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>',
-        more='<actuator><motor joint="x" gear="4" ctrlrange="-1 1" ctrllimited="true"/></actuator>',
-    )
-    sim = stepper.Stepper(model, 4)
+    motor = '<actuator><motor joint="x" gear="4" ctrlrange="-1 1" ctrllimited="true"/></actuator>'
+    sim = stepper.Stepper(scene(SLIDER, more=motor), 4)
     lin = sim.linearize(("ctrl",), ctrl=[[1.0], [-1.0], [0.3], [1.5]])
     np.testing.assert_allclose(lin.B[:, 1, 0], np.array([2, 2, 2, 0]) * sim.timestep, atol=NOISE)
     assert not lin.near_kink.any()

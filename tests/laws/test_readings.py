@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from hypothesis import given, settings, strategies as st
-from mjcf import mjcf
-from models import samples
+from models import mjcf, samples
 from scipy import stats
 from stepper import SensorModel, Transfer
 from stepper.sensors import devices

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 import stepper
 from geometry import about, product
-from mjcf import mjcf
-from models import random_quaternion, simulate
+from models import mjcf, random_quaternion, simulate
 
 # m. Wide enough for every pose that is drawn: contacts are then listed at any distance, in both engines.
 MARGIN = 1.0

@@ -9,8 +9,7 @@ import pytest
 import stepper
 from checks import every
 from flights import SCENES, converged, run, scene
-from mjcf import mjcf
-from models import SOURCES, afloat, random_state, simulate
+from models import SOURCES, afloat, mjcf, random_state, simulate
 from numerics import slope, state_error
 
 ROBOTS = ["gymnasium/humanoid", "gymnasium/half_cheetah", "dm_control/walker", "dm_control/quadruped"]

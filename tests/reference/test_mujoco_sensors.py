@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import stepper
 from checks import every, raises
-from mjcf import mjcf
-from models import SOURCES, forward, random_quaternion, random_state, simulate
+from models import SOURCES, forward, mjcf, random_quaternion, random_state, simulate
 from stepper.loading.mjcf.sensors import MISSING
 from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 

@@ -331,10 +331,9 @@ def cliffs_table(text):
 
 def test_parameters_without_a_cliff_are_listed_with_their_range(tmp_path):
     """Episodes with a number below "share" succeed, whatever moves: 4 of 4 at the nominal point."""
-
-    def below(now):
-        return np.where(now.episodes < now.parameters["share"], 1.0, -1.0)
-
+    below = stepper.lab.Outcome(
+        name="below", measure=lambda now: np.where(now.episodes < now.parameters["share"], 1.0, -1.0), success="> 0"
+    )
     parameters = {
         "share": stepper.lab.Parameter("controller", nominal=4, low=0, high=4),
         "most": stepper.lab.Parameter("geom_friction[*][0]", low=0.5, high=1.0),
@@ -344,7 +343,7 @@ def test_parameters_without_a_cliff_are_listed_with_their_range(tmp_path):
     study = stepper.lab.Study(
         model=BLOCK,
         parameters=parameters,
-        outcomes=stepper.lab.Outcome(name="below", measure=below, success="> 0"),
+        outcomes=below,
         settings={"MuJoCo": {"engine": "mujoco"}},
         episodes=4,
         seconds=0.008,

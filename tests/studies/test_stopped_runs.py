@@ -189,12 +189,8 @@ def test_episodes_that_stepper_loses_are_failures_of_physics(tmp_path):
 def test_the_mean_is_of_the_episodes_that_went_on(tmp_path):
     """Those of even numbers are driven away."""
     spring = STIFF.replace("position", "motor").replace(' kp="1e6"', "")
-
-    def some(now):
-        return np.where(now.episodes[:, None] % 2 == 0, runaway(now), 0.0)
-
-    euler = stepper.Options(integrator="euler")
-    given = study(model=spring, controller=some, parameters={}, settings={}, options=euler, seconds=1.0)
+    settings = {"parameters": {}, "settings": {}, "options": stepper.Options(integrator="euler"), "seconds": 1.0}
+    given = study(model=spring, controller=lambda now: np.where(now.episodes[:, None] % 2 == 0, runaway(now), 0.0), **settings)
     found = stepper.lab.sweep(given, tmp_path)
     (level,) = found.sweep.levels
     assert (level.successes, level.diverged, level.episodes) == (1, 2, 3)

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 import stepper
-from mjcf import mjcf
+from models import mjcf
 from stepper.viewer import Player, View
 from stepper.viewer.window import Window
 

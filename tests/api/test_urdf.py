@@ -163,13 +163,9 @@ def test_gains_follow_from_the_inertia_at_the_reference_pose():
     np.testing.assert_allclose(velocity.actuator_gainprm[:, 0], inertia * 2 * math.pi * VELOCITY_FREQUENCY, rtol=1e-12)
 
 
-def one_joint(more="", kind="continuous"):
-    return robot(link("base"), link("arm"), joint("j", "base", "arm", kind=kind, more=more))
-
-
 def test_a_position_servo_is_critically_damped():
     """Alone and without bounds its angle is that of x'' + 2 w x' + w^2 x = w^2."""
-    sim = stepper.Stepper(stepper.load(one_joint(), actuators="position"), options=stepper.Options(timestep=1e-4))
+    sim = stepper.Stepper(stepper.load(one_joint(kind="continuous"), actuators="position"), options=stepper.Options(timestep=1e-4))
     sim.step([1.0], nstep=500)
     w, t = 2 * math.pi * POSITION_FREQUENCY, 0.05
     # Second order in w h = 3e-3; 1e-4 leaves an order of magnitude.
@@ -177,7 +173,7 @@ def test_a_position_servo_is_critically_damped():
 
 
 def test_a_velocity_servo_reaches_its_speed():
-    sim = stepper.Stepper(stepper.load(one_joint(), actuators="velocity"))
+    sim = stepper.Stepper(stepper.load(one_joint(kind="continuous"), actuators="velocity"))
     sim.step([0.7], nstep=100)
     # exp(-w t) of its time constants is left, w t = 2 pi 50 Hz * 0.2 s = 63.
     assert sim.qvel[0] == pytest.approx(0.7, rel=1e-9)
@@ -197,7 +193,7 @@ def test_joints_that_follow_another_have_none_and_count():
     [("velocity", "velocity limit j: the file has no velocity limit"), ("torque", "effort limit j: the file has no effort limit")],
 )
 def test_controls_without_bounds_have_a_line(kind, said):
-    assert said in stepper.load(one_joint(), actuators=kind).explain()
+    assert said in stepper.load(one_joint(kind="continuous"), actuators=kind).explain()
 
 
 def test_errors_say_what_to_do():
@@ -211,7 +207,7 @@ def test_actuators_are_saved(tmp_path):
     model = stepper.load(arm(), actuators="torque")
     model.save(tmp_path / "arm")
     assert stepper.load(tmp_path / "arm") == model
-    assert stepper.load(one_joint(LIMIT, "revolute"), actuators="torque").nu == 1
+    assert stepper.load(one_joint(LIMIT), actuators="torque").nu == 1
 
 
 # Elements of a URDF: each is simulated, an error, or a line of `explain()`.
@@ -255,7 +251,7 @@ def lines(model, part):
     return [line for line in model.explain().splitlines() if part in line]
 
 
-def revolute_arm(more="", kind="revolute", arm_more=""):
+def one_joint(more="", kind="revolute", arm_more=""):
     return robot(link("base", mass=10), link("arm", arm_more), joint("j", "base", "arm", kind=kind, more=more))
 
 
@@ -276,7 +272,7 @@ def test_the_mass_of_a_base_on_the_world_has_a_line():
 @pytest.mark.parametrize("name", READINGS)
 def test_what_is_simulated_is_in_the_model(name):
     more, is_there = READINGS[name]
-    assert is_there(stepper.load(revolute_arm(more)))
+    assert is_there(stepper.load(one_joint(more)))
 
 
 def test_mimic_is_an_equality():
@@ -318,22 +314,22 @@ def test_speed_limits_are_kept_and_explained(tmp_path):
 ])  # fmt: skip
 def test_limits_and_attributes_that_are_not_what_they_seem_have_a_line(more, kind, said):
     with warnings.catch_warnings(action="ignore"):
-        assert lines(stepper.load(revolute_arm(more, kind)), said)
+        assert lines(stepper.load(one_joint(more, kind)), said)
 
 
 @pytest.mark.parametrize(("text", "said"), [
-    (revolute_arm(LIMIT.replace('velocity="3"', 'velocity="fast"')), r'XML text: joint "j": limit velocity is "fast"; give a number'),
-    (revolute_arm(LIMIT.replace('velocity="3"', 'velocity="nan"')), r'"nan"; give a number'),
+    (one_joint(LIMIT.replace('velocity="3"', 'velocity="fast"')), r'XML text: joint "j": limit velocity is "fast"; give a number'),
+    (one_joint(LIMIT.replace('velocity="3"', 'velocity="nan"')), r'"nan"; give a number'),
     ('<robot name="r" xmlns:xacro="x"><xacro:include filename="f"/></robot>', "expand it: xacro FILE"),
-    (revolute_arm("", "wobbly"), "invalid joint type"),
-    (revolute_arm(arm_more="<collision><geometry><cone/></geometry></collision>"), "geometry"),
+    (one_joint("", "wobbly"), "invalid joint type"),
+    (one_joint(arm_more="<collision><geometry><cone/></geometry></collision>"), "geometry"),
 ])  # fmt: skip
 def test_what_cannot_be_read_is_an_error(text, said):
     raises(stepper.ModelError, said, stepper.load, text)
 
 
 def test_text_that_is_not_well_formed_says_that_it_lists_nothing():
-    text = revolute_arm().replace("</robot>", "<!-- -- --></robot>")  # XML allows no -- in a comment.
+    text = one_joint().replace("</robot>", "<!-- -- --></robot>")  # XML allows no -- in a comment.
     assert lines(stepper.load(text), "not well-formed")
     raises(stepper.ModelError, "the XML is not well-formed", stepper.load, text, actuators="position")
 
@@ -341,7 +337,7 @@ def test_text_that_is_not_well_formed_says_that_it_lists_nothing():
 def test_prefixes_without_a_namespace_are_read():
     """As of Drake: MuJoCo's parser does not know namespaces."""
     limit = LIMIT.replace("<limit", '<limit drake:acceleration="2"')
-    text = "\n" + revolute_arm(limit).replace("</robot>", '<drake:collision_filter_group name="left"/></robot>')
+    text = "\n" + one_joint(limit).replace("</robot>", '<drake:collision_filter_group name="left"/></robot>')
     model = stepper.load(text, actuators="position")
     assert model.nu == 1
     assert lines(model, "URDF limit attribute drake:acceleration j")

@@ -9,6 +9,7 @@ import stepper
 from checks import every
 from geometry import prism, vertices
 from hypothesis import example, given, settings, strategies as st
+from models import samples
 
 G, MASS, FORCE, HALF, HAND = 9.81, 0.1, 0.981, 0.02, 1e3
 """Gravity, m/s^2; mass of the object, kg; force of each finger, N; half size of the object, m; mass of the hand, kg."""
@@ -165,11 +166,8 @@ def test_the_loads_of_a_grasp_are_even(name, accuracy):
     precision, tolerance = ACCURACY[accuracy]
     shaken = Grasp(name, [1.3], precision=precision, tolerance=tolerance, seconds=2.2, timestep=0.002)
     shaken.slip()
-    many = []
-    for _ in range(100):
-        shaken.sim.step()
-        many.append(shaken.sim.contacts()["force"])
-    assert {len(forces) for forces in many} == {8}
+    many = samples(shaken.sim, 100, lambda: shaken.sim.contacts()["force"])
+    assert many.shape[:2] == (100, 8)
     # The hand moves along the faces of the fingers, so that all quarters are equal. A tolerance of 1e-4 m/s is a force of 5 mN on the
     # object in a step: half a percent of the finger force. Between two times at which loads are shared, on average eight steps, such errors
     # add up; over a hundred steps they do not.

@@ -48,7 +48,7 @@ OWNERS = {
     "Body": (ARM_MODEL.body("arm"),), "Geom": (ARM_MODEL.geom("arm"),), "Joint": (ARM_MODEL.joint("hip"),),
     "Site": (ARM_MODEL.site("tip"),), "Sensor": (ARM_MODEL.sensor("imu"),),
 }  # fmt: skip
-ARM = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+BALL = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
 
 
 @st.composite
@@ -270,18 +270,18 @@ def sim():
 @pytest.mark.parametrize(("mistake", "kind", "message"), [
     (lambda sim: sim.reset([0.0, 1.0]), TypeError, r"envs has 0\.0, of type float64: give a mask \(3,\) of bool, or indices"),
     (lambda _: stepper.Stepper("hopper.xml"), TypeError, r"model is 'hopper.xml' \(str\), must be a stepper.Model: stepper\.load\(...\)"),
-    (lambda _: simulate(ARM).reset(keyframe="up"), KeyError, r"no keyframe .*up.*this model has none; give reset\(qpos=..., qvel=...\)"),
-    (lambda _: simulate(ARM).reset(keyframe=0), KeyError, r"no keyframe 0: this model has none; give reset\(qpos=..., qvel=...\)"),
+    (lambda _: simulate(BALL).reset(keyframe="up"), KeyError, r"no keyframe .*up.*this model has none; give reset\(qpos=..., qvel=...\)"),
+    (lambda _: simulate(BALL).reset(keyframe=0), KeyError, r"no keyframe 0: this model has none; give reset\(qpos=..., qvel=...\)"),
     (lambda sim: sim.reset(keyframe=1.5), TypeError, "keyframe, if it is no name, is 1.5"),
     (lambda sim: sim.get_state(env=3), IndexError, "env is 3, must be below 3"),
-    (lambda _: stepper.load(ARM, package_dirs="meshes"), TypeError, "package_dirs is 'meshes', must be a list of folders"),
-    (lambda _: stepper.load(ARM, package_dirs=[3]), TypeError, r"an entry of package_dirs is 3 \(int\), must be a path"),
-    (lambda _: stepper.load(ARM, strict="no"), TypeError, "strict is 'no', must be True or False"),
-    (lambda _: stepper.load(ARM, overlaps="drop"), ValueError, 'overlaps is \'drop\', must be "keep" or "exclude"'),
+    (lambda _: stepper.load(BALL, package_dirs="meshes"), TypeError, "package_dirs is 'meshes', must be a list of folders"),
+    (lambda _: stepper.load(BALL, package_dirs=[3]), TypeError, r"an entry of package_dirs is 3 \(int\), must be a path"),
+    (lambda _: stepper.load(BALL, strict="no"), TypeError, "strict is 'no', must be True or False"),
+    (lambda _: stepper.load(BALL, overlaps="drop"), ValueError, 'overlaps is \'drop\', must be "keep" or "exclude"'),
     (lambda sim: setattr(sim, "recorder", 2.5), TypeError, r"recorder is 2\.5 .* must be None or have the methods step, reset"),
     (lambda sim: sim.inverse_dynamics([["a"]]), TypeError, r"qacc is \[\['a'\]\], must be an array of numbers"),
     (lambda sim: sim.inverse_dynamics(np.full(sim.model.nv, np.nan)), ValueError, r"qacc\[0\] is nan, must be a finite number"),
-    (lambda _: simulate(ARM).inverse_dynamics([1.0]), ValueError, r"qacc has shape \(1,\), must be \(6,\)$"),
+    (lambda _: simulate(BALL).inverse_dynamics([1.0]), ValueError, r"qacc has shape \(1,\), must be \(6,\)$"),
     (lambda sim: sim.linearize(3), TypeError, r"wrt is 3, must be a sequence of names"),
     (lambda sim: sim.linearize(nstep="a"), TypeError, "nstep is 'a', must be a whole number of at least 1"),
     (lambda sim: sim.linearize(nstep=None), TypeError, "nstep is None, must be a whole number of at least 1"),

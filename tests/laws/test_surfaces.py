@@ -350,7 +350,7 @@ def test_the_rotation_of_a_cube_that_slides_does_not_depend_on_its_speed(shape, 
     geom = f'type="box" size="{HULL_HALF} {HULL_HALF} {HULL_HALF}"' if shape == "box" else 'type="mesh" mesh="cube"'
     model = stepper.load(
         f"""<mujoco><option timestep="{step}"/><default><geom friction="1.2"/></default>
-        <asset><mesh name="cube" vertex="{cuboid(HULL_HALF, HALF, HALF)}"/></asset><worldbody><geom type="plane" size="0 0 .1"/>
+        <asset><mesh name="cube" vertex="{cuboid(HULL_HALF, HULL_HALF, HULL_HALF)}"/></asset><worldbody><geom type="plane" size="0 0 .1"/>
         <body pos="0 0 {HULL_HALF}"><freejoint/><geom {geom} mass=".01"/></body></worldbody></mujoco>"""
     )
     angles = []

@@ -25,6 +25,7 @@ LONG = {"14": ("stepper baumgarte", "stepper newton"), "S3": ("stepper euler", "
 """Settings that run for scenes whose runs take seconds, by number: the others have the same contact law and solver."""
 IN_LAWS = {"1", "2", "3", "8", "10", "11"}
 """Scenes whose closed forms tests/laws and tests/reference check to rounding."""
+TESTS = Path(__file__).parents[1]
 
 
 def _case(scene: Scene, engine: Stepper, dt: float):
@@ -75,9 +76,6 @@ def check_slope(scene: Scene, engine: Stepper, known: Slope) -> None:
     assert [row.outcome for row in rows] == [FAILS] * len(rows), "the setting holds: benches/atlas/known.py says that it fails"
     errors = [row.error for row in rows]
     assert slope(known.dts, errors) == pytest.approx(known.power, abs=known.margin), (known.dts, errors)
-
-
-TESTS = Path(__file__).parents[1]
 
 
 def test_an_error_within_the_tolerance_passes():

@@ -1,6 +1,8 @@
 """Definitions of studies: outcomes, parameters and names are checked, copies share a model, and policies and views of tasks are taken."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +10,6 @@ import stepper
 import stepper.policies
 from checks import raises
 from envs.test_terms import ROBOT, made
-from servo_arm import ARM as SERVO_ARM, angles
 from stepper.envs import BatchView
 from stepper.envs.quantities import base_height, base_linvel, gravity, joint_pos
 from stepper.lab import Outcome, Parameter, Study, chart, rank, sweep, tune
@@ -33,6 +34,9 @@ qpos_noise = 0.1
 name = "angle"
 measure = "joint hinge"
 """
+HINGED = """<mujoco><option timestep=".002"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/><geom size=".05" pos=".2 0 0"/>
+  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator>
+  <sensor><jointpos name="angle" joint="hinge"/><jointvel name="rate" joint="hinge"/></sensor></mujoco>"""
 
 
 def words(measure):
@@ -196,7 +200,7 @@ def network(gain=-2.0):
 
 
 def test_a_policy_of_stepper_drives_a_study(tmp_path):
-    (tmp_path / "arm.xml").write_text(SERVO_ARM)
+    (tmp_path / "arm.xml").write_text(HINGED)
     (tmp_path / "reach.toml").write_text(STUDY)
     network().save(tmp_path / "servo.npz")
     study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
@@ -228,7 +232,7 @@ def test_a_memory_is_of_one_batch(tmp_path):
 
 
 def test_a_class_of_a_file_is_told_of_starts(tmp_path):
-    (tmp_path / "arm.xml").write_text(SERVO_ARM)
+    (tmp_path / "arm.xml").write_text(HINGED)
     (tmp_path / "memory.py").write_text("""
 class Count:
     def begin(self, now):
@@ -274,3 +278,17 @@ def test_a_study_measures_the_height_of_a_base():
     study, _ = world("stepper")
     (row,) = run_episodes(study, USUAL, [{}], [0])
     assert 0.1 < row["outcomes"]["height"] < 1.0
+
+
+def angles(drive: Any, folder: Path, batch: int = 64) -> list[float]:
+    """Angle of the arm after each of four episodes from starts of their own, with a folder for every size of a batch."""
+    study = stepper.lab.Study(
+        model=HINGED,
+        controller=drive,
+        seconds=0.4,
+        episodes=4,
+        batch=batch,
+        qpos_noise=0.3,
+        outcomes=stepper.lab.Outcome(name="angle", measure="joint hinge"),
+    )
+    return [row["outcomes"]["angle"] for row in stepper.lab.sweep(study, folder / f"batches of {batch}").sweep.table.rows]

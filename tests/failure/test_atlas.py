@@ -101,7 +101,7 @@ def test_the_mark_expects_a_known_failure():
 
 
 def test_all_expected_failures_have_a_bound():
-    """No test has a mark of its own, which would expect any exception."""
+    """No test marks itself, because such a mark would expect any exception."""
     own = re.compile(r"mark\.xfail\b|pytest\.xfail\b")
     files = [file.name for file in TESTS.rglob("*.py") if own.search(file.read_text())]
     assert files == ["known_failures.py"]

@@ -183,7 +183,7 @@ def test_names_that_no_file_system_takes_are_refused_in_few_words(work, name, re
 @settings(max_examples=6)
 @given(data=st.data())
 @pytest.mark.parametrize(("name", "read"), READERS)
-def test_files_that_are_cut_or_damaged_are_named_or_read(*, files, tmp_path_factory, model, name, read, data):
+def test_files_that_are_cut_or_damaged_are_named_or_read(*, files, tmp_path_factory, name, read, data):
     """A cut text may be whole, and a changed byte may be that of a date."""
     whole = (files / name).read_bytes()
     content = bytearray(whole[: data.draw(st.integers(0, len(whole)))])
@@ -192,7 +192,7 @@ def test_files_that_are_cut_or_damaged_are_named_or_read(*, files, tmp_path_fact
     work = tmp_path_factory.mktemp("damaged") / "work"
     shutil.copytree(files, work)
     (work / name).write_bytes(content)
-    refuse(work / name, read, model, may_pass=True)
+    refuse(work / name, read, MODEL, may_pass=True)
 
 
 def test_a_study_in_python_is_named_when_it_is_no_text(tmp_path):

@@ -54,6 +54,21 @@ BOTTOM = {"_stepper", "_arrays", "_options", "_status", "_hints", "_quantities"}
 """Modules beside the folders that everything may import: the binary, its arguments, settings, messages and quantities."""
 FACE = {"__main__", "elements"}
 """Modules beside the folders that are for users alone: nothing in a folder imports them, or the names of `stepper` itself."""
+CRATE = {
+    "": "mod a;\nmod c;\npub use a::One;",
+    "a": "mod b;\npub use b::Two;\npub struct One;\nuse crate::c::Three;",
+    "a::b": "pub struct Two;",
+    "c": "pub struct Three;",
+}
+LAYERED = {
+    "p": "from p.high import top",
+    "p.low": "",
+    "p.low.a": "import os",
+    "p.low.b": "from p.low.a import x",
+    "p.high": "from p.high.c import top",
+    "p.high.c": "from p.low import b",
+}
+DECLARED = {"low": set(), "high": {"low"}}
 
 
 def dependencies(crate: str) -> set[str]:
@@ -125,22 +140,13 @@ def test_every_rust_file_is_declared(crate):
 def test_folders_of_the_core_use_one_another_one_way():
     assert circle(CORE_FOLDERS) == []
     graph = rust_modules.graph_of(rust_modules.sources_of(CORE))
-    folders = {name.partition("::")[0] for name in graph} - {""}
-    assert folders == set(CORE_FOLDERS)
+    assert ({name.partition("::")[0] for name in graph} - {""}) == set(CORE_FOLDERS)
     found = {}
     for module, used in graph.items():
         place = module.partition("::")[0]
         if place:
             found.setdefault(place, set()).update(u.partition("::")[0] for u in used if u and u.partition("::")[0] != place)
     assert {place: used - CORE_FOLDERS[place] for place, used in found.items() if used - CORE_FOLDERS[place]} == {}
-
-
-CRATE = {
-    "": "mod a;\nmod c;\npub use a::One;",
-    "a": "mod b;\npub use b::Two;\npub struct One;\nuse crate::c::Three;",
-    "a::b": "pub struct Two;",
-    "c": "pub struct Three;",
-}
 
 
 def test_a_name_that_is_handed_on_is_of_the_file_that_defines_it():
@@ -188,17 +194,6 @@ def test_the_bindings_name_python_modules_that_there_are():
     named = {name for file in (ROOT / "crates/python/src").rglob("*.rs") for name in re.findall(r'import\("(stepper[\w.]*)"\)', code(file))}
     assert "stepper" in named
     assert named <= sources_of(PACKAGE).keys()
-
-
-LAYERED = {
-    "p": "from p.high import top",
-    "p.low": "",
-    "p.low.a": "import os",
-    "p.low.b": "from p.low.a import x",
-    "p.high": "from p.high.c import top",
-    "p.high.c": "from p.low import b",
-}
-DECLARED = {"low": set(), "high": {"low"}}
 
 
 def test_layers_without_a_circle_pass():

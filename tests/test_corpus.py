@@ -5,6 +5,7 @@ import dataclasses
 import mujoco
 import pytest
 import stepper
+from checks import raises
 from corpus import judge
 from corpus.download import DownloadError, unpacked
 from corpus.dynamics import kept_controls
@@ -17,6 +18,12 @@ from rows import read_csv, write_csv
 
 WELL = Episode(steps=500, ours=Motion(1.0, 2.0), theirs=Motion(1.0, 2.0))
 ROW = Row(PACKAGES[0].name, PACKAGES[0].version, "a.xml", "0", MEASURED, model="1", nv=3, strict=True, random=WELL, rest=WELL)
+PENDULUM = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".1" pos="0 0 -1"/></body></worldbody>
+  <actuator><motor joint="a"/></actuator></mujoco>"""
+URDF = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+  <inertia ixx="1" ixy="1" ixz="1" iyy="1" iyz="1" izz="1"/></inertial><visual><geometry><mesh filename="none.dae"/></geometry></visual>
+  </link>
+  <joint name="j" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
 
 
 def with_random(**changes) -> Row:
@@ -79,16 +86,7 @@ def test_meshes_of_urdf_are_found_beside_it_and_above(tmp_path):
     urdf.parent.mkdir()
     for reference in ("package://arm_description/meshes/link.stl", "package://another_name/meshes/link.stl", "../meshes/link.stl"):
         assert resolve(reference, tmp_path, urdf) == mesh
-    with pytest.raises(FragmentError, match=r"missing\.stl"):
-        resolve("package://arm_description/missing.stl", tmp_path, urdf)
-
-
-PENDULUM = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".1" pos="0 0 -1"/></body></worldbody>
-  <actuator><motor joint="a"/></actuator></mujoco>"""
-URDF = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/>
-  <inertia ixx="1" ixy="1" ixz="1" iyy="1" iyz="1" izz="1"/></inertial><visual><geometry><mesh filename="none.dae"/></geometry></visual>
-  </link>
-  <joint name="j" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
+    raises(FragmentError, r"missing\.stl", resolve, "package://arm_description/missing.stl", tmp_path, urdf)
 
 
 def test_a_file_is_measured(tmp_path):
@@ -123,5 +121,4 @@ def test_a_package_that_cannot_be_had_is_named(tmp_path):
     folder = tmp_path / "archives/robots-1.0"
     folder.mkdir(parents=True)
     (folder / "robots-1.0-py3-none-any.whl").write_text("damaged")
-    with pytest.raises(DownloadError, match="not a wheel"):
-        unpacked(Package("robots", "1.0", "a test"), tmp_path)
+    raises(DownloadError, "not a wheel", lambda: unpacked(Package("robots", "1.0", "a test"), tmp_path))

@@ -15,6 +15,8 @@ PUBLISHED = ("real", "geometry", "model", "solve", "core", "derivative")
 MANIFESTS = {crate: tomllib.loads((ROOT / "crates" / crate / "Cargo.toml").read_text()) for crate in PUBLISHED}
 
 pytestmark = pytest.mark.skipif(shutil.which("cargo") is None, reason="cargo lists packages and their libraries")
+COMPLETE = {"Precision", "Level", "StatePart", "Recomputed", "Solve", "ActuatorNumbers", "Numbers"}
+"""Enums of the interface to which nothing will be added, so that a user may match them without a wildcard."""
 
 
 def cargo(*arguments: str) -> str:
@@ -59,10 +61,6 @@ def test_cpu_levels_are_features_of_every_crate_that_has_kernels(crate):
 def test_no_two_crates_have_the_same_description():
     descriptions = {manifest["package"]["description"] for manifest in MANIFESTS.values()}
     assert len(descriptions) == len(PUBLISHED)
-
-
-COMPLETE = {"Precision", "Level", "StatePart", "Recomputed", "Solve", "ActuatorNumbers", "Numbers"}
-"""Enums of the interface to which nothing will be added, so that a user may match them without a wildcard."""
 
 
 def test_enums_that_may_grow_are_non_exhaustive():

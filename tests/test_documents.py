@@ -6,14 +6,25 @@ import inspect
 import re
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import gymnasium
+import mujoco
+import numpy as np
 import page_blocks
 import page_checks
 import pytest
+import stepper
+import stepper.envs
+import typer
+from atlas import scenes
+from checks import raises
 from generated import SECTIONS
 from sections import section_of, write_section
+from stepper.cli.app import application
+from stepper.derivatives import Linearization
+from stepper.envs import Observation, StepperVectorEnv, Task
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(
@@ -21,6 +32,8 @@ DOCUMENTS = sorted(
 )
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 WITH_CODE = [page for page in PAGES if any(block.language in ("python", "sh") for block in page_blocks.blocks(page.read_text()))]
+REPOSITORY = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
+BENCHMARKS = Path(__file__).parents[1] / "docs/benchmarks"
 
 
 def named(path):
@@ -139,9 +152,6 @@ def test_documented_functions_are_not_hidden_by_their_modules(page):
             assert getattr(importlib.import_module(place), public) is found
 
 
-REPOSITORY = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
-
-
 @pytest.mark.parametrize(("file", "line"), [
     # Mkdocstrings shows the signature of a class only if it merges the constructor into it.
     ("mkdocs.yml", r"^ +merge_init_into_class: true$"),
@@ -164,14 +174,14 @@ def test_figures_of_pages_are_those_of_the_result_files():
 
 def test_figures_have_names_that_exist():
     module = figures()
-    with pytest.raises(KeyError, match="page has the figure no, which docs/hooks/figures"):
-        module.with_figures("<!-- figure no -->1<!-- end -->", {}, "page")
+    raises(KeyError, "page has the figure no, which docs/hooks/figures", module.with_figures, "<!-- figure no -->1<!-- end -->", {}, "page")
     assert module.with_figures("a <!-- figure x.y -->1<!-- end --> b", {"x.y": "2"}, "page") == "a <!-- figure x.y -->2<!-- end --> b"
 
 
-def test_the_readme_is_short():
-    """A stranger reads it in five minutes."""
-    assert len((ROOT / "README.md").read_text().split()) <= 900
+@pytest.mark.parametrize(("page", "words"), [("README.md", 900), ("docs/benchmarks/atlas.md", 4999)])
+def test_pages_that_come_first_are_short(page, words):
+    """A stranger reads the first in five minutes; the summary is a tenth of all pages of the atlas."""
+    assert len((ROOT / page).read_text().split()) <= words
 
 
 def test_every_page_is_in_the_navigation():
@@ -197,8 +207,7 @@ def test_a_section_is_written_between_its_marks(tmp_path):
     assert before.startswith("a\n<!-- one: made by `make one` -->\n\nnew")
     write_section(page, "one", section_of(page, "one"))
     assert page.read_text() == before
-    with pytest.raises(ValueError, match=r"page\.md has no section 'two': it begins with '<!-- two -->' and ends with"):
-        write_section(page, "two", "")
+    raises(ValueError, r"page\.md has no section 'two': it begins with '<!-- two -->' and ends with", write_section, page, "two", "")
 
 
 def test_only_update_docs_writes_documentation():
@@ -234,5 +243,103 @@ def test_names_that_pages_import_are_documented():
 
 def test_the_documentation_needs_no_rust():
     makefile = (ROOT / "Makefile").read_text()
-    recipe = re.search(r"^docs: .*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1]
-    assert "cargo" not in recipe
+    assert "cargo" not in re.search(r"^docs: .*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1]
+
+
+def test_every_topic_is_in_one_group():
+    """Each module of scenes is in one group, because the groups are the only list of the modules."""
+    modules = (f"atlas.scenes.{file.stem}" for file in Path(scenes.__file__).parent.glob("[!_]*.py"))
+    assert Counter(topic.__name__ for topic in scenes.TOPICS) == Counter(modules)
+
+
+def test_every_group_has_a_page_to_which_the_summary_links():
+    assert {page.stem for page in (BENCHMARKS / "atlas").glob("*.md")} == scenes.GROUPS.keys()
+    summary = (BENCHMARKS / "atlas.md").read_text()
+    for name, (title, _) in scenes.GROUPS.items():
+        assert f"[{title}](atlas/{name}.md)" in summary
+        assert (BENCHMARKS / f"atlas/{name}.md").read_text().startswith(f"# {title}\n")
+
+
+# Tables of docs/coming_from/: all code in their last column runs, or names what there is.
+
+COMING_FROM = Path(__file__).parents[1] / "docs/coming_from"
+SCENE = """<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="plane" size="5 5 .1"/><body name="hand" pos="0 0 .3">
+  <freejoint/><geom name="palm" size=".1" mass="1"/><site name="tip" pos=".1 0 0"/><body name="finger" pos=".1 0 0">
+  <joint name="j" axis="0 1 0" damping=".1"/>
+  <geom name="f" type="capsule" fromto="0 0 0 .2 0 0" size=".02" mass=".2"/></body></body></worldbody>
+  <actuator><motor name="m" joint="j" gear="2" ctrlrange="-1 1"/></actuator>
+  <sensor><framepos objtype="site" objname="tip"/><jointpos joint="j"/></sensor>
+  <keyframe><key name="home" qpos="0 0 .5 1 0 0 0 .3" qvel="0 0 0 0 0 .1 .2" ctrl=".4" time="2"/></keyframe></mujoco>"""
+PLACES = (
+    *(stepper, stepper.envs, stepper.envs.quantities, stepper.envs.events, stepper.envs.commands, stepper.sensors, gymnasium, mujoco),
+    *(stepper.Stepper, stepper.Model, stepper.Status, Linearization, stepper.envs.TASKS["Hopper"]),
+)
+"""Modules and classes whose names the tables use."""
+COMMANDS = typer.main.get_command(application()).commands
+
+
+def codes():
+    """Pieces of code in the last cells of all rows: page and code."""
+    for page in sorted(COMING_FROM.glob("*.md")):
+        for row in re.findall(r"^\| (.*) \|$", page.read_text(), re.MULTILINE):
+            yield from ((page.stem, code) for code in re.findall("`([^`]*)`", row.rpartition(" | ")[2]))
+
+
+class Names(dict):
+    """Values for the names in the tables; other names are those of `PLACES`."""
+
+    def __missing__(self, name):
+        for place in PLACES:
+            if hasattr(place, name):
+                return getattr(place, name)
+        raise KeyError(name)
+
+
+@pytest.fixture
+def names(tmp_path):
+    (tmp_path / "scene.xml").write_text(SCENE)
+    sim, env, envs = stepper.Stepper(stepper.load(SCENE), 2), gymnasium.make("stepper/Ant-v5"), StepperVectorEnv("Ant", 3)
+    env.reset(seed=0)
+    return Names(
+        path=tmp_path / "scene.xml", ctrl=np.zeros((2, 1)), q=np.array([0, 0, 1.0, 1, 0, 0, 0, 0]), qacc=np.zeros((2, 7)),
+        points=np.zeros((1, 3)), directions=np.ones((1, 3)), values=np.ones(2), state=sim.get_state(), stepper=stepper, gymnasium=gymnasium,
+        sim=sim, model=sim.model, env=env, envs=envs, now=envs.now, name="torso", rows=(Observation("qpos"),), weight=1.0,
+        function=lambda now: now.qpos[:, 0],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("page", "code"), codes())
+@pytest.mark.filterwarnings("ignore::stepper.ModelWarning")
+def test_code_runs(page, code, names):
+    if code in ("-v5", "dm_control", "touch", "contact"):  # Endings of names, and sensors of MJCF.
+        return
+    if code.startswith("stepper.adapters."):
+        assert importlib.util.find_spec(code)
+        return
+    if code.startswith("stepper "):
+        assert code.split()[1] in COMMANDS
+        return
+    if re.fullmatch(r"\w+\((now)?\)", code) and hasattr(Task, code.partition("(")[0]):
+        return
+    if keyword := re.fullmatch(r"(\w+)=?(\"\w+\")?", code):
+        known = [stepper.Stepper, stepper.Stepper.reset, StepperVectorEnv, gymnasium.make]
+        if any(keyword[1] in inspect.signature(call).parameters for call in known):
+            return
+    if "rollout" in code:
+        names["ctrl"] = np.zeros((3, 2, 1))
+    code = code.partition(" = ")[2] or code
+    code = code.replace("make_vec(...", 'make_vec("stepper/Ant-v5", num_envs=2').replace("clip=...", "clip=(-1, 1)")
+    eval(code.replace("(...)", ""), {}, names)
+
+
+def test_resets_are_mujocos():
+    """The calls in the row of `mj_resetData` and `mj_resetDataKeyframe` set what these set."""
+    m = mujoco.MjModel.from_xml_string(SCENE)
+    d, sim = mujoco.MjData(m), stepper.Stepper(stepper.load(m))
+    mujoco.mj_resetDataKeyframe(m, d, 0)
+    for keyframe, call in (("home", lambda: None), (None, lambda: mujoco.mj_resetData(m, d))):
+        call()
+        sim.step(nstep=3)
+        sim.reset(keyframe=keyframe) if keyframe else sim.reset()
+        for name in ("qpos", "qvel", "ctrl", "time"):
+            np.testing.assert_array_equal(getattr(sim, name), getattr(d, name))

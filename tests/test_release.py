@@ -1,8 +1,11 @@
 """A release has one version, its workflow is well formed, and its documents name what there is."""
 
 import re
+import shutil
 import tomllib
 
+import pytest
+from notices import DENY, NOTICES, licence_of, linked, notices
 from release_version import ROOT, faults, versions
 
 WORKFLOW = (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
@@ -51,6 +54,31 @@ def test_the_changelog_has_one_line_per_item_under_the_usual_headings():
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^### (.+)$", text, re.MULTILINE)) <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
     assert re.search(r"^## \[\d+\.\d+\.\d+\]", text, re.MULTILINE)
-    items = [line for line in text.splitlines() if line.startswith("- ")]
-    assert len(items) > 50
+    assert len([line for line in text.splitlines() if line.startswith("- ")]) > 50
     assert not re.search(r"^ +\S", text, re.MULTILINE), "an item continues on a second line"
+
+
+def test_the_wheel_carries_the_notices():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert NOTICES.name in project["license-files"]
+    assert all((ROOT / name).is_file() for name in project["license-files"])
+
+
+@pytest.mark.skipif(shutil.which("cargo") is None, reason="cargo says what is linked")
+def test_every_library_that_is_linked_is_named_with_a_licence_that_is_accepted():
+    """Else: python tests/helpers/notices.py writes the file anew, and says what it cannot accept."""
+    assert len(linked()) > 20
+    assert NOTICES.read_text(encoding="utf-8") == notices()
+
+
+@pytest.mark.skipif(shutil.which("cargo") is None, reason="cargo says what is linked")
+def test_what_deny_toml_excepts_is_not_linked():
+    assert not {package["name"] for package in linked()} & {exception["crate"] for exception in DENY["licenses"]["exceptions"]}
+
+
+def test_a_licence_that_nobody_accepted_is_an_error():
+    assert licence_of({"name": "a", "license": "Unlicense OR MIT"}) == "MIT"
+    assert licence_of({"name": "a", "license": "MIT/Apache-2.0"}) == "Apache-2.0"
+    for other in ("GPL-3.0-only", None, "MIT AND GPL-2.0"):
+        with pytest.raises(ValueError, match=r"none of Apache-2\.0, MIT"):
+            licence_of({"name": "a", "license": other})

@@ -41,6 +41,7 @@ print(json.dumps({
     "said": said,
 }))
 """
+API = [f"tests/api/test_{name}.py" for name in ("stepper", "state", "record", "doctor")]
 
 
 @pytest.fixture(scope="module")
@@ -77,9 +78,6 @@ def test_it_steps_a_saved_model_where_there_is_only_numpy(wheel, tmp_path):
     assert 'pip install "stepper-sim[mjcf]"' in there["said"]
 
 
-API = [f"tests/api/test_{name}.py" for name in ("stepper", "state", "record", "doctor")]
-
-
 @pytest.fixture(scope="module")
 def equipped(wheel, tmp_path_factory):
     """An environment of the wheel, beside the packages that the tests have."""
@@ -102,8 +100,7 @@ def test_its_demo_runs(equipped, tmp_path):
 def test_its_binary_needs_no_newer_glibc_than_its_tag_says(wheel, contents):
     (tag,) = re.findall(r"manylinux_2_(\d+)_x86_64", wheel.name)[:1]
     (binary,) = (data for name, data in contents.items() if name.endswith(".so"))
-    needed = {int(minor) for minor in re.findall(rb"GLIBC_2\.(\d+)", binary)}
-    assert max(needed) <= int(tag)
+    assert max({int(minor) for minor in re.findall(rb"GLIBC_2\.(\d+)", binary)}) <= int(tag)
 
 
 def test_it_has_a_list_of_the_linked_libraries_for_scanners(contents):
@@ -135,8 +132,7 @@ def test_it_has_every_file_of_the_package_with_its_types_and_nothing_else(conten
     assert {"stepper/py.typed", "stepper/_stepper.pyi"} <= expected.keys()
     found = {name: data for name, data in contents.items() if name.startswith("stepper/") and not name.endswith(".so")}
     assert found == expected
-    others = {name.split("/")[0] for name in contents} - {"stepper"}
-    assert others <= {f"stepper_sim-{VERSION}.dist-info", "stepper_sim.libs"}
+    assert ({name.split("/")[0] for name in contents} - {"stepper"}) <= {f"stepper_sim-{VERSION}.dist-info", "stepper_sim.libs"}
 
 
 def test_its_binary_is_stripped(contents):

@@ -12,10 +12,8 @@ from stepper.shared.files import write_csv, write_figure
 from stepper.shared.machine import require
 
 from reality.cube import CUBE, PUBLISHED_STEP, REFINED, Experiment
-from reality.elbow import ELBOW
-from reality.elbow import engines as elbow_engines
-from reality.engines import TossEngine
-from reality.engines import engines as all_engines
+from reality.elbow import ELBOW, engines as elbow_engines
+from reality.engines import TossEngine, engines as all_engines
 
 BENCHMARKS = Path(__file__).parents[2] / "docs/benchmarks"
 Row = dict[str, str]

@@ -5,8 +5,8 @@ from pathlib import Path
 import gymnasium
 import jax
 import numpy as np
-import pytest
 import stepper
+from checks import raises
 from stepper.adapters.jax_rollout import rollout
 
 HOPPER = Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml"
@@ -54,11 +54,7 @@ def test_wrong_calls_say_what_to_do():
     made = rollout(sim, parameters=("body_mass",))
     mass = np.tile(model.body_mass, (2, 1))
     for dtype in (np.int64, np.float16):
-        with pytest.raises(TypeError, match=r"ctrl has dtype .*float32 or float64"):
-            made(np.zeros((2, 2, 3), dtype), *state, mass)
-    with pytest.raises(TypeError, match="takes 5 arrays, ctrl, qpos, qvel, act, body_mass; 4 were given"):
-        made(np.zeros((2, 2, 3)), *state)
-    with pytest.raises(ValueError, match=r"^parameters: there is no field 'body_mas'; did you mean body_mass"):
-        rollout(sim, parameters=("body_mas",))
-    with pytest.raises(TypeError, match=r"^parameters is 'body_mass', must be a sequence of names, as \('body_mass',\)"):
-        rollout(sim, parameters="body_mass")
+        raises(TypeError, r"ctrl has dtype .*float32 or float64", made, np.zeros((2, 2, 3), dtype), *state, mass)
+    raises(TypeError, "takes 5 arrays, ctrl, qpos, qvel, act, body_mass; 4 were given", made, np.zeros((2, 2, 3)), *state)
+    raises(ValueError, r"^parameters: there is no field 'body_mas'; did you mean body_mass", rollout, sim, parameters=("body_mas",))
+    raises(TypeError, r"^parameters is 'body_mass', must be a sequence of names, as \('body_mass',\)", rollout, sim, parameters="body_mass")

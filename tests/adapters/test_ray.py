@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import ray
 import stepper
+from checks import every, raises
 from ray import cloudpickle
 from ray.exceptions import RayActorError, RayTaskError, WorkerCrashedError
 from stepper.adapters.ray import RayVectorEnv, map_cases, run_policy
@@ -43,9 +44,7 @@ def same(found, expected):
         np.testing.assert_array_equal(found, expected)
 
 
-@pytest.mark.parametrize("num_actors", [1, 2, 3])
-@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
-@pytest.mark.parametrize("seed", [5, [9, None, 3, 4, 1, 2, None, 8, 7, 6]])
+@every(num_actors=[1, 2, 3], mode=["SameStep", "NextStep"], seed=[5, [9, None, 3, 4, 1, 2, None, 8, 7, 6]])
 def test_it_says_what_one_vector_environment_says(num_actors, mode, seed):
     settings = {"max_episode_steps": LIMIT, "episode_statistics": True, "autoreset_mode": mode}
     ours = RayVectorEnv("stepper/Hopper-v5", NUM_ENVS, num_actors=num_actors, block_size=BLOCK, **settings)
@@ -126,19 +125,16 @@ def test_a_policy_that_fails_is_named_and_a_seed_begins_anew():
     with pytest.raises(gymnasium.error.ResetNeeded):
         envs.step(np.zeros((6, 3)))
     envs.reset(seed=0)
-    with pytest.raises(ZeroDivisionError, match="no action"):
-        envs.run_policy(failing, 3)
+    raises(ZeroDivisionError, "no action", envs.run_policy, failing, 3)
     for call in (lambda: envs.step(np.zeros((6, 3))), envs.reset):
-        with pytest.raises(RuntimeError, match=r"call reset\(seed=\.\.\.\)"):
-            call()
+        raises(RuntimeError, r"call reset\(seed=\.\.\.\)", call)
     observation, _ = envs.reset(seed=0)
     np.testing.assert_array_equal(observation, StepperVectorEnv("Hopper", 6).reset(seed=0)[0])
     os.kill(ray.get(envs._actors[0].__ray_call__.remote(lambda _: os.getpid())), signal.SIGKILL)
     with pytest.raises(RayActorError):
         envs.step(np.zeros((6, 3)))
     envs.close()
-    with pytest.raises(RuntimeError, match="closed"):
-        envs.reset(seed=0)
+    raises(RuntimeError, "closed", envs.reset, seed=0)
 
 
 @pytest.mark.parametrize(("settings", "message"), [
@@ -147,8 +143,7 @@ def test_a_policy_that_fails_is_named_and_a_seed_begins_anew():
     ({"block_size": 0}, "block_size is 0"),
 ])  # fmt: skip
 def test_settings_out_of_their_range_are_named(settings, message):
-    with pytest.raises(ValueError, match=message):
-        RayVectorEnv("stepper/Hopper-v5", NUM_ENVS, **{"block_size": BLOCK, **settings})
+    raises(ValueError, message, RayVectorEnv, "stepper/Hopper-v5", NUM_ENVS, **{"block_size": BLOCK, **settings})
 
 
 @pytest.mark.parametrize(("settings", "actors"), [

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from envs.test_observation_groups import Grouped
+from envs.test_hooks import Grouped
 from rsl_rl.runners import OnPolicyRunner
 from stepper.adapters.rsl_rl import StepperRslRlEnv
 from stepper.envs import Reward, StepperVectorEnv

@@ -1,10 +1,14 @@
 """Stable-Baselines3: the bits of its own vector environment, its checker, its wrappers, and PPO that learns."""
 
+import csv
+
 import gymnasium
 import numpy as np
 import pytest
 import stepper.envs  # names for Gymnasium
-from envs.test_observation_groups import Grouped
+import train_sb3
+from checks import every, raises
+from envs.test_hooks import Grouped
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -12,6 +16,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecCheckNan, VecFrameStack, VecMonitor, VecNormalize
 from stepper.adapters.sb3 import StepperVecEnv
 from stepper.envs import StepperVectorEnv
+from stepper.policies import evaluate, load
 
 NUM_ENVS = 5
 
@@ -32,8 +37,7 @@ def pair(name, limit, **settings):
     return StepperVecEnv(f"stepper/{name}-v5", NUM_ENVS, max_episode_steps=limit, **settings), DummyVecEnv([one] * NUM_ENVS)
 
 
-@pytest.mark.parametrize("name", ["Hopper", "Ant", "HalfCheetah", "Reacher"])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@every(name=["Hopper", "Ant", "HalfCheetah", "Reacher"], precision=["f64", "f32"])
 def test_it_says_what_their_own_says_of_single_environments(name, precision):
     ours, theirs = pair(name, 11, precision=precision)
     assert (ours.observation_space, ours.action_space) == (theirs.observation_space, theirs.action_space)
@@ -105,15 +109,11 @@ def test_calls_that_a_batch_has_no_answer_to_are_named():
     assert envs.envs.label == "hopper"
     qpos = np.tile(envs.envs.sim.model.qpos0, (3, 1))
     assert envs.env_method("set_state", qpos, np.zeros((3, 6)))[2].shape == (3, 11)
-    with pytest.raises(ValueError, match="omit indices"):
-        envs.env_method("set_state", qpos, np.zeros((3, 6)), indices=[0])
-    with pytest.raises(RuntimeError, match="step_async"):
-        envs.step_wait()
+    raises(ValueError, "omit indices", envs.env_method, "set_state", qpos, np.zeros((3, 6)), indices=[0])
+    raises(RuntimeError, "step_async", envs.step_wait)
     envs.set_options({"mass": 2})
-    with pytest.raises(ValueError, match="have no options"):
-        envs.reset()
-    with pytest.raises(ValueError, match='"all" or "ended"'):
-        StepperVecEnv("stepper/Hopper-v5", 3, infos="none")
+    raises(ValueError, "have no options", envs.reset)
+    raises(ValueError, '"all" or "ended"', StepperVecEnv, "stepper/Hopper-v5", 3, infos="none")
 
 
 def test_pictures_are_those_of_the_environments(monkeypatch):
@@ -155,8 +155,7 @@ def test_a_seed_of_the_constructor_is_that_of_seed():
 
 
 def test_names_of_make_vec_env_and_another_mode_are_named():
-    with pytest.raises(TypeError, match="takes no 'n_envs'; did you mean num_envs"):
-        StepperVecEnv("stepper/Hopper-v5", n_envs=3)
+    raises(TypeError, "takes no 'n_envs'; did you mean num_envs", StepperVecEnv, "stepper/Hopper-v5", n_envs=3)
     with pytest.raises(TypeError, match=r"the task is an object of type gymnasium.*: give the name of the environment"):
         StepperVecEnv(gymnasium.make("stepper/Hopper-v5"))
     with pytest.raises(ValueError, match="autoreset_mode is NEXT_STEP, must be SAME_STEP for Stable-Baselines3: leave it out"):
@@ -175,3 +174,36 @@ def test_observation_groups_are_a_dictionary():
         for k in np.flatnonzero(over):
             same(infos[k]["terminal_observation"], theirs["final_obs"][k])
     PPO("MultiInputPolicy", ours, n_steps=8, batch_size=12, n_epochs=1, device="cpu").learn(24)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sb3")
+    return train_sb3.train("stepper/InvertedPendulum-v5", folder, steps=120_000, num_envs=64, precision="f32"), folder
+
+
+def test_it_learns(run):
+    """To balance a pole, from some 6 to hundreds of 1000 actions."""
+    with (run[1] / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]["return"]) > 5.0 * float(rows[0]["return"])
+    assert [int(row["steps"]) for row in rows] == [64 * 64 * (k + 1) for k in range(len(rows))]
+
+
+def test_the_policy_that_is_kept_acts_alike(run):
+    model, folder = run
+    policy = load(folder / "policy.npz")
+    envs = model.get_env()
+    observation = envs.obs_rms.mean + 30.0 * np.random.default_rng(0).normal(size=(50, 4))
+    expected, _ = model.predict(envs.normalize_obs(observation.astype(np.float32)), deterministic=True)
+    np.testing.assert_allclose(policy(observation), expected, atol=1e-4)
+    # The pendulum's actions have bounds of 3, to which a policy stretches what lies within -1 and 1.
+    assert np.abs(expected).max() > 1.5
+
+
+def test_both_evaluate_alike(run):
+    model, folder = run
+    theirs = train_sb3.evaluate(model, "stepper/InvertedPendulum-v5", episodes=10, precision="f32")
+    ours = evaluate(load(folder / "policy.npz"), "stepper/InvertedPendulum-v5", episodes=10, seed=train_sb3.FRESH, precision="f32")
+    assert np.mean(theirs) == pytest.approx(ours.mean, rel=0.2)
+    assert load(folder / "policy.npz").environment["engine"] == "stepper"

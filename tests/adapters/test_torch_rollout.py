@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import stepper
 import torch
+from checks import raises
 from stepper.adapters.torch_rollout import rollout
 
 HOPPER = Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml"
@@ -45,8 +46,7 @@ def test_gradients_have_the_type_of_what_they_belong_to(hoppers):
     assert ctrl.grad.dtype == torch.float32
     assert ctrl.grad.abs().max() > 0
     before = sim.get_state()
-    with pytest.raises(ValueError, match="ctrl has shape"):
-        rollout(sim, torch.zeros((2, 4, 3)))
+    raises(ValueError, "ctrl has shape", lambda: rollout(sim, torch.zeros((2, 4, 3))))
     with pytest.raises(ValueError, match=r"^parameters: there is no field 'body_mas'; did you mean body_mass"):
         rollout(sim, ctrl, parameters={"body_mas": torch.ones(2, 5)})
     assert sim.get_state() == before
@@ -66,10 +66,8 @@ def test_controls_of_all_environments_have_the_sum_of_their_gradients(hoppers):
 @pytest.mark.parametrize("dtype", [torch.int64, torch.float16, torch.bfloat16])
 def test_other_types_are_refused(hoppers, dtype):
     sim, _ = hoppers
-    with pytest.raises(TypeError, match=r"ctrl has dtype .*ctrl\.double\(\)"):
-        rollout(sim, torch.zeros((2, 2, 3), dtype=dtype))
-    with pytest.raises(TypeError, match="qvel has dtype"):
-        rollout(sim, torch.zeros((2, 2, 3)), qvel=torch.zeros(sim.qvel.shape, dtype=dtype))
+    raises(TypeError, r"ctrl has dtype .*ctrl\.double\(\)", lambda: rollout(sim, torch.zeros((2, 2, 3), dtype=dtype)))
+    raises(TypeError, "qvel has dtype", lambda: rollout(sim, torch.zeros((2, 2, 3)), qvel=torch.zeros(sim.qvel.shape, dtype=dtype)))
 
 
 def test_a_cart_is_brought_to_a_goal():

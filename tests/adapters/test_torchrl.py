@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from envs.test_observation_groups import Grouped
+from checks import every, raises
+from envs.test_hooks import Grouped
 from stepper.adapters.torchrl import StepperTorchRLEnv
 from stepper.envs import StepperVectorEnv
 from tensordict.nn import TensorDictModule
@@ -13,8 +14,7 @@ from torchrl.envs import RewardSum, StepCounter, TransformedEnv, check_env_specs
 NUM_ENVS = 4
 
 
-@pytest.mark.parametrize("name", ["Hopper", "Ant", "Reacher"])
-@pytest.mark.parametrize("break_when_any_done", [True, False])
+@every(name=["Hopper", "Ant", "Reacher"], break_when_any_done=[True, False])
 def test_its_check_of_specs_passes(name, break_when_any_done):
     env = StepperTorchRLEnv(f"stepper/{name}-v5", NUM_ENVS, max_episode_steps=2)
     check_env_specs(env, break_when_any_done=break_when_any_done, seed=0)
@@ -59,12 +59,10 @@ def test_an_environment_whose_episode_is_over_waits_for_the_others():
 def test_a_step_of_an_episode_that_is_over_is_named():
     env = StepperTorchRLEnv("stepper/Hopper-v5", NUM_ENVS, max_episode_steps=1)
     state = env.rand_step(env.reset())
-    with pytest.raises(RuntimeError, match="are over: reset them"):
-        env.step(env.rand_action(state["next"]))
+    raises(RuntimeError, "are over: reset them", lambda: env.step(env.rand_action(state["next"])))
     state = env.reset()
     state["_step"] = torch.tensor([[True], [True], [False], [True]])
-    with pytest.raises(RuntimeError, match=r"environments \[2\] are left out"):
-        env.step(env.rand_action(state))
+    raises(RuntimeError, r"environments \[2\] are left out", lambda: env.step(env.rand_action(state)))
 
 
 def test_its_collector_and_transforms_take_it():

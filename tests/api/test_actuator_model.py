@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from models import stepper_model
 from recordings import edit_header
 from stepper import ActuatorModel, Drive
@@ -22,6 +23,9 @@ EVERYTHING = ActuatorModel(
     },
     default=Drive(lag=0.01),
 )
+ODD = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1"/><site name="s"/></body></worldbody>
+  <tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon><actuator><motor name="site" site="s" gear="1 0 0 0 1 0"/>
+  <motor name="tendon" tendon="t"/><general name="lag" joint="j" dyntype="filter" dynprm=".1"/></actuator></mujoco>"""
 
 
 def sim_of(num_envs=None, *, actuators=EVERYTHING, **settings):
@@ -59,8 +63,7 @@ def test_record_and_replay(tmp_path, num_envs):
     assert stepper.recording.verify(tmp_path / "run").difference.field == "qpos"
     # And without them the state does not fit.
     edit_header(tmp_path / "run", lambda head: head.update(actuators=None))
-    with pytest.raises(ValueError, match="state"):
-        stepper.recording.verify(tmp_path / "run")
+    raises(ValueError, "state", stepper.recording.verify, tmp_path / "run")
 
 
 def test_a_control_that_is_not_finite_is_not_taken_up(tmp_path):
@@ -123,8 +126,7 @@ def test_files(tmp_path):
 ])  # fmt: skip
 def test_bad_files(tmp_path, text, message):
     (tmp_path / "a.toml").write_text(text)
-    with pytest.raises((ValueError, TypeError), match=message):
-        ActuatorModel.from_file(tmp_path / "a.toml")
+    raises((ValueError, TypeError), message, ActuatorModel.from_file, tmp_path / "a.toml")
 
 
 @pytest.mark.parametrize(("drive", "message"), [
@@ -142,8 +144,7 @@ def test_bad_files(tmp_path, text, message):
     (Drive(friction=np.inf), "friction is inf"),
 ])  # fmt: skip
 def test_numbers_out_of_range_are_named(drive, message):
-    with pytest.raises(ValueError, match=rf"drive of actuator .right_knee.: .*{message}"):
-        sim_of(3, actuators=ActuatorModel({"right_knee": drive}))
+    raises(ValueError, rf"drive of actuator .right_knee.: .*{message}", lambda: sim_of(3, actuators=ActuatorModel({"right_knee": drive})))
 
 
 @pytest.mark.parametrize(("make", "message"), [
@@ -159,13 +160,7 @@ def test_numbers_out_of_range_are_named(drive, message):
     (lambda: ActuatorModel.from_file(3), r"path is 3 \(int\), must be a path"),
 ])  # fmt: skip
 def test_what_cannot_be_said(make, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        make()
-
-
-ODD = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1"/><site name="s"/></body></worldbody>
-  <tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon><actuator><motor name="site" site="s" gear="1 0 0 0 1 0"/>
-  <motor name="tendon" tendon="t"/><general name="lag" joint="j" dyntype="filter" dynprm=".1"/></actuator></mujoco>"""
+    raises((TypeError, ValueError), message, make)
 
 
 @pytest.mark.parametrize(("name", "drive", "message"), [

@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
-from file_sizes import disk_of
-from hypothesis import given
-from hypothesis import strategies as st
-from recordings import PENDULUM, edit_file, edit_header
+from checks import raises
+from hypothesis import given, strategies as st
+from recordings import PENDULUM, disk_of, edit_file, edit_header
 from stepper.recording import RecordingError, RecordingWarning, recorder
 from stepper.recording.format import KINDS, ROWS, find_blocks, read_header
 from stepper.shared.files import LOCK
@@ -30,18 +29,14 @@ for k in range(10**9):
     sim.step(np.full((2, 1), np.sin(k)), nstep=1 + k % 3)
     print(recording.rows, flush=True)
 """
+MODEL = stepper.load(PENDULUM)
 
 
 @pytest.fixture(scope="module")
-def model():
-    return stepper.load(PENDULUM)
-
-
-@pytest.fixture(scope="module")
-def whole(model, tmp_path_factory):
+def whole(tmp_path_factory):
     """A recording of 30 calls that was not closed, with a block for each row. Its run.json is that of an earlier time, with four rows."""
     folder = tmp_path_factory.mktemp("whole") / "run"
-    sim = stepper.Stepper(model, 2)
+    sim = stepper.Stepper(MODEL, 2)
     recording = sim.record(folder, chunk=1)
     for k in range(30):
         if k == 3:
@@ -60,15 +55,14 @@ def unclosed(whole, tmp_path):
     return tmp_path / "run"
 
 
-def test_a_recording_whose_process_is_killed_keeps_the_rows_that_were_written(model, tmp_path):
+def test_a_recording_whose_process_is_killed_keeps_the_rows_that_were_written(tmp_path):
     """Without a chance to close anything: every row that the process has counted is there, and perhaps the next."""
-    model.save(tmp_path / "model.stepper")
+    MODEL.save(tmp_path / "model.stepper")
     paths = os.pathsep.join(str(Path(path).resolve()) for path in sys.path if path)
     command = [sys.executable, "-c", RECORD, str(tmp_path / "model.stepper"), str(tmp_path / "run")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": paths}) as process:
         lines = [int(process.stdout.readline()) for _ in range(40)]
-        with pytest.raises(BlockingIOError, match="another run writes to this folder"):
-            stepper.Stepper(model).record(tmp_path / "run")
+        raises(BlockingIOError, "another run writes to this folder", lambda: stepper.Stepper(MODEL).record(tmp_path / "run"))
         process.send_signal(signal.SIGKILL)
         lines += [int(line) for line in process.stdout if line.endswith("\n")]
     assert process.returncode == -signal.SIGKILL
@@ -79,15 +73,14 @@ def test_a_recording_whose_process_is_killed_keeps_the_rows_that_were_written(mo
     assert "not closed" in str(result)
     with pytest.warns(RecordingWarning, match=rf"run was not closed: it ends after {result.rows} rows"):
         assert sum(len(segment.ctrl) for segment in stepper.recording.segments(tmp_path / "run")) == result.steps
-    with pytest.raises(FileExistsError, match="is not empty"):
-        stepper.Stepper(model).record(tmp_path / "run")
+    raises(FileExistsError, "is not empty", lambda: stepper.Stepper(MODEL).record(tmp_path / "run"))
 
 
-def test_rows_are_written_within_a_second_and_in_blocks(model, tmp_path, monkeypatch):
+def test_rows_are_written_within_a_second_and_in_blocks(tmp_path, monkeypatch):
     """By a clock of which each call of `step` takes 0.3 s: four rows reach the age of a second together."""
     now = [0.0]
     monkeypatch.setattr(recorder.time, "monotonic", lambda: now[0])
-    sim = stepper.Stepper(model)
+    sim = stepper.Stepper(MODEL)
     with sim.record(tmp_path / "run") as recording:
         for k in range(1, 21):
             now[0] += 0.3
@@ -120,12 +113,11 @@ def test_a_recording_that_lost_what_its_header_counts_is_refused(unclosed):
     counted = read_header(unclosed)["size"]
     for content in (whole[: counted - 1], b"", bytes(len(whole)), whole[:counted].replace(b"\0\0", b"\0\1") + whole[counted:]):
         (unclosed / ROWS).write_bytes(content)
-        with pytest.raises(RecordingError, match=ROWS):
-            stepper.recording.verify(unclosed)
+        raises(RecordingError, ROWS, stepper.recording.verify, unclosed)
 
 
-def test_a_full_disk_ends_a_recording_that_is_read_up_to_there(model, tmp_path):
-    sim = stepper.Stepper(model, 2)
+def test_a_full_disk_ends_a_recording_that_is_read_up_to_there(tmp_path):
+    sim = stepper.Stepper(MODEL, 2)
     with sim.record(tmp_path / "run", chunk=1) as recording:
         with pytest.raises(OSError, match=r"rows\.bin") as error, disk_of(30_000):
             for k in range(1000):
@@ -146,9 +138,9 @@ def test_a_full_disk_ends_a_recording_that_is_read_up_to_there(model, tmp_path):
     assert stepper.recording.verify(tmp_path / "other").complete
 
 
-def test_a_full_disk_at_the_end_is_named(model, tmp_path):
+def test_a_full_disk_at_the_end_is_named(tmp_path):
     """The rows that wait in memory cannot be written by `close`."""
-    sim = stepper.Stepper(model, 2)
+    sim = stepper.Stepper(MODEL, 2)
     recording = sim.record(tmp_path / "run")
     for _ in range(300):
         sim.step()
@@ -158,8 +150,8 @@ def test_a_full_disk_at_the_end_is_named(model, tmp_path):
     assert stepper.recording.verify(tmp_path / "run").complete is False
 
 
-def test_a_disk_that_is_full_from_the_start_is_named(model, tmp_path):
-    sim = stepper.Stepper(model)
+def test_a_disk_that_is_full_from_the_start_is_named(tmp_path):
+    sim = stepper.Stepper(MODEL)
     with disk_of(100), pytest.raises((OSError, stepper.ModelError), match="run/"):
         sim.record(tmp_path / "run")
     assert sim.recorder is None
@@ -169,9 +161,9 @@ def test_a_disk_that_is_full_from_the_start_is_named(model, tmp_path):
 
 
 @pytest.fixture
-def run(model, tmp_path):
+def run(tmp_path):
     """A recording of a call of three steps of two environments."""
-    sim = stepper.Stepper(model, 2)
+    sim = stepper.Stepper(MODEL, 2)
     with sim.record(tmp_path / "run"):
         sim.step(nstep=3)
     return tmp_path / "run"
@@ -185,13 +177,12 @@ def run(model, tmp_path):
 def test_a_row_cannot_make_a_replay_endless(run, row, said):
     """Behind checksums that are right: the recorded time says how many steps there were."""
     edit_file(run, lambda arrays: arrays.update({name: np.array(value) for name, value in row.items()}))
-    with pytest.raises(RecordingError, match=said):
-        stepper.recording.verify(run)
+    raises(RecordingError, said, stepper.recording.verify, run)
 
 
-def test_rejected_steps_are_replayed_though_they_take_no_time(model, tmp_path):
+def test_rejected_steps_are_replayed_though_they_take_no_time(tmp_path):
     """In one environment of two, in both, and after a change of the time."""
-    sim = stepper.Stepper(model, 2)
+    sim = stepper.Stepper(MODEL, 2)
     with sim.record(tmp_path / "run"):
         sim.step([[np.nan], [0.0]], nstep=50)
         sim.step([[np.nan], [np.nan]], nstep=50)
@@ -208,8 +199,7 @@ def test_rejected_steps_are_replayed_though_they_take_no_time(model, tmp_path):
 ])  # fmt: skip
 def test_counts_in_a_header_are_those_of_the_rows(run, change, said):
     edit_header(run, lambda head: head.update(change))
-    with pytest.raises(RecordingError, match=said):
-        stepper.recording.verify(run)
+    raises(RecordingError, said, stepper.recording.verify, run)
 
 
 def test_threads_in_a_header_are_no_more_than_the_machine_has(run):

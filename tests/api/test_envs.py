@@ -1,17 +1,50 @@
 """Environments that `envs` selects: what is copied, given away, reset and stepped of some, and what stays as it is."""
 
+import inspect
 import pickle
 
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given
-from hypothesis import strategies as hypothesis
+from checks import every, raises
+from hypothesis import given, strategies as hypothesis
 from models import STATE, simulate, stepper_model
+from stepper.envs import StepperVectorEnv
+from stepper.viewer.frames import shown_envs
 
 HOPPER = "dm_control/hopper"
 DELAYED = stepper.SensorModel(default=stepper.Transfer(delay=0.013))
 DRIVES = stepper.ActuatorModel(default=stepper.Drive(delay=0.017, lag=0.02))
+HAND_MOVED = """
+<mujoco><option timestep="0.005"/><worldbody>
+  <geom type="plane" size="5 5 0.1"/>
+  <body name="hand" mocap="true" pos="0 0 0.3"><geom type="box" size="0.3 0.3 0.02"/></body>
+  <body pos="0.05 0 0.45"><freejoint/><geom type="box" size="0.1 0.1 0.1"/></body>
+</worldbody></mujoco>"""
+TAKERS = {
+    "reset": lambda sim, envs: sim.reset(envs),
+    "step": lambda sim, envs: sim.step(envs=envs),
+    "set_state": lambda sim, envs: sim.set_state(qvel=np.full(sim.model.nv, 0.5), envs=envs),
+    "set_state of a State": lambda sim, envs: sim.set_state(sim.get_state(0), envs=envs),
+    "randomize": lambda sim, envs: sim.randomize(envs, gravity=None),
+    "copy_state": lambda sim, envs: sim.copy_state(0, envs),
+    "contacts": lambda sim, envs: sim.contacts(envs),
+}
+"""Calls that take `envs`, by name."""
+ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+  <body name="ball" pos="0 0 .1"><freejoint/><geom name="g" size=".1"/></body>
+  <body name="arm"><joint name="j" axis="0 1 0" damping=".1"/><geom type="capsule" fromto="1 0 .5 1.3 0 .5" size=".02"/></body>
+  </worldbody><actuator><motor name="m" joint="j" ctrlrange="-1 1"/></actuator></mujoco>"""
+N = 4
+EMPTY = {
+    "list": [],
+    "tuple": (),
+    "floats": np.array([]),
+    "integers": np.array([], dtype=np.int64),
+    "where": np.flatnonzero(np.zeros(N)),
+    "mask": np.zeros(N, dtype=bool),
+    "masks of Python": [False] * N,
+}
 
 
 def batch(num_envs=7, steps=9, **settings):
@@ -64,14 +97,6 @@ def test_some_are_kept_and_given_to_another_stepper():
     same(all_of(other), all_of(sim), of=[1, 1, 1, 1])
 
 
-HAND_MOVED = """
-<mujoco><option timestep="0.005"/><worldbody>
-  <geom type="plane" size="5 5 0.1"/>
-  <body name="hand" mocap="true" pos="0 0 0.3"><geom type="box" size="0.3 0.3 0.02"/></body>
-  <body pos="0.05 0 0.45"><freejoint/><geom type="box" size="0.1 0.1 0.1"/></body>
-</worldbody></mujoco>"""
-
-
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("settings", [
     {"options": stepper.Options()},
@@ -108,8 +133,7 @@ def test_a_mask_moves_the_mocap_bodies_of_its_environments(tmp_path):
     twin.recorder = None
     assert sim.qpos[0, 2] > sim.qpos[1, 2] + 0.02
     twin.step(envs=mask)
-    with pytest.raises(ValueError, match="envs has shape"):
-        sim.step(envs=mask[:3])
+    raises(ValueError, "envs has shape", sim.step, envs=mask[:3])
 
 
 def test_a_rollout_begins_where_it_is_told_to():
@@ -142,8 +166,7 @@ def test_a_rollout_begins_where_it_is_told_to():
 def test_what_is_wrong_is_said(call, error, said):
     sim = simulate(stepper_model(HOPPER), 7)
     before = sim.get_state()
-    with pytest.raises(error, match=said):
-        call(sim)
+    raises(error, said, call, sim)
     assert sim.get_state() == before
 
 
@@ -153,21 +176,8 @@ def test_nothing_changes_where_a_state_is_of_another_model():
     assert not np.array_equal(sim.qpos[0], sim.qpos[2])
     before = sim.get_state()
     other = simulate(stepper_model("dm_control/walker"), 3)
-    with pytest.raises(ValueError, match=r"state 1, of environment 1: .*another"):
-        sim.set_state([sim.get_state(2), other.get_state(0)], envs=[0, 1])
+    raises(ValueError, r"state 1, of environment 1: .*another", lambda: sim.set_state([sim.get_state(2), other.get_state(0)], envs=[0, 1]))
     assert sim.get_state() == before
-
-
-TAKERS = {
-    "reset": lambda sim, envs: sim.reset(envs),
-    "step": lambda sim, envs: sim.step(envs=envs),
-    "set_state": lambda sim, envs: sim.set_state(qvel=np.full(sim.model.nv, 0.5), envs=envs),
-    "set_state of a State": lambda sim, envs: sim.set_state(sim.get_state(0), envs=envs),
-    "randomize": lambda sim, envs: sim.randomize(envs, gravity=None),
-    "copy_state": lambda sim, envs: sim.copy_state(0, envs),
-    "contacts": lambda sim, envs: sim.contacts(envs),
-}
-"""Calls that take `envs`, by name."""
 
 
 @pytest.mark.parametrize("call", TAKERS)
@@ -185,8 +195,7 @@ TAKERS = {
 def test_wrong_environments_are_named_by_every_call(call, envs, error, said):
     sim = batch(steps=2)
     before = sim.get_state()
-    with pytest.raises(error, match=said):
-        TAKERS[call](sim, envs)
+    raises(error, said, lambda: TAKERS[call](sim, envs))
     assert sim.get_state() == before
 
 
@@ -222,3 +231,94 @@ def test_a_recording_with_indices_replays(tmp_path):
         sim.copy_state([0, 0], [2, 3])
         sim.step(nstep=3)
     assert stepper.recording.verify(tmp_path / "run").difference is None
+
+
+def made(*, recorded=None):
+    sim = stepper.Stepper(stepper.load(ARM), N, seed=3)
+    sim.step(np.linspace(-1, 1, N)[:, None], 3)
+    if recorded is not None:
+        sim.record(recorded)
+    return sim
+
+
+def rows(envs, full):
+    """Values for a method: a row for each index, or for each environment with a mask."""
+    envs = np.asarray(envs)
+    return full if envs.dtype == np.bool_ else full[envs.astype(np.int64)]
+
+
+CALLS = {
+    "reset": lambda sim, envs: sim.reset(envs, qpos=rows(envs, np.array(sim.qpos) + 0.5), seed=4),
+    "reset to a keyframe": lambda sim, envs: sim.reset(envs=envs),
+    "step": lambda sim, envs: sim.step(rows(envs, np.ones((N, 1))), 2, envs=envs),
+    "set_state": lambda sim, envs: sim.set_state(rows(envs, np.array(sim.qpos)), rows(envs, np.array(sim.qvel) + 1.0), envs=envs),
+    "set_state of a state": lambda sim, envs: sim.set_state(sim.get_state(env=0), envs=envs),
+    "set_state of time": lambda sim, envs: sim.set_state(time=rows(envs, np.arange(N) + 1.0), envs=envs),
+    "copy_state": lambda sim, envs: sim.copy_state(0, envs),
+    "contacts": lambda sim, envs: sim.contacts(envs),
+    "randomize": lambda sim, envs: sim.randomize(envs, geom_friction=rows(envs, np.full((N, 3, 3), 0.2))),
+    "randomize a selector": lambda sim, envs: sim.randomize({"gravity[2]": -1.0}, envs=envs),
+    "randomize rows of a selector": lambda sim, envs: sim.randomize({"body_mass[ball,arm]": rows(envs, np.full((N, 2), 3.0))}, envs=envs),
+    "randomize a compound": lambda sim, envs: sim.randomize({"geom_friction[g][0]": rows(envs, np.full(N, 0.5))}, envs=envs),
+    "randomize to the model": lambda sim, envs: sim.randomize({"gravity": None}, envs=envs),
+    "randomize all": lambda sim, envs: sim.randomize(envs=envs),
+}
+"""Calls of methods with `envs`; each changes the selected environments."""
+
+
+def everything(sim):
+    """State and parameters of a stepper, as bytes."""
+    return repr(
+        [np.asarray(getattr(sim, name)).tobytes() for name in ("qpos", "qvel", "time", "ctrl", "status")]
+        + sorted((name, np.asarray(values).tobytes()) for name, values in sim.randomized.items())
+    )
+
+
+@every(recorded=[False, True], call=CALLS)
+def test_an_empty_selection_changes_nothing(call, recorded, tmp_path):
+    sim = made(recorded=tmp_path / "run" if recorded else None)
+    before = everything(sim)
+    for envs in EMPTY.values():
+        result = CALLS[call](sim, envs)
+        assert result is None or len(result) == 0
+        assert everything(sim) == before
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_a_mask_selects_what_its_indices_do(call):
+    one, other, mask = made(), made(), np.array([True, False, False, True])
+    found = CALLS[call](one, mask), CALLS[call](other, np.flatnonzero(mask))
+    assert everything(one) == everything(other)
+    if found[0] is not None:
+        np.testing.assert_array_equal(*found)
+
+
+def test_all_methods_with_envs_are_tested():
+    methods = {name for name in dir(stepper.Stepper) if not name.startswith("_") and callable(getattr(stepper.Stepper, name))}
+    with_envs = {name for name in methods if "envs" in inspect.signature(getattr(stepper.Stepper, name)).parameters}
+    assert with_envs == {call.split()[0] for call in CALLS}
+
+
+@pytest.mark.parametrize("envs", EMPTY.values(), ids=EMPTY)
+def test_environments_take_an_empty_selection(envs):
+    batch = StepperVectorEnv("HalfCheetah", N)
+    observation, _ = batch.reset(seed=0)
+    with_indices = np.asarray(envs).dtype != np.bool_
+    np.testing.assert_array_equal(batch.reset(envs=envs)[0], observation)
+    np.testing.assert_array_equal(batch.reset(envs=envs, seed=[] if with_indices else [None] * N)[0], observation)
+    shape = (0, 9) if with_indices else (N, 9)
+    np.testing.assert_array_equal(batch.set_state(np.ones(shape), np.ones(shape), envs=envs), observation)
+
+
+@pytest.mark.parametrize("envs", EMPTY.values(), ids=EMPTY)
+def test_drives_of_no_environment_are_empty(envs):
+    assert stepper.ActuatorModel({"m": stepper.Drive(delay=np.arange(N) * 0.01)}).drives(made().model, N, envs)[0]["delay"] == []
+
+
+def test_a_view_shows_the_environments_of_a_mask():
+    sim = made()
+    assert shown_envs(sim, np.array([True, False, False, True]), 16).tolist() == [0, 3]
+    assert shown_envs(sim, [2, 0], 16).tolist() == [2, 0]
+    assert shown_envs(sim, 2, 16).tolist() == [0, 1]
+    for envs in EMPTY.values():
+        raises(ValueError, "envs selects no environment", shown_envs, sim, envs, 16)

@@ -16,10 +16,10 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from file_sizes import disk_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from checks import raises
+from hypothesis import given, settings, strategies as st
 from loading_scenes import joint, link, robot
+from recordings import disk_of
 from stepper.cli.app import COMMANDS, application, main
 from stepper.lab import Outcome, Parameter, Study
 from stepper.lab.study.journal import rows_of
@@ -64,20 +64,17 @@ selector = "gravity[2]"
 low = -10.0
 high = -9.0
 """
+ESCAPES = ["../../../escaped", "..", ".", "...", "a/b", "/a", "a\\b", "C:", "C:a", "", " a", "a\n", "\0", "\ud800", "x" * 201, "é" * 101]
+MODEL = stepper.load(MJCF)
 
 
 @pytest.fixture(scope="module")
-def model():
-    return stepper.load(MJCF)
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory, model):
+def files(tmp_path_factory):
     """A folder with a valid file of every kind."""
     folder = tmp_path_factory.mktemp("files")
     (folder / "m.xml").write_text(MJCF)
     (folder / "m.urdf").write_text(URDF.format(pole=link("pole")))
-    model.save(folder / "m.stepper")
+    MODEL.save(folder / "m.stepper")
     mujoco.mj_saveModel(mujoco.MjModel.from_xml_string(MJCF), str(folder / "m.mjb"))
     (folder / "s.toml").write_text("[sensors.angle]\nnoise_std = 0.1\n")
     (folder / "s.json").write_text('{"sensors": {"angle": {"noise_std": 0.1}}}')
@@ -91,8 +88,8 @@ def files(tmp_path_factory, model):
     stepper.policies.Policy(
         mean=np.zeros(3), std=np.ones(3), clip=5.0, layers=[layer], activation="tanh", environment={}, **bounds
     ).save(folder / "p.npz")  # fmt: skip
-    stepper.sysid.identify(model, folder / "log.npz", ["dof_damping[my hinge]"], channels=["qpos"], starts=1).save(folder / "i.json")
-    sim = stepper.Stepper(model)
+    stepper.sysid.identify(MODEL, folder / "log.npz", ["dof_damping[my hinge]"], channels=["qpos"], starts=1).save(folder / "i.json")
+    sim = stepper.Stepper(MODEL)
     with sim.record(folder / "run"):
         for _ in range(20):
             sim.step()
@@ -159,34 +156,34 @@ def refuse(path, read, model, *, may_pass=False):
 
 
 @pytest.mark.parametrize(("name", "read"), READERS)
-def test_files_that_are_missing_empty_or_of_another_kind_are_named(work, model, name, read):
+def test_files_that_are_missing_empty_or_of_another_kind_are_named(work, name, read):
     path = work / name
     whole = path.read_bytes()
     # A study without a journal begins anew, and empty tables are those of ideal sensors.
     new, tables = name.startswith("out"), Path(name).suffix == ".toml" and name != "study.toml"
     for content in (b"", bytes(100), b"hello\n", bytes(range(256)), whole.replace(b"e", b"\xe9", 3)):
         path.write_bytes(content)
-        refuse(path, read, model, may_pass=new or content == whole or (tables and not content))
+        refuse(path, read, MODEL, may_pass=new or content == whole or (tables and not content))
     path.write_bytes(whole)
-    read(path, model)
+    read(path, MODEL)
     path.unlink()
-    refuse(path, read, model, may_pass=new)
+    refuse(path, read, MODEL, may_pass=new)
     if not new:
         path.mkdir()
-        refuse(path, read, model)
+        refuse(path, read, MODEL)
 
 
 @pytest.mark.parametrize(("name", "read"), [reader for reader in READERS if "/" not in reader[0] and reader[1] is not from_file])
-def test_names_that_no_file_system_takes_are_refused_in_few_words(work, model, name, read):
+def test_names_that_no_file_system_takes_are_refused_in_few_words(work, name, read):
     with pytest.raises((ValueError, OSError), match=r"there is no .* file .*xxx\.\.\.xxx") as error:
-        read(work / ("x" * 5000 + Path(name).suffix), model)
+        read(work / ("x" * 5000 + Path(name).suffix), MODEL)
     assert len(str(error.value)) < 1000
 
 
 @settings(max_examples=6)
 @given(data=st.data())
 @pytest.mark.parametrize(("name", "read"), READERS)
-def test_files_that_are_cut_or_damaged_are_named_or_read(*, files, tmp_path_factory, model, name, read, data):
+def test_files_that_are_cut_or_damaged_are_named_or_read(*, files, tmp_path_factory, name, read, data):
     """A cut text may be whole, and a changed byte may be that of a date."""
     whole = (files / name).read_bytes()
     content = bytearray(whole[: data.draw(st.integers(0, len(whole)))])
@@ -195,7 +192,7 @@ def test_files_that_are_cut_or_damaged_are_named_or_read(*, files, tmp_path_fact
     work = tmp_path_factory.mktemp("damaged") / "work"
     shutil.copytree(files, work)
     (work / name).write_bytes(content)
-    refuse(work / name, read, model, may_pass=True)
+    refuse(work / name, read, MODEL, may_pass=True)
 
 
 def test_a_study_in_python_is_named_when_it_is_no_text(tmp_path):
@@ -241,8 +238,7 @@ def forged(name, header, data, method=zipfile.ZIP_STORED):
 @pytest.mark.parametrize("shape", [(10**12,), (10**6, 10**6), (2**62, 4), (3,), (0,)])
 def test_a_shape_takes_no_more_memory_than_the_file_has_numbers(tmp_path, shape):
     (tmp_path / "c.npz").write_bytes(forged("ctrl", {"shape": shape}, bytes(16)))
-    with pytest.raises(ValueError, match=r"c\.npz: the array 'ctrl' has the shape .*, but another number of bytes"):
-        read_arrays(tmp_path / "c.npz", "log")
+    raises(ValueError, r"c\.npz: the array 'ctrl' has the shape .*, but another number of bytes", read_arrays, tmp_path / "c.npz", "log")
 
 
 def test_a_size_takes_no_more_memory_than_compression_allows(tmp_path):
@@ -251,8 +247,7 @@ def test_a_size_takes_no_more_memory_than_compression_allows(tmp_path):
     for place in (i for i in range(len(data) - 4) if data[i : i + 4] == b"PK\x01\x02"):
         data[place + 24 : place + 28] = b"\xfe\xff\xff\xff"
     (tmp_path / "c.npz").write_bytes(data)
-    with pytest.raises(ValueError, match=r"c\.npz: the array 'ctrl' has more bytes than a file of \d+ bytes can have"):
-        read_arrays(tmp_path / "c.npz", "log")
+    raises(ValueError, r"c\.npz: the array 'ctrl' has more bytes than a file of \d+ bytes can have", read_arrays, tmp_path / "c.npz", "log")
 
 
 def test_the_mesh_of_a_urdf_may_have_a_name_that_no_file_system_takes(tmp_path):
@@ -369,17 +364,12 @@ def test_a_folder_that_cannot_be_locked_is_an_error_with_a_remedy(tmp_path):
 # Names
 
 
-ESCAPES = ["../../../escaped", "..", ".", "...", "a/b", "/a", "a\\b", "C:", "C:a", "", " a", "a\n", "\0", "\ud800", "x" * 201, "é" * 101]
-
-
 @pytest.mark.parametrize("name", ESCAPES)
-def test_a_study_stays_in_its_output_folder(model, tmp_path, name):
-    with pytest.raises(ValueError, match=r"name (is|has) .*the folder of the results: choose"):
-        Study(model=model, name=name)
+def test_a_study_stays_in_its_output_folder(tmp_path, name):
+    raises(ValueError, r"name (is|has) .*the folder of the results: choose", Study, model=MODEL, name=name)
     if name.isprintable():
         (tmp_path / "study.toml").write_text(f'name = {json.dumps(name)}\nmodel = "m.xml"\n')
-        with pytest.raises(ValueError, match=r"study\.toml: name (is|has) .*the folder of the results"):
-            Study.from_file(tmp_path / "study.toml")
+        raises(ValueError, r"study\.toml: name (is|has) .*the folder of the results", Study.from_file, tmp_path / "study.toml")
 
 
 @given(st.text(max_size=20))
@@ -396,8 +386,8 @@ def test_a_name_is_refused_or_is_one_folder(name):
 
 
 @pytest.mark.parametrize("name", ["study", "grasp: slow", "a b", ".hidden", "é", "v1.2"])
-def test_usual_names_are_taken(model, name):
-    assert Study(model=model, name=name).name == name
+def test_usual_names_are_taken(name):
+    assert Study(model=MODEL, name=name).name == name
 
 
 def test_the_folder_of_a_run_is_one_folder():
@@ -431,9 +421,9 @@ def test_measures_name_elements_whose_names_have_spaces(measure, quantity, name,
     ("joint my hinge q", "its last word is 'q', must be x, y, z or a number"),
     ("joint", "must be a function or a text such as"), ("", "must be a function or a text such as"),
 ])  # fmt: skip
-def test_measures_of_other_elements_are_refused(model, measure, message):
+def test_measures_of_other_elements_are_refused(measure, message):
     with pytest.raises(ValueError, match=message):
-        Study(model=model, outcomes=Outcome(name="x", measure=measure), parameters={"d": Parameter("gravity[2]", low=-10, high=-9)})
+        Study(model=MODEL, outcomes=Outcome(name="x", measure=measure), parameters={"d": Parameter("gravity[2]", low=-10, high=-9)})
 
 
 # Parts
@@ -449,8 +439,7 @@ def test_helpers_keep_errors_that_name_the_file_and_explain_others(tmp_path):
     (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbfa,b\r\n1,2\r\n")
     assert read_csv(tmp_path / "a.csv", "log") == [["a", "b"], ["1", "2"]]
     assert read_text(tmp_path / "a.csv", "log").startswith("a,b")
-    with pytest.raises(FileNotFoundError, match="there is no log file"):
-        existing(tmp_path / ("x" * 300), "log")
+    raises(FileNotFoundError, "there is no log file", existing, tmp_path / ("x" * 300), "log")
     with atomic_write(tmp_path / "new/folder/file") as stream:
         stream.write(b"x")
     assert (tmp_path / "new/folder/file").read_bytes() == b"x"
@@ -465,8 +454,7 @@ def test_a_cut_archive_is_refused(tmp_path):
     check_archive(file)
     for content in (b"", whole[:100], whole[:-1], whole[:500] + b"\xff" + whole[501:]):
         file.write_bytes(content)
-        with pytest.raises(ValueError, match=r"it is (cut off or )?damaged"):
-            check_archive(file)
+        raises(ValueError, r"it is (cut off or )?damaged", check_archive, file)
 
 
 def test_a_journal_is_read_while_its_folder_is_locked(work):

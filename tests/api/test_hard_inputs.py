@@ -15,31 +15,16 @@ import time
 import numpy as np
 import pytest
 import stepper
-from models import simulate, stepper_model
+from checks import raises
+from models import mjcf, simulate, stepper_model
 
 HOPPER, ANT = "dm_control/hopper", "gymnasium/ant"
-SCENE = """
-<mujoco><option density="1.2" viscosity="1e-5" wind="0 0 1"/>
-  <asset><mesh name="rock" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>
-  <worldbody><geom name="floor" type="plane" size="1 1 1"/>
-  <body name="hand" mocap="true" pos="0 0 3"><geom size=".05"/></body>
-  <body name="ball" pos="0 0 1" gravcomp=".5"><freejoint/><geom name="ball" size=".1"/><geom type="mesh" mesh="rock" pos="0 0 1"/></body>
-  <body name="arm" pos="2 0 2"><joint name="a" axis="0 1 0" range="-1 1" stiffness="1" damping=".1" frictionloss=".1"/>
-    <geom type="capsule" size=".05 .2"/><site name="here"/>
-    <body name="tool" pos="0 0 .5"><joint name="b" type="slide" actuatorfrcrange="-5 5"/><geom type="box" size=".1 .1 .1"/></body></body>
-  </worldbody>
-  <tendon><fixed name="belt" range="-3 3" stiffness="1" springlength="-1 1"><joint joint="a" coef="1"/>
-    <joint joint="b" coef="-1"/></fixed></tendon>
-  <equality><joint joint1="a" joint2="b" active="false"/><weld body1="ball" body2="hand" active="false"/></equality>
-  <actuator><position joint="a" kp="10" ctrlrange="-1 1" forcerange="-9 9"/><motor tendon="belt"/></actuator>
-  <sensor><jointpos joint="a"/><accelerometer site="here"/></sensor>
-  <contact><pair geom1="floor" geom2="ball"/></contact>
-</mujoco>"""
-
-
-@pytest.fixture(scope="module")
-def model():
-    return stepper.load(SCENE)
+SCENE = mjcf("inputs")
+OPEN = {"tendon_range", "jnt_actfrcrange", "actuator_ctrlrange", "actuator_forcerange"}
+"""Whose lower bound may be -inf and upper inf."""
+RIGID = {"eq_stiffness", "geom_stiffness", "pair_stiffness"}
+"""Whose infinity is rigid."""
+MODEL = stepper.load(SCENE)
 
 
 # Bytes
@@ -58,20 +43,15 @@ def test_every_cut_and_every_flipped_byte_of_a_state_is_refused():
     assert stepper.State(data) == state
     assert len(data) == state.nbytes
     for at in {*range(0, len(data), 7), len(data) - 1}:
-        with pytest.raises(ValueError, match=r"not a state: (the bytes do not begin|cut off|damaged)"):
-            stepper.State(data[:at])
+        raises(ValueError, r"not a state: (the bytes do not begin|cut off|damaged)", stepper.State, data[:at])
         wrong = bytearray(data)
         wrong[at] ^= 0x10
         with pytest.raises(ValueError, match=r"not a state: (the bytes do not begin|format version|damaged)"):
             stepper.State(bytes(wrong))
-    with pytest.raises(ValueError, match="damaged"):
-        stepper.State(data + b"\0")
-    with pytest.raises(ValueError, match=r"format version 9, this stepper reads \d+"):
-        stepper.State(data[:8] + struct.pack("<I", 9) + data[12:])
-    with pytest.raises(ValueError, match="do not begin as those of a state"):
-        stepper.State(sim.model.to_bytes())
-    with pytest.raises(stepper.ModelError, match="not a saved stepper model"):
-        stepper.Model.from_bytes(data)
+    raises(ValueError, "damaged", stepper.State, data + b"\0")
+    raises(ValueError, r"format version 9, this stepper reads \d+", lambda: stepper.State(data[:8] + struct.pack("<I", 9) + data[12:]))
+    raises(ValueError, "do not begin as those of a state", lambda: stepper.State(sim.model.to_bytes()))
+    raises(stepper.ModelError, "not a saved stepper model", stepper.Model.from_bytes, data)
     assert np.array_equal(sim.qpos, before)
 
 
@@ -88,15 +68,13 @@ def test_a_state_says_which_model_it_belongs_to_and_another_one_refuses_it():
     with pytest.raises(ValueError, match=f"belongs to another model, {sim.model.digest[:12]}; this one is .*{other.model.digest[:12]}"):
         other.set_state(state)
     narrow = simulate(sim.model, precision="f32")
-    with pytest.raises(ValueError, match="numbers in F64, this stepper in F32"):
-        narrow.set_state(state)
+    raises(ValueError, "numbers in F64, this stepper in F32", narrow.set_state, state)
 
 
 def test_states_with_a_true_checksum_and_nonsense_in_them_are_refused_or_taken_but_never_crash():
     """Every byte that parses differently: what comes of it is an error, or a state that steps."""
     sim = run(simulate(stepper_model(ANT), 3))
-    kept = sim.get_state()
-    data, refused = kept.bytes, 0
+    data, refused = sim.get_state().bytes, 0
     rng = np.random.default_rng(0)
     for _ in range(400):
         wrong = bytearray(data)
@@ -134,20 +112,18 @@ def test_states_with_a_true_checksum_and_nonsense_in_them_are_refused_or_taken_b
     ("applied", [np.zeros(3), None, None, None, None], r"qfrc_applied has shape \(3,\), must be \(2, 8\)"),
     ("applied", [None, "x", None, None, None], "xfrc_applied is .*, must be an array of numbers"),
 ])  # fmt: skip
-def test_a_crafted_pickle_is_refused_in_words(model, name, value, what):
-    sim = simulate(model, 2)
+def test_a_crafted_pickle_is_refused_in_words(name, value, what):
+    sim = simulate(MODEL, 2)
     state = sim.__getstate__()
     sim.__setstate__(state)
-    with pytest.raises((TypeError, ValueError), match=f"(?s){what}"):
-        sim.__setstate__(state | {name: value})
+    raises((TypeError, ValueError), f"(?s){what}", sim.__setstate__, state | {name: value})
     del state[name]
-    with pytest.raises(ValueError, match=f"{name} is missing"):
-        sim.__setstate__(state)
+    raises(ValueError, f"{name} is missing", sim.__setstate__, state)
     sim.step()
 
 
-def test_a_copy_shares_nothing_that_is_written_to(model):
-    sim = simulate(model, 2)
+def test_a_copy_shares_nothing_that_is_written_to():
+    sim = simulate(MODEL, 2)
     sim.xfrc_applied[:] = 1.0
     sim.mocap_pos[:] = 2.0
     for other in (copy.copy(sim), copy.deepcopy(sim), pickle.loads(pickle.dumps(sim))):
@@ -200,13 +176,10 @@ def test_whatever_is_asked_of_a_stepper_at_work_says_so():
 
 
 def test_threads_are_no_more_than_there_is_to_do():
-    sim = stepper.Stepper(stepper_model(HOPPER), 20, threads=10**18)
-    sim.step(nstep=3)
+    sim = simulate(stepper_model(HOPPER), 20, threads=10**18, steps=3)
     assert sim.threads == 10**18
     assert sim.memory()["threads"] <= 3
-    once = stepper.Stepper(stepper_model(HOPPER), 20)
-    once.step(nstep=3)
-    assert np.array_equal(sim.qpos, once.qpos)
+    assert np.array_equal(sim.qpos, simulate(stepper_model(HOPPER), 20, steps=3).qpos)
 
 
 def printed_by(code: str) -> str:
@@ -270,17 +243,11 @@ def fields():
     return [name for name in dir(stepper.Model) if isinstance(getattr(stepper.Model, name), property)]
 
 
-OPEN = {"tendon_range", "jnt_actfrcrange", "actuator_ctrlrange", "actuator_forcerange"}
-"""Whose lower bound may be -inf and upper inf."""
-RIGID = {"eq_stiffness", "geom_stiffness", "pair_stiffness"}
-"""Whose infinity is rigid."""
-
-
-def test_every_field_refuses_what_is_no_number(model):
+def test_every_field_refuses_what_is_no_number():
     names = fields()
     assert len(names) > 40
     for name in names:
-        given = np.array(getattr(model, name))
+        given = np.array(getattr(MODEL, name))
         assert given.size, f"{name} has nothing in this scene"
         for at in {0, given.size // 2, given.size - 1}:
             for number in (np.nan, np.inf, -np.inf):
@@ -288,18 +255,18 @@ def test_every_field_refuses_what_is_no_number(model):
                 wrong.flat[at] = number
                 is_no_bound = name in OPEN and number == (np.inf if at % 2 else -np.inf)
                 if is_no_bound or (name in RIGID and number == np.inf) or np.array_equal(wrong, given):
-                    model.replace(**{name: wrong})
+                    MODEL.replace(**{name: wrong})
                     continue
                 with pytest.raises(stepper.ModelError):
-                    model.replace(**{name: wrong})
+                    MODEL.replace(**{name: wrong})
                     pytest.fail(f"{name}[{at}] = {number} was taken")
 
 
-def test_every_field_of_environments_refuses_what_is_no_number(model):
-    sim = simulate(model, 2)
+def test_every_field_of_environments_refuses_what_is_no_number():
+    sim = simulate(MODEL, 2)
     tried = 0
     for name in fields():
-        given = np.stack([getattr(model, name)] * 2)
+        given = np.stack([getattr(MODEL, name)] * 2)
         for at in {0, given.size // 2, given.size - 1}:
             for number in (np.nan, np.inf, -np.inf):
                 wrong = given.copy()
@@ -333,29 +300,27 @@ def test_a_state_beyond_the_numbers_of_the_lanes_is_refused():
     simulate(stepper_model(HOPPER), 2).set_state(qvel=np.full(sim.model.nv, 1e39))
 
 
-def test_a_model_beyond_the_numbers_of_the_lanes_is_refused(model):
-    far = model.replace(qpos0=np.where(np.arange(model.nq) == 1, 1e200, model.qpos0))
-    with pytest.raises(stepper.ModelError, match='field "qpos0": number 1 is 1e200, which is too large for 32 bits'):
-        simulate(far, precision="f32")
+def test_a_model_beyond_the_numbers_of_the_lanes_is_refused():
+    far = MODEL.replace(qpos0=np.where(np.arange(MODEL.nq) == 1, 1e200, MODEL.qpos0))
+    raises(stepper.ModelError, 'field "qpos0": number 1 is 1e200, which is too large for 32 bits', simulate, far, precision="f32")
     simulate(far).step()
     with pytest.raises(ValueError, match="body_mass has 1e200, which 32 bits cannot hold"):
-        simulate(model, 1, precision="f32").randomize(body_mass=[[0, 1e200, 1, 1, 1]])
+        simulate(MODEL, 1, precision="f32").randomize(body_mass=[[0, 1e200, 1, 1, 1]])
 
 
 @pytest.mark.parametrize("env", [5, -3, 10**30, -(10**30)])
 def test_an_environment_that_is_not_there_is_an_index_error(env):
     sim = simulate(stepper_model(HOPPER), 2)
     for call, said in ((sim.get_state, "must be below 2"), (sim.worst_row, "must be below 2"), (sim.contacts, "environments 0 to 1")):
-        with pytest.raises(IndexError, match=said):
-            call(env)
+        raises(IndexError, said, call, env)
 
 
 # Arrays
 
 
-def test_what_another_thread_writes_meanwhile_is_not_read(model):
+def test_what_another_thread_writes_meanwhile_is_not_read():
     """A step reads what was applied when it was called, whole."""
-    sim, other = simulate(model, 64), simulate(model, 64)
+    sim, other = simulate(MODEL, 64), simulate(MODEL, 64)
     mine, written = sim.xfrc_applied, []
     mine[:], other.xfrc_applied[:] = 0.25, 0.25
 
@@ -380,8 +345,8 @@ def test_what_another_thread_writes_meanwhile_is_not_read(model):
 
 
 @pytest.mark.parametrize(("attribute", "value"), [("dtype", "f4"), ("dtype", "i8"), ("dtype", "c16"), ("shape", (-1,))])
-def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(model, attribute, value):
-    sim = simulate(model, 2)
+def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(attribute, value):
+    sim = simulate(MODEL, 2)
     setattr(sim.xfrc_applied, attribute, value)
     for call in (
         sim.step,
@@ -391,8 +356,7 @@ def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(model
         lambda: sim.xpos,
         lambda: setattr(sim, "xfrc_applied", np.inf),
     ):
-        with pytest.raises(ValueError, match=r"xfrc_applied was changed in place to .*, must stay a float64 array \(2, 5, 6\)"):
-            call()
+        raises(ValueError, r"xfrc_applied was changed in place to .*, must stay a float64 array \(2, 5, 6\)", call)
 
 
 def test_a_rollout_too_large_for_memory_is_a_memory_error():

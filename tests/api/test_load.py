@@ -11,25 +11,12 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from models import SOURCES, mujoco_model, stepper_model
+from checks import raises
+from models import SOURCES, mjcf, mujoco_model, stepper_model
 from stepper.loading.mjcf import source
 from stepper.loading.mjcf.omissions import FLAGS
 
-PENDULUM = """
-<mujoco model="pendulum">
-  <option timestep="0.004"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="1 1 1"/>
-    <body name="arm" pos="0 0 2">
-      <joint name="pivot" type="hinge" axis="0 1 0" damping="0.1" range="-90 90" stiffness="2" springref="10" armature="0.01"/>
-      <geom name="rod" type="capsule" fromto="0 0 0 0 0 -1" size="0.05" friction="0.7 0.01 0.002"/>
-    </body>
-  </worldbody>
-  <actuator><motor name="torque" joint="pivot" gear="3" ctrlrange="-1 1"/></actuator>
-  <sensor><jointpos name="angle" joint="pivot"/></sensor>
-  <keyframe><key name="up" qpos="1.5"/></keyframe>
-</mujoco>
-"""
+PENDULUM = mjcf("pendulum")
 
 # One element of each kind that is left out, on this scene, and what the message must name.
 SCENE = """
@@ -215,10 +202,8 @@ def test_what_mujoco_refuses_is_said_in_its_words() -> None:
 
 
 def test_missing_files_and_strange_sources() -> None:
-    with pytest.raises(FileNotFoundError, match=r"no_such\.xml"):
-        stepper.load("no_such.xml")
-    with pytest.raises(TypeError, match="int"):
-        stepper.load(3)
+    raises(FileNotFoundError, r"no_such\.xml", stepper.load, "no_such.xml")
+    raises(TypeError, "int", stepper.load, 3)
 
 
 def test_without_mujoco_the_message_says_how_to_install_it(tmp_path: Path) -> None:
@@ -324,23 +309,17 @@ def test_equalities_and_tendons_can_be_replaced() -> None:
     loose = model.replace(eq_active0=[0.0], tendon_stiffness=[3.0], tendon_range=[[-2.0, 2.0]])
     assert "inactive equalities: grip" in loose.explain()
     assert loose.tendon_stiffness == [3.0]
-    with pytest.raises(stepper.ModelError, match="would store as"):
-        model.replace(eq_data=np.ones((1, 11)))
+    raises(stepper.ModelError, "would store as", model.replace, eq_data=np.ones((1, 11)))
 
 
 def test_replace_refuses_what_a_model_cannot_have() -> None:
     model = stepper.load(PENDULUM)
-    with pytest.raises(stepper.ModelError, match=r"no field .colour.*help"):
-        model.replace(colour=[1.0])
-    with pytest.raises(stepper.ModelError, match='body "arm": mass is -1 kg'):
-        model.replace(body_mass=[0.0, -1.0])
-    with pytest.raises(stepper.ModelError, match="whole numbers"):
-        model.replace(geom_condim=[3.0, 2.5])
-    with pytest.raises(stepper.ModelError, match="condim is 5"):
-        model.replace(geom_condim=[3.0, 5.0])
+    raises(stepper.ModelError, r"no field .colour.*help", model.replace, colour=[1.0])
+    raises(stepper.ModelError, 'body "arm": mass is -1 kg', model.replace, body_mass=[0.0, -1.0])
+    raises(stepper.ModelError, "whole numbers", model.replace, geom_condim=[3.0, 2.5])
+    raises(stepper.ModelError, "condim is 5", model.replace, geom_condim=[3.0, 5.0])
     free = stepper.load('<mujoco><worldbody><body><freejoint name="root"/><geom size="0.1"/></body></worldbody></mujoco>')
-    with pytest.raises(stepper.ModelError, match="same value"):
-        free.replace(dof_damping=[1.0, 0, 0, 0, 0, 0])
+    raises(stepper.ModelError, "same value", free.replace, dof_damping=[1.0, 0, 0, 0, 0, 0])
 
 
 # MuJoCo's types and defaults in the loader.
@@ -442,8 +421,7 @@ def test_gravity_compensation_by_actuators_is_listed_and_is_an_error_only_where_
     scene = f"""<mujoco><worldbody><body gravcomp="1"><joint name="j" axis="0 1 0" actuatorgravcomp="true" {limit}/>
     <geom size=".1" mass="1" pos=".5 0 0"/></body></worldbody></mujoco>"""
     if limit:
-        with pytest.raises(stepper.ModelError, match="joint gravity compensation j"):
-            stepper.load(scene)
+        raises(stepper.ModelError, "joint gravity compensation j", stepper.load, scene)
     else:
         ((kind, name, reason),) = stepper.load(scene).omitted
         assert (kind, name) == ("joint gravity compensation", "j")

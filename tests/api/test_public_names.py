@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import stepper
-from stepper import _stepper
 
 LISTED = Path(__file__).with_name("public_names.txt")
 RENEW = "PYTHONPATH=python:tests/helpers .venv/bin/python tests/api/test_public_names.py"
@@ -37,8 +36,8 @@ def listing() -> list[str]:
         names = getattr(importlib.import_module(f"stepper.{module}"), "__all__", ())
         found += [f"stepper.{module}"]
         found += [line for name in names for line in lines_of(f"stepper.{module}.{name}", getattr(getattr(stepper, module), name))]
-    elements = set(_stepper.__all__) - ROOT - {"selected", *stepper.elements.__all__}
-    found += [line for name in elements for line in lines_of(f"stepper._stepper.{name}", getattr(_stepper, name))]
+    elements = set(stepper._stepper.__all__) - ROOT - {"selected", *stepper.elements.__all__}
+    found += [line for name in elements for line in lines_of(f"stepper._stepper.{name}", getattr(stepper._stepper, name))]
     return sorted(set(found))
 
 
@@ -81,8 +80,7 @@ def signature_of(thing: Any) -> str:
     except (TypeError, ValueError):
         return ""
     bare = [one.replace(annotation=inspect.Parameter.empty) for one in signature.parameters.values() if not one.name.startswith("_")]
-    text = str(signature.replace(parameters=bare, return_annotation=inspect.Signature.empty))
-    return re.sub(r" at 0x[0-9a-f]+", "", text)
+    return re.sub(r" at 0x[0-9a-f]+", "", str(signature.replace(parameters=bare, return_annotation=inspect.Signature.empty)))
 
 
 def test_the_public_names_are_those_that_are_listed():

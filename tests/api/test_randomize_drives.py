@@ -6,7 +6,8 @@ Both sides read tables that come out of one function and do the same operations 
 import numpy as np
 import pytest
 import stepper
-from models import stepper_model
+from checks import every, raises
+from models import samples, stepper_model
 from stepper import ActuatorModel, Drive
 from stepper.actuators import PID, DCMotor
 
@@ -72,8 +73,7 @@ def read(sim, env=None) -> list[bytes]:
     return [np.asarray(x if env is None else np.asarray(x)[env]).tobytes() for x in own]
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
+@every(precision=["f64", "f32"], integrator=["midpoint", "implicit", "euler", "rk4"])
 def test_an_environment_is_one_that_was_made_so(integrator, precision):
     settings = {"options": stepper.Options(integrator=integrator), "precision": precision}
     numbers, ctrl = drawn(N, 0), controls()
@@ -184,8 +184,7 @@ def test_randomized_is_what_randomize_takes():
     assert sim.actuators == made()
 
 
-@pytest.mark.parametrize("num_envs", [None, N])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@every(num_envs=[None, N], precision=["f64", "f32"])
 def test_recordings_have_drives(tmp_path, num_envs, precision):
     """Also those that were there before, and what changes on the way, in some environments or in one or in none."""
     n, ctrl = num_envs or 1, controls()
@@ -209,8 +208,7 @@ def test_recordings_have_drives(tmp_path, num_envs, precision):
 
 def test_nothing_is_changed_by_what_is_refused():
     sim = sim_of(3, made())
-    with pytest.raises(ValueError, match="lag is -1"):
-        sim.randomize(gravity=np.zeros((3, 3)), actuators=ActuatorModel(default=Drive(lag=-1.0)))
+    raises(ValueError, "lag is -1", lambda: sim.randomize(gravity=np.zeros((3, 3)), actuators=ActuatorModel(default=Drive(lag=-1.0))))
     with pytest.raises(ValueError, match="gravity"):
         sim.randomize(gravity=np.zeros(3), actuators=ActuatorModel({"*_knee": drawn(3, 0).named["*_knee"]}))
     assert sim.randomized == {}
@@ -246,8 +244,7 @@ REFUSED = {
 @pytest.mark.parametrize(("name", "drive", "message"), [(name, *case) for name, cases in REFUSED.items() for case in cases])
 def test_what_a_drive_was_not_made_for_is_named(name, drive, message):
     sim = sim_of(3, made())
-    with pytest.raises(ValueError, match=f"drive of actuator .{name}.: .*{message}"):
-        sim.randomize(actuators=ActuatorModel({name: drive}))
+    raises(ValueError, f"drive of actuator .{name}.: .*{message}", lambda: sim.randomize(actuators=ActuatorModel({name: drive})))
     assert sim.randomized == {}
 
 
@@ -260,10 +257,8 @@ def test_a_stepper_without_drives():
     sim.randomize(actuators=ActuatorModel({"left_knee": Drive()}))
     sim.randomize(actuators=None)
     assert sim.randomized == {}
-    with pytest.raises(TypeError, match=r"actuators is .*must be a stepper.ActuatorModel"):
-        sim.randomize(actuators=3.0)
-    with pytest.raises(ValueError, match="no actuator fits 'elbow'"):
-        sim.randomize(actuators=ActuatorModel({"elbow": Drive()}))
+    raises(TypeError, r"actuators is .*must be a stepper.ActuatorModel", sim.randomize, actuators=3.0)
+    raises(ValueError, "no actuator fits 'elbow'", lambda: sim.randomize(actuators=ActuatorModel({"elbow": Drive()})))
 
 
 def test_ranges_of_forces_and_delays_of_the_model_stay():
@@ -274,9 +269,6 @@ def test_ranges_of_forces_and_delays_of_the_model_stay():
     sim = stepper.Stepper(stepper.load(text), 2, actuators=ActuatorModel({"m": Drive(limits=(-3, 3), delay_steps=2)}))
     sim.randomize([True, False], actuators=ActuatorModel({"m": Drive()}))
     sim.step([0.0], nstep=9)
-    force = []
-    for _ in range(6):
-        sim.step([5.0])
-        force.append(sim.sensordata_ideal[:, 0])
+    force = samples(sim, 6, lambda: sim.sensordata_ideal[:, 0], [5.0])
     assert np.max(force, axis=0).tolist() == [2.0, 2.0]
     assert np.count_nonzero(force, axis=0)[0] == np.count_nonzero(force, axis=0)[1] + 2

@@ -7,18 +7,26 @@ import tracemalloc
 import numpy as np
 import pytest
 import stepper
-from models import stepper_model
-from recordings import PENDULUM, edit_file, edit_header
-from stepper.recording.format import find_blocks, read_header
+from bench_episode import EPISODE, record
+from checks import every, raises
+from models import simulate, stepper_model
+from recordings import PENDULUM, edit_file, edit_header, joined
+from stepper.recording.format import FORMAT, find_blocks, read_header
 
 ROBOT = "gymnasium/ant"
 N, STEPS = 5, 30
+ARM = """
+<mujoco><option timestep="0.002" gravity="0 0 0"/>
+  <worldbody><body><joint name="a" axis="0 1 0" actuatorfrcrange="-3 3"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+  <body><joint name="b" axis="0 1 0"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody>
+  <actuator><motor name="plain" joint="a" forcerange="-2 2"/><motor name="driven" joint="b"/><position name="servo" joint="b" kp="100"
+  forcerange="-1 1"/><motor name="second" joint="a"/></actuator></mujoco>"""
+RENEW = "renew it: PYTHONPATH=python:tests/helpers .venv/bin/python tests/helpers/bench_episode.py; and adapt benches/src/replay.rs"
 
 
 def run(path, *, num_envs=N, precision="f64", threads=1, **settings):
     """A run with everything that a run can have: control, resets, states, applied forces."""
-    sim = stepper.Stepper(stepper_model(ROBOT), num_envs, precision=precision, threads=threads, seed=3)
-    sim.step(nstep=7)
+    sim = simulate(stepper_model(ROBOT), num_envs, precision=precision, threads=threads, seed=3, steps=7)
     rng, shape = np.random.default_rng(0), () if num_envs is None else (num_envs,)
     with sim.record(path, **settings):
         for k in range(STEPS):
@@ -36,8 +44,7 @@ def run(path, *, num_envs=N, precision="f64", threads=1, **settings):
     return sim
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("num_envs", [None, N])
+@every(precision=["f64", "f32"], num_envs=[None, N])
 def test_a_replay_reproduces_every_bit(tmp_path, precision, num_envs):
     run(tmp_path / "run", precision=precision, num_envs=num_envs)
     for threads in (None, 2):
@@ -88,11 +95,8 @@ def test_a_recording_says_the_tolerance_in_force_and_keeps_a_note(tmp_path, prec
 
 
 def test_another_model_is_refused(tmp_path):
-    sim = run(tmp_path / "run")
-    other = sim.model.replace(timestep=0.003)
-    other.save(tmp_path / "run/model.stepper")
-    with pytest.raises(ValueError, match="recorded with model"):
-        stepper.recording.verify(tmp_path / "run")
+    run(tmp_path / "run").model.replace(timestep=0.003).save(tmp_path / "run/model.stepper")
+    raises(ValueError, "recorded with model", stepper.recording.verify, tmp_path / "run")
 
 
 def cut_the_rows(folder):
@@ -145,13 +149,10 @@ def test_a_recording_that_was_cut_swapped_or_edited_is_refused_with_the_place(tm
     run(tmp_path / "run", chunk=10_000)
     assert stepper.recording.verify(tmp_path / "run")
     damage(tmp_path / "run")
-    with pytest.raises((stepper.recording.RecordingError, FileNotFoundError), match=place):
-        stepper.recording.verify(tmp_path / "run")
+    raises((stepper.recording.RecordingError, FileNotFoundError), place, stepper.recording.verify, tmp_path / "run")
 
 
-@pytest.mark.parametrize(
-    "key", ["options", "num_envs", "precision", "seed", "closed", "steps", "size", "digest", "rows", "provenance", "model", "threads"]
-)
+@every(key=["options", "num_envs", "precision", "seed", "closed", "steps", "size", "digest", "rows", "provenance", "model", "threads"])
 @pytest.mark.parametrize("value", ["missing", None, -1, "x", [], {}, 1e300])
 def test_a_header_that_lacks_something_or_has_nonsense_is_one_documented_error(tmp_path, key, value):
     """Behind a checksum that is right."""
@@ -162,8 +163,7 @@ def test_a_header_that_lacks_something_or_has_nonsense_is_one_documented_error(t
     if (key, value) in [("num_envs", None)]:
         assert stepper.recording.verify(tmp_path / "run")
         return
-    with pytest.raises(stepper.recording.RecordingError, match="run"):
-        stepper.recording.verify(tmp_path / "run")
+    raises(stepper.recording.RecordingError, "run", stepper.recording.verify, tmp_path / "run")
 
 
 @pytest.mark.parametrize("change", [
@@ -190,14 +190,12 @@ def test_rows_that_lack_something_or_have_nonsense_are_one_documented_error(tmp_
     with sim.record(tmp_path / "run"):
         sim.step()
     edit_file(tmp_path / "run", change)
-    with pytest.raises(stepper.recording.RecordingError, match=r"rows\.bin"):
-        stepper.recording.verify(tmp_path / "run")
+    raises(stepper.recording.RecordingError, r"rows\.bin", stepper.recording.verify, tmp_path / "run")
 
 
 @pytest.mark.parametrize("name", ["/tmp/model.stepper", "../model.stepper", "a/model.stepper", "", "other.stepper", None])
 def test_the_model_of_a_recording_lies_in_its_folder(tmp_path, name):
-    sim = run(tmp_path / "run")
-    sim.model.save(tmp_path / "model.stepper")
+    run(tmp_path / "run").model.save(tmp_path / "model.stepper")
     edit_header(tmp_path / "run", lambda head: head["model"].update(file=name))
     with pytest.raises(stepper.recording.RecordingError, match=r"run.json: model.file is .* must be 'model.stepper'"):
         stepper.recording.verify(tmp_path / "run")
@@ -216,8 +214,7 @@ def test_one_recording_at_a_time_into_an_empty_folder(tmp_path):
     sim = stepper.Stepper(stepper_model(ROBOT))
     with sim.record(tmp_path / "run"), pytest.raises(ValueError, match="already being recorded"):
         sim.record(tmp_path / "other")
-    with pytest.raises(FileExistsError, match="not empty"):
-        sim.record(tmp_path / "run")
+    raises(FileExistsError, "not empty", sim.record, tmp_path / "run")
     assert sim.recorder is None
 
 
@@ -248,16 +245,7 @@ def test_failures_of_sensing_are_counted_by_sensor():
     assert abs(still.sum() - 0.3 * 4 * steps) < 5 * np.sqrt(0.21 * 4 * steps)
 
 
-ARM = """
-<mujoco><option timestep="0.002" gravity="0 0 0"/>
-  <worldbody><body><joint name="a" axis="0 1 0" actuatorfrcrange="-3 3"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
-  <body><joint name="b" axis="0 1 0"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody>
-  <actuator><motor name="plain" joint="a" forcerange="-2 2"/><motor name="driven" joint="b"/><position name="servo" joint="b" kp="100"
-  forcerange="-1 1"/><motor name="second" joint="a"/></actuator></mujoco>"""
-
-
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler"])
-@pytest.mark.parametrize("num_envs", [1, 11])
+@every(integrator=["midpoint", "implicit", "euler"], num_envs=[1, 11])
 def test_efforts_at_their_bounds_are_counted_by_actuator(integrator, num_envs):
     drives = stepper.ActuatorModel({"driven": stepper.Drive(motor=stepper.actuators.DCMotor(stall_torque=4.0, no_load_speed=50.0))})
     sim = stepper.Stepper(stepper.load(ARM), num_envs, actuators=drives, options=stepper.Options(integrator=integrator))
@@ -297,8 +285,7 @@ def test_a_recording_needs_no_more_memory_the_longer_it_is(tmp_path):
 
 
 def test_what_sensors_lost_is_forgotten_at_a_reset():
-    sim = stepper.Stepper(stepper.load(PENDULUM), sensors=stepper.SensorModel(default=stepper.Transfer(dropout=1.0)))
-    sim.step(nstep=3)
+    sim = simulate(PENDULUM, sensors=stepper.SensorModel(default=stepper.Transfer(dropout=1.0)), steps=3)
     np.testing.assert_array_equal(sim.sensor_faults, [[0, 3]] * 3)
     sim.reset()
     assert not sim.sensor_faults.any()
@@ -323,10 +310,37 @@ def test_sensors_with_a_limit_per_environment_are_replayed(tmp_path):
         '<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody><sensor><jointpos joint="j"/></sensor></mujoco>'
     )
     sensors = stepper.SensorModel(default=stepper.Transfer(limits=(0.0, np.array([0.5, 2.0]))))
-    sim = stepper.Stepper(model, 2, sensors=sensors)
-    sim.set_state(qpos=[1.0])
+    sim = simulate(model, 2, sensors=sensors, qpos=[1.0])
     with sim.record(tmp_path / "run"):
         sim.step()
     assert sim.sensordata.ravel().tolist() == [0.5, 1.0]
     assert stepper.recording.verify(tmp_path / "run")
     assert sensors == stepper.SensorModel.from_dict(sensors.to_dict())
+
+
+def shape_of(value):
+    """Names and types in a header, without its numbers."""
+    if isinstance(value, dict):
+        return {name: shape_of(own) for name, own in value.items()}
+    return type(value).__name__
+
+
+def test_the_episode_of_the_benches_has_the_current_format(tmp_path):
+    """Names, types and versions of everything in its files, which `cargo test -p stepper-benches` reads."""
+    record(tmp_path / "new")
+    old, new = read_header(EPISODE), read_header(tmp_path / "new")
+    assert old["format"] == FORMAT
+    assert shape_of(old) == shape_of(new), RENEW
+    arrays = [joined(EPISODE), joined(tmp_path / "new")]
+    kinds = [{name: (array.dtype.str, array.shape) for name, array in own.items()} for own in arrays]
+    assert kinds[0] == kinds[1], RENEW
+    np.testing.assert_array_equal(arrays[0]["kind"], arrays[1]["kind"])
+    # Magic bytes and version of the model and of the state.
+    assert (EPISODE / "model.stepper").read_bytes()[:12] == (tmp_path / "new/model.stepper").read_bytes()[:12], RENEW
+    assert arrays[0]["0/state"][:13].tobytes() == arrays[1]["0/state"][:13].tobytes(), RENEW
+
+
+def test_the_episode_of_the_benches_names_no_machine():
+    head = json.loads((EPISODE / "run.json").read_text())
+    assert head["model"]["source"] is None
+    assert head["provenance"].keys() == {"versions"}

@@ -8,12 +8,23 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import stepper
+from checks import every, raises
 from models import stepper_model
-from stepper import Status
 
 ROBOT = "dm_control/humanoid"
 T, ENVS = 12, 19
 NSTEP = 3
+SHARED = np.zeros((T, ENVS, 28))
+AFFINITY = """
+import os
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+import stepper
+from models import stepper_model
+sim = stepper.Stepper(stepper_model("dm_control/humanoid"), 64, threads=0)
+assert len(os.listdir("/proc/self/task")) == 1, "no thread before the first step"
+sim.step()
+print(sim.memory()["threads"], len(os.listdir("/proc/self/task")))
+"""
 
 
 def controls(shape=(T, ENVS)):
@@ -43,12 +54,9 @@ def step_by_step(sim, ctrl, nstep):
     return {name: np.array(values) for name, values in rows.items()}
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("threads", [1, 3])
-@pytest.mark.parametrize("num_envs", [ENVS, 1, None])
+@every(precision=["f64", "f32"], threads=[1, 3], num_envs=[ENVS, 1, None])
 def test_the_bits_of_that_many_steps(precision, threads, num_envs):
-    lead = (T,) if num_envs is None else (T, num_envs)
-    ctrl = controls(lead)
+    ctrl = controls((T,) if num_envs is None else (T, num_envs))
     settings = {"precision": precision, "threads": threads}
     one, other = stepper_of(num_envs, **settings), stepper_of(num_envs, **settings)
     expected = step_by_step(one, ctrl, NSTEP)
@@ -127,10 +135,9 @@ def test_nothing_is_silent():
     ctrl[4, 7, 2] = np.nan
     sim = stepper_of()
     found = sim.rollout(ctrl, NSTEP)
-    bad = (found["status"] & Status.NON_FINITE) != 0
-    assert np.argwhere(bad).tolist() == [[4, 7]]
+    assert np.argwhere((found["status"] & stepper.Status.NON_FINITE) != 0).tolist() == [[4, 7]]
     assert np.array_equal(found["qpos"][4, 7], found["qpos"][3, 7])
-    assert np.argwhere(sim.status & Status.NON_FINITE).tolist() == [[7]]
+    assert np.argwhere(sim.status & stepper.Status.NON_FINITE).tolist() == [[7]]
 
 
 def test_forces_and_mocap_are_held():
@@ -140,9 +147,6 @@ def test_forces_and_mocap_are_held():
         sim.xfrc_applied[3, 1, 0] = 50.0
     expected = step_by_step(one, controls(), 1)
     assert np.array_equal(other.rollout(controls())["qpos"], expected["qpos"])
-
-
-SHARED = np.zeros((T, ENVS, 28))
 
 
 @pytest.mark.parametrize(("change", "error", "message"), [
@@ -161,16 +165,13 @@ def test_wrong_outputs_are_named(change, error, message):
     change(out)
     sim = stepper_of()
     before = sim.get_state()
-    with pytest.raises(error, match=message):
-        sim.rollout(controls(), out=out)
+    raises(error, message, lambda: sim.rollout(controls(), out=out))
     assert sim.get_state() == before
 
 
 @pytest.mark.parametrize("shape", [(), (21,), (T, ENVS, 20), (T, 3, 21), (ENVS, T, 21)])
 def test_wrong_controls_show_both_shapes(shape):
-    sim = stepper_of()
-    with pytest.raises(ValueError, match=r"must be \(T, 19, 21\) or \(T, 21\) for T controls"):
-        sim.rollout(np.zeros(shape))
+    raises(ValueError, r"must be \(T, 19, 21\) or \(T, 21\) for T controls", stepper_of().rollout, np.zeros(shape))
 
 
 def test_memory():
@@ -191,18 +192,6 @@ def test_memory():
     assert stepper_of(4096, precision="f32").memory()["state"] < 0.6 * many["state"]
     assert stepper_of(4096, threads=3).memory()["threads"] == 3
     assert stepper_of(8, threads=3).memory()["threads"] == 1
-
-
-AFFINITY = """
-import os
-os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-import stepper
-from models import stepper_model
-sim = stepper.Stepper(stepper_model("dm_control/humanoid"), 64, threads=0)
-assert len(os.listdir("/proc/self/task")) == 1, "no thread before the first step"
-sim.step()
-print(sim.memory()["threads"], len(os.listdir("/proc/self/task")))
-"""
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no CPU affinity to honour")

@@ -1,24 +1,39 @@
-"""Selectors: one grammar for parts of a field, and the same numbers whether a field is given whole or in part."""
+"""Selectors and elements: one grammar for parts of a field, whole or in part, and elements by name or index with MuJoCo's numbers."""
 
+import mujoco
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given
-from hypothesis import strategies as st
+from checks import raises
+from hypothesis import given, strategies as st
+from models import SOURCES, mjcf, stepper_model
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 from stepper.shared.selectors import Selector, numbers_of, parse, places, rows_of
 
-SCENE = """<mujoco><option gravity="0 0 -9.81"/><worldbody><geom name="floor" type="plane" size="1 1 1"/>
-  <body name="base"><freejoint name="root"/><geom name="a,b" size=".1"/><geom size=".2" pos="1 0 0"/>
-    <body name="arm"><joint name="hip" axis="0 1 0" range="-1 1" stiffness="2" damping=".1" armature=".01" frictionloss=".1"/>
-      <geom name="left_foot" size=".1" pos="0 0 -1"/><geom name="right_foot" size=".1" pos="0 1 -1"/></body></body>
-  <body name="cart"><joint name="7" type="slide" damping="1"/><geom name="it's [x]" size=".1" mass="2" pos="5 0 0"/></body></worldbody>
-  <contact><pair name="sole" geom1="floor" geom2="right_foot"/></contact>
-  <actuator><position name="servo" joint="hip" kp="5" kv=".5"/><motor name="motor" joint="7"/></actuator>
-  <sensor><jointpos name="angle" joint="hip"/></sensor></mujoco>"""
+SCENE = mjcf("selectors")
 MODEL = stepper.load(SCENE)
 ITEMS = st.text(min_size=1, max_size=12) | st.integers(-5, 20) | st.text("ab,[]'\"\\ 0*?=:.", min_size=1, max_size=6)
 FIELDS_OF_ELEMENTS = st.sampled_from([name for name, field in FIELDS.items() if field.element] + [*COMPOUNDS, "sensor.delay", "thing"])
+LEGS = """<mujoco><worldbody><body name="base"><freejoint name="floating_base_joint"/><geom name="g" size=".1"/>
+  <body name="a"><joint name="FL_joint"/><geom size=".1" pos="0 0 .5"/></body>
+  <body name="b"><joint name="FR_joint"/><geom size=".1" pos="0 .5 .5"/></body></body></worldbody></mujoco>"""
+ROBOTS = ["gymnasium/humanoid", "gymnasium/pusher_v5", "dm_control/quadruped", "dm_control/manipulator", "dm_control/finger"]
+TYPES = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
+DERIVED = ("mass_matrix", "subtree_com", "xipos", "geom_xpos", "qfrc_bias", "qacc_smooth", "actuator_force")
+"""Quantities of a state."""
+FOLLOW = {
+    "gravity": {"qfrc_bias", "qacc_smooth"},
+    "body_mass": {"mass_matrix", "subtree_com", "qfrc_bias", "qacc_smooth"},
+    "body_ipos": {"mass_matrix", "subtree_com", "xipos", "qfrc_bias", "qacc_smooth"},
+    "body_inertia": {"mass_matrix", "qfrc_bias", "qacc_smooth"},
+    "geom_pos": {"geom_xpos"},
+    "jnt_stiffness": {"qacc_smooth"},
+    "dof_damping": {"qacc_smooth"},
+    "dof_armature": {"mass_matrix", "qacc_smooth"},
+    "actuator_gainprm": {"qacc_smooth", "actuator_force"},
+    "actuator_biasprm": {"qacc_smooth", "actuator_force"},
+}
+"""Those that follow a field; the other fields act in constraints alone."""
 
 
 @given(
@@ -149,8 +164,7 @@ def test_a_part_of_a_field_is_set_as_the_whole(part, how):
 @pytest.mark.parametrize("part", ["elements", "columns"])
 def test_a_selector_of_nothing_is_refused(part):
     """Without brackets it would be written as the whole field."""
-    with pytest.raises(ValueError, match=f"{part} of a selector of 'geom_friction' is empty"):
-        Selector("geom_friction", **{part: ()})
+    raises(ValueError, f"{part} of a selector of 'geom_friction' is empty", Selector, "geom_friction", **{part: ()})
 
 
 def test_values_are_for_all_selected_one_for_each_environment_or_one():
@@ -209,26 +223,8 @@ def test_one_selector_is_for_everything():
     sim.randomize({text: [0.5, 0.6]})
     assert sim.linearize((text,)).blocks[text].shape == (2, 2 * MODEL.nv, 2)
     parameter = stepper.lab.Parameter(text, low=0.1, high=1.0)
-    study = stepper.lab.Study(model=MODEL, parameters={"friction": parameter})
-    assert study.loaded[0] == MODEL
+    assert stepper.lab.Study(model=MODEL, parameters={"friction": parameter}).loaded[0] == MODEL
     assert str(stepper.sysid.FitParameter.parse(f"{text}=0.1..2")) == text
-
-
-DERIVED = ("mass_matrix", "subtree_com", "xipos", "geom_xpos", "qfrc_bias", "qacc_smooth", "actuator_force")
-"""Quantities of a state."""
-FOLLOW = {
-    "gravity": {"qfrc_bias", "qacc_smooth"},
-    "body_mass": {"mass_matrix", "subtree_com", "qfrc_bias", "qacc_smooth"},
-    "body_ipos": {"mass_matrix", "subtree_com", "xipos", "qfrc_bias", "qacc_smooth"},
-    "body_inertia": {"mass_matrix", "qfrc_bias", "qacc_smooth"},
-    "geom_pos": {"geom_xpos"},
-    "jnt_stiffness": {"qacc_smooth"},
-    "dof_damping": {"qacc_smooth"},
-    "dof_armature": {"mass_matrix", "qacc_smooth"},
-    "actuator_gainprm": {"qacc_smooth", "actuator_force"},
-    "actuator_biasprm": {"qacc_smooth", "actuator_force"},
-}
-"""Those that follow a field; the other fields act in constraints alone."""
 
 
 @pytest.mark.parametrize("field", RANDOMIZED)
@@ -274,11 +270,6 @@ def test_names_of_joints_select_all_their_degrees_of_freedom_beside_indices():
     assert rows_of(model, "dof", None) == [0, 1, 2, 3]
 
 
-LEGS = """<mujoco><worldbody><body name="base"><freejoint name="floating_base_joint"/><geom name="g" size=".1"/>
-  <body name="a"><joint name="FL_joint"/><geom size=".1" pos="0 0 .5"/></body>
-  <body name="b"><joint name="FR_joint"/><geom size=".1" pos="0 .5 .5"/></body></body></worldbody></mujoco>"""
-
-
 def test_a_wrong_shape_of_a_pattern_lists_what_the_pattern_selects():
     """A pattern for the joints of the legs also fits the free joint of the base."""
     sim = stepper.Stepper(stepper.load(LEGS), 4)
@@ -286,11 +277,110 @@ def test_a_wrong_shape_of_a_pattern_lists_what_the_pattern_selects():
         sim.randomize({"dof_damping[*_joint]": np.ones((4, 2))})
     with pytest.raises(ValueError, match=r"; '\*_joint' selects floating_base_joint, FL_joint, FR_joint$"):
         sim.randomize({"jnt_range[*_joint]": np.ones((4, 2, 2))})
-    with pytest.raises(ValueError, match=r"; '\*' selects g, 1, 2$"):
-        sim.model.replace({"geom_friction[*]": np.ones((2, 3))})
+    raises(ValueError, r"; '\*' selects g, 1, 2$", sim.model.replace, {"geom_friction[*]": np.ones((2, 3))})
     with pytest.raises(ValueError, match=r"'dof_damping\[\*_joint\]\[2\]', joint 'FL_joint': there is no column 2; columns are 0 to 0"):
         sim.randomize({"dof_damping[*_joint][2]": 1.0})
     with pytest.raises(ValueError, match="must be") as error:
         sim.randomize({"dof_damping[FL_joint,FR_joint]": np.ones((4, 3))})
     assert "selects" not in str(error.value)
     sim.randomize({"dof_damping[F*_joint]": np.ones((4, 2))})
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_elements_have_mujocos_numbers(name):
+    source, model = mujoco.MjModel.from_xml_path(str(SOURCES[name])), stepper_model(name, strict=False)
+    for j in range(source.njnt):
+        ours, theirs = model.joint(j), source.joint(j)
+        assert (ours.id, ours.name, ours.type) == (theirs.id, theirs.name, TYPES[int(theirs.type[0])])
+        assert (ours.qposadr, ours.dofadr, ours.bodyid) == (theirs.qposadr[0], theirs.dofadr[0], theirs.bodyid[0])
+        assert ours.limited == bool(theirs.limited[0])
+        assert not ours.limited or np.array_equal(ours.range, theirs.range)
+        assert np.array_equal(ours.pos, theirs.pos)
+        assert len(model.qpos0[ours.qposadr : ours.qposadr + ours.nq]) == ours.nq
+    for b in range(source.nbody):
+        ours, theirs = model.body(b), source.body(b)
+        assert (ours.id, ours.name, ours.parentid, ours.mass) == (theirs.id, theirs.name, theirs.parentid[0], theirs.mass[0])
+        for field in ("pos", "quat", "ipos", "iquat", "inertia"):
+            assert np.array_equal(getattr(ours, field), getattr(theirs, field)), field
+        for field in ("jntadr", "jntnum", "dofadr", "dofnum", "geomadr", "geomnum", "mocapid"):
+            assert getattr(ours, field) == getattr(source, f"body_{field}")[b], field
+    for g in range(source.ngeom):
+        ours, theirs = model.geom(g), source.geom(g)
+        assert (ours.id, ours.name, ours.bodyid, ours.condim) == (theirs.id, theirs.name, theirs.bodyid[0], theirs.condim[0])
+        assert np.array_equal(ours.pos, theirs.pos)
+        assert np.array_equal(ours.friction, theirs.friction)
+        assert ours.type == mujoco.mjtGeom(int(theirs.type[0])).name[7:].lower()
+    for s in range(source.nsite):
+        ours, theirs = model.site(s), source.site(s)
+        assert (ours.id, ours.name, ours.bodyid) == (theirs.id, theirs.name, theirs.bodyid[0])
+        assert np.array_equal(ours.pos, theirs.pos)
+    for a in range(source.nu):
+        ours, theirs = model.actuator(a), source.actuator(a)
+        assert (ours.id, ours.name, ours.trnid) == (theirs.id, theirs.name, theirs.trnid[0])
+        for field in ("gear", "gainprm", "biasprm"):
+            assert np.array_equal(getattr(ours, field), np.ravel(getattr(theirs, field)))
+        assert ours.actadr == theirs.actadr[0]
+        assert not theirs.ctrllimited[0] or np.array_equal(ours.ctrlrange, theirs.ctrlrange)
+    for k in range(source.nkey):
+        ours, theirs = model.keyframe(k), source.key(k)
+        assert (ours.id, ours.name, ours.time) == (theirs.id, theirs.name, theirs.time[0])
+        assert np.array_equal(ours.qpos, theirs.qpos)
+        assert np.array_equal(ours.ctrl, theirs.ctrl)
+
+
+def test_sensors_and_tendons_say_where_their_numbers_are():
+    model = stepper_model("dm_control/quadruped", strict=False)
+    for sensor, row in zip(model.sensors, map(model.sensor, range(len(model.sensors))), strict=True):
+        assert (row.name, row.type, row.adr, row.dim) == tuple(sensor[field] for field in ("name", "type", "adr", "dim"))
+    tendon = model.tendon(model.tendon_names[0])
+    assert tendon.jntid.tolist() == [model.joint_names.index(model.joint(int(j)).name) for j in tendon.jntid]
+    assert len(tendon.jntid) == len(tendon.coef) > 1
+
+
+def test_names_find_what_indices_find():
+    model = stepper_model("gymnasium/humanoid")
+    hip = model.joint("right_hip_y")
+    assert model.joint_names[hip.id] == hip.name == "right_hip_y"
+    assert repr(model.joint(hip.id)) == repr(hip) == repr(model.joint(np.int64(hip.id)))
+    assert repr(hip).startswith(f"<stepper Joint: id={hip.id}, name='right_hip_y', type='hinge', bodyid=")
+    assert model.body(-1).id == model.nbody - 1
+    assert model.body("world").id == 0
+    sim = stepper.Stepper(model, 2)
+    sim.step(np.eye(2, model.nu))
+    assert sim.qpos[0, hip.qposadr] != sim.qvel[0, hip.dofadr]
+
+
+@pytest.mark.parametrize(("ask", "error", "text"), [
+    (lambda model: model.joint("right_hip"), KeyError, r"no joint 'right_hip'; did you mean right_hip_. or .*\? There are: root, "),
+    (lambda model: model.body("Torso"), KeyError, "no body 'Torso'; did you mean torso.*There are: world, torso"),
+    (lambda model: model.geom("zzz"), KeyError, r"no geom 'zzz', there are: floor, .* and \d+ more"),
+    (lambda model: model.keyframe("home"), KeyError, r"no keyframe .*home.*none of the 5 has a name, give an index"),
+    (lambda model: model.sensor("gyro"), KeyError, r"no sensor .*gyro.*this model has no sensor"),
+    (lambda model: model.joint(99), IndexError, "joint is 99, must be below 18"),
+    (lambda model: model.joint(-19), IndexError, "joint is -19, must be below 18"),
+    (lambda model: model.joint(0.5), TypeError, r"joint, if it is no name, is 0\.5 \(float\)"),
+    (lambda model: model.joint(""), KeyError, "no joint ''"),
+])  # fmt: skip
+def test_what_is_not_there_is_answered_with_what_is(ask, error, text):
+    raises(error, text, lambda: ask(stepper_model("gymnasium/humanoid")))
+
+
+def test_rows_cannot_be_written():
+    model = stepper_model("gymnasium/humanoid")
+    for array in (model.joint(3).range, model.joint(3).axis):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    with pytest.raises(AttributeError):
+        model.joint(3).range = 0
+
+
+@pytest.mark.parametrize(("call", "text"), [
+    (lambda model, q: model.integrate_pos(q[:-1], np.zeros(model.nv)), r"q has shape \(23,\), must be \(24,\) or"),
+    (lambda model, q: model.integrate_pos(q, np.zeros((2, model.nq))), r"dv has shape \(2, 24\), must be \(23,\) or"),
+    (lambda model, q: model.integrate_pos(np.tile(q, (3, 1)), np.zeros((2, model.nv))), "axes before the last must be the same"),
+    (lambda model, q: model.integrate_pos(q * np.nan, np.zeros(model.nv)), "must be finite"),
+    (lambda model, q: model.differentiate_pos(q, q * 0), "the orientation of joint \"root\" in row 0 of q2 is a quaternion of length 0"),
+])  # fmt: skip
+def test_configurations_that_are_none_are_refused(call, text):
+    model = stepper_model("gymnasium/humanoid")
+    raises(ValueError, text, call, model, model.qpos0)

@@ -5,40 +5,23 @@ import json
 import numpy as np
 import pytest
 import stepper
+from checks import raises
+from models import mjcf, simulate
 from stepper import SensorModel, Transfer
 from stepper.sensors import Combination, RayFan, SensorSpec, devices
 
-SCENE = """
-<mujoco>
-  <option timestep="0.002"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="1 1 1"/>
-    <body name="arm" pos="0 0 1">
-      <joint name="pivot" type="hinge" axis="0 1 0" damping="0.1"/>
-      <geom name="rod" type="capsule" fromto="0 0 0 0 0 -.5" size="0.05"/>
-      <site name="imu" pos="0 0 -.3"/>
-    </body>
-  </worldbody>
-  <actuator><motor name="torque" joint="pivot"/></actuator>
-  <sensor>
-    <jointpos name="angle" joint="pivot" noise="0.01"/>
-    <jointvel name="rate" joint="pivot" cutoff="0.5"/>
-    <gyro name="gyro" site="imu"/>
-    <accelerometer name="acceleration" site="imu"/>
-    <framequat name="attitude" objtype="site" objname="imu"/>
-    <clock name="clock"/>
-  </sensor>
-</mujoco>
-"""
+SCENE = mjcf("imu_on_a_pendulum")
 ALL = Transfer(
     scale_std=0.01, misalignment_std=0.01, bias_std=0.1, drift_std=0.3, drift_time=0.5, noise_std=0.02, quantum=1e-4, limits=(-50, 50),
     period=0.004, delay=0.005, jitter=0.003, dropout=0.1,
 )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def model() -> stepper.Model:
-    return stepper.load(SCENE)
+SEEN = """
+<mujoco><worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/><geom name="wall" type="box" size=".1 5 5" pos="3 0 5"/>
+  <body name="head" pos="0 0 2"><joint name="tilt" axis="0 1 0"/><geom name="skull" size=".3"/><site name="eye" pos=".1 0 0"/></body>
+</worldbody><sensor><jointpos name="angle" joint="tilt"/><gyro name="gyro" site="eye"/>
+<accelerometer name="feel" site="eye"/></sensor></mujoco>"""
+MODEL = stepper.load(SCENE)
 
 
 def noisy(model: stepper.Model, num_envs: int | None = None, **settings) -> stepper.Stepper:
@@ -54,25 +37,25 @@ def episode(sim: stepper.Stepper, calls: int = 20) -> np.ndarray:
     return np.array(rows)
 
 
-def test_shapes_and_addresses(model):
-    assert model.nsensordata == 1 + 1 + 3 + 3 + 4 + 1
-    assert model.sensor_names == ["angle", "rate", "gyro", "acceleration", "attitude", "clock"]
-    assert [(s["type"], s["adr"], s["dim"]) for s in model.sensors][2:5] == [("gyro", 2, 3), ("accelerometer", 5, 3), ("framequat", 8, 4)]
-    assert stepper.Stepper(model).sensordata.shape == (13,)
-    assert stepper.Stepper(model, 3).sensordata.shape == (3, 13)
-    assert stepper.Stepper(model, 3, precision="f32").sensordata_ideal.dtype == np.float32
+def test_shapes_and_addresses():
+    assert MODEL.nsensordata == 1 + 1 + 3 + 3 + 4 + 1
+    assert MODEL.sensor_names == ["angle", "rate", "gyro", "acceleration", "attitude", "clock"]
+    assert [(s["type"], s["adr"], s["dim"]) for s in MODEL.sensors][2:5] == [("gyro", 2, 3), ("accelerometer", 5, 3), ("framequat", 8, 4)]
+    assert stepper.Stepper(MODEL).sensordata.shape == (13,)
+    assert stepper.Stepper(MODEL, 3).sensordata.shape == (3, 13)
+    assert stepper.Stepper(MODEL, 3, precision="f32").sensordata_ideal.dtype == np.float32
 
 
-def test_without_a_model_of_errors_the_truth_is_observed(model):
-    sim = stepper.Stepper(model, 5)
+def test_without_a_model_of_errors_the_truth_is_observed():
+    sim = stepper.Stepper(MODEL, 5)
     sim.step(1.0 * np.ones(1), nstep=10)
     np.testing.assert_array_equal(sim.sensordata, sim.sensordata_ideal)
     np.testing.assert_array_equal(sim.sensordata[:, 0], sim.qpos[:, 0])
     np.testing.assert_array_equal(sim.sensordata[:, 12], sim.time)
 
 
-def test_reading_twice_gives_the_same_and_reading_changes_nothing(model):
-    read, unread = noisy(model, 11, seed=3), noisy(model, 11, seed=3)
+def test_reading_twice_gives_the_same_and_reading_changes_nothing():
+    read, unread = noisy(MODEL, 11, seed=3), noisy(MODEL, 11, seed=3)
     for k in range(15):
         for sim in (read, unread):
             sim.step(np.array([np.sin(k)]))
@@ -83,19 +66,18 @@ def test_reading_twice_gives_the_same_and_reading_changes_nothing(model):
     assert read.get_state() == unread.get_state()
 
 
-def test_observe_fills_an_array(model):
-    sim = noisy(model, 4)
-    out = np.empty((4, model.nsensordata))
+def test_observe_fills_an_array():
+    sim = noisy(MODEL, 4)
+    out = np.empty((4, MODEL.nsensordata))
     assert sim.observe(out=out) is out
     np.testing.assert_array_equal(out, sim.sensordata)
-    single = np.empty((4, model.nsensordata), dtype=np.float32)
+    single = np.empty((4, MODEL.nsensordata), dtype=np.float32)
     np.testing.assert_array_equal(sim.observe(out=single), sim.sensordata.astype(np.float32))
-    with pytest.raises(ValueError, match=r"out has shape \(4,\), must be \(4, 13\)"):
-        sim.observe(out=np.empty(4))
+    raises(ValueError, r"out has shape \(4,\), must be \(4, 13\)", sim.observe, out=np.empty(4))
 
 
-def test_seeds_episodes_and_environments_differ(model):
-    sim = noisy(model, 3, seed=1)
+def test_seeds_episodes_and_environments_differ():
+    sim = noisy(MODEL, 3, seed=1)
     first = episode(sim)
     assert len({row.tobytes() for row in first[-1]}) == 3
     sim.reset()
@@ -108,8 +90,8 @@ def test_seeds_episodes_and_environments_differ(model):
     assert not np.array_equal(episode(sim), first)
 
 
-def test_delay_lines_begin_with_the_first_reading(model):
-    sim = stepper.Stepper(model, 2, sensors=SensorModel({"angle": Transfer(delay=0.01)}))
+def test_delay_lines_begin_with_the_first_reading():
+    sim = stepper.Stepper(MODEL, 2, sensors=SensorModel({"angle": Transfer(delay=0.01)}))
     sim.reset(qpos=np.array([[0.5], [-0.25]]))
     np.testing.assert_array_equal(sim.sensordata[:, 0], [0.5, -0.25])
     truth = [sim.sensordata_ideal[:, 0]]
@@ -156,29 +138,27 @@ def observing(sensors=None):
     (lambda: devices.find([]), ValueError, r"there is no device \[\]; the devices are: adis16470_accelerometer"),
 ])  # fmt: skip
 def test_what_is_refused_is_named(call, error, match):
-    with pytest.raises(error, match=match):
-        call()
+    raises(error, match, call)
 
 
-def test_numbers_may_differ_between_environments(model):
+def test_numbers_may_differ_between_environments():
     delay = np.array([0.0, 0.002, 0.006, 0.008])
-    sim = stepper.Stepper(model, 4, sensors=SensorModel({"clock": Transfer(delay=delay, scale=[1, 2, 3, 4])}))
-    sim.step(nstep=10)
+    sim = simulate(MODEL, 4, sensors=SensorModel({"clock": Transfer(delay=delay, scale=[1, 2, 3, 4])}), steps=10)
     np.testing.assert_allclose(sim.sensordata[:, 12], (0.02 - delay) * [1, 2, 3, 4], rtol=1e-12)
 
 
-def test_names_patterns_and_default(model):
+def test_names_patterns_and_default():
     sensors = SensorModel({"a*": Transfer(scale=2.0), "angle": Transfer(scale=3.0), "attitude": Transfer()}, default=Transfer(scale=5.0))
-    sim = stepper.Stepper(model, sensors=sensors)
+    sim = stepper.Stepper(MODEL, sensors=sensors)
     sim.reset(qpos=[1.0], qvel=[1.0])
     ratio = sim.sensordata[[0, 1, 5]] / sim.sensordata_ideal[[0, 1, 5]]
     np.testing.assert_allclose(ratio, [3, 5, 2], rtol=1e-12)
 
 
-def test_mjcf_declares_noise_and_cutoff(model):
-    sensors = SensorModel.from_mjcf(model)
+def test_mjcf_declares_noise_and_cutoff():
+    sensors = SensorModel.from_mjcf(MODEL)
     assert sensors == SensorModel({"angle": Transfer(noise_std=0.01), "rate": Transfer(limits=(-0.5, 0.5))})
-    sim = stepper.Stepper(model, sensors=sensors)
+    sim = stepper.Stepper(MODEL, sensors=sensors)
     sim.reset(qvel=[3.0])
     assert sim.sensordata[1] == 0.5
     assert 0 < abs(sim.sensordata[0]) < 0.06
@@ -196,14 +176,6 @@ def test_what_mjcf_declares_and_is_read_otherwise_is_listed(history, what):
     assert any("watch" in line and what in line for line in loaded.explain().splitlines())
 
 
-SEEN = """
-<mujoco><worldbody>
-  <geom name="floor" type="plane" size="1 1 1"/><geom name="wall" type="box" size=".1 5 5" pos="3 0 5"/>
-  <body name="head" pos="0 0 2"><joint name="tilt" axis="0 1 0"/><geom name="skull" size=".3"/><site name="eye" pos=".1 0 0"/></body>
-</worldbody><sensor><jointpos name="angle" joint="tilt"/><gyro name="gyro" site="eye"/>
-<accelerometer name="feel" site="eye"/></sensor></mujoco>"""
-
-
 def test_fans_of_rays_and_combinations_are_added(tmp_path):
     """Distances to a floor and a wall by hand; the sensor's own body is not in the way; files and transfer functions know them."""
     directions = [[1.0, 0, 0], [0, 0, -2.0], [1, 0, -1], [-1, 0, 0]]
@@ -217,8 +189,7 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
     assert grown.sensor_names == ["angle", "gyro", "feel", "fan", "down", "mixed", "twice"]
     grown.save(tmp_path / "grown.stepper")
     assert stepper.load(tmp_path / "grown.stepper") == grown
-    sim = stepper.Stepper(grown, 9, sensors=SensorModel({"fan": Transfer(delay=0.01)}))
-    sim.step(nstep=3)
+    sim = simulate(grown, 9, sensors=SensorModel({"fan": Transfer(delay=0.01)}), steps=3)
     x = sim.sensordata_ideal
     sim.reset(qvel=np.full((9, 1), 0.3))
     x = sim.sensordata_ideal
@@ -253,11 +224,10 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
     ([Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
 ])  # fmt: skip
 def test_what_cannot_be_added_is_named(sensors, error, match):
-    with pytest.raises(error, match=match):
-        stepper.load(SEEN).with_sensors(sensors)
+    raises(error, match, lambda: stepper.load(SEEN).with_sensors(sensors))
 
 
-def test_files(model, tmp_path):
+def test_files(tmp_path):
     toml = tmp_path / "sensors.toml"
     toml.write_text(
         '[default]\nnoise_std = 0.5\n[sensors.gyro]\ndevice = "mpu6050_gyro"\nperiod = 0.01\n[sensors."an*"]\nlimits = [-1, 1]\n'
@@ -271,34 +241,30 @@ def test_files(model, tmp_path):
     file.write_text(json.dumps(read.to_dict()))
     assert SensorModel.from_file(file) == read
     file.write_text("[]")
-    with pytest.raises(ValueError, match=r"sensors.json holds a list, must hold tables by name"):
-        SensorModel.from_file(file)
+    raises(ValueError, r"sensors.json holds a list, must hold tables by name", SensorModel.from_file, file)
     toml.write_text("[sensors.gyro]\nnoize = 1\n")
-    with pytest.raises(ValueError, match=r"sensors.toml: sensor 'gyro': unknown entries \['noize'\]"):
-        SensorModel.from_file(toml)
+    raises(ValueError, r"sensors.toml: sensor 'gyro': unknown entries \['noize'\]", SensorModel.from_file, toml)
     toml.write_text('[sensors.gyro]\ndevice = "abacus"\n')
-    with pytest.raises(ValueError, match=r"sensor 'gyro': there is no device 'abacus'; the devices are: .*hg1700_gyro"):
-        SensorModel.from_file(toml)
+    raises(ValueError, r"sensor 'gyro': there is no device 'abacus'; the devices are: .*hg1700_gyro", SensorModel.from_file, toml)
 
 
 @pytest.mark.parametrize("name", sorted(devices.DEVICES))
-def test_every_device_works(model, name):
-    sim = stepper.Stepper(model, 2, sensors=SensorModel({"gyro": devices.find(name)}))
-    sim.step(nstep=3)
+def test_every_device_works(name):
+    sim = simulate(MODEL, 2, sensors=SensorModel({"gyro": devices.find(name)}), steps=3)
     assert np.all(np.isfinite(sim.sensordata))
 
 
-def test_each_environment_has_the_seed_that_it_was_given(model):
+def test_each_environment_has_the_seed_that_it_was_given():
     """One call with a seed for each is as many calls with one seed, whichever environments start."""
     seeds = np.array([5, 2**64 - 1, 7, 5, 0], dtype=np.uint64)
-    together, alone = noisy(model, 5, seed=1), noisy(model, 5, seed=1)
+    together, alone = noisy(MODEL, 5, seed=1), noisy(MODEL, 5, seed=1)
     episode(together), episode(alone)
     for mask in (np.ones(5, bool), np.array([True, False, True, True, False])):
         together.reset(mask, seed=seeds)
         for env in np.flatnonzero(mask):
             alone.reset(np.arange(5) == env, seed=int(seeds[env]))
         np.testing.assert_array_equal(episode(together), episode(alone))
-    signed = noisy(model, 5, seed=1)
+    signed = noisy(MODEL, 5, seed=1)
     signed.reset(seed=[3, 1, 4, 1, 5])
     assert signed.seed == 1
     rows = episode(signed)
@@ -312,11 +278,10 @@ def test_each_environment_has_the_seed_that_it_was_given(model):
     ([1.0] * 5, TypeError, "seed has type float64, must be whole numbers from 0 to 2"),
     (2**64, ValueError, "seed is 18446744073709551616"),
 ])  # fmt: skip
-def test_a_wrong_seed_is_named_and_nothing_starts(model, seed, error, words):
-    sim = noisy(model, 5, seed=1)
+def test_a_wrong_seed_is_named_and_nothing_starts(seed, error, words):
+    sim = noisy(MODEL, 5, seed=1)
     sim.step(nstep=3)
-    with pytest.raises(error, match=words):
-        sim.reset(seed=seed)
+    raises(error, words, sim.reset, seed=seed)
     assert (sim.time > 0).all()
 
 

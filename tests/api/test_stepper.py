@@ -6,11 +6,15 @@ import threading
 import numpy as np
 import pytest
 import stepper
+from checks import every, raises
 from golden import scenes
 from models import mujoco_model, random_state, simulate, stepper_model
 
 ROBOT = "dm_control/humanoid"
 N = 10
+TWO_BALLS = """<mujoco><option timestep="1e-3"/><worldbody><geom name="floor" type="plane" size="0 0 1"/>
+  <body name="lower" pos="0 0 .1"><freejoint/><geom name="g0" size=".1" mass="1"/></body>
+  <body name="upper" pos="0 0 .3"><freejoint/><geom name="g1" size=".1" mass="2"/></body></worldbody></mujoco>"""
 
 
 def falling(num_envs: int | None = N, **options) -> stepper.Stepper:
@@ -87,9 +91,7 @@ def test_a_wrong_shape_is_answered_with_both_shapes(call, found, must):
 
 
 def test_a_single_environment_takes_no_leading_axis():
-    sim = falling(None)
-    with pytest.raises(ValueError, match=r"\(1, 21\).*\(21,\)"):
-        sim.step(np.zeros((1, 21)))
+    raises(ValueError, r"\(1, 21\).*\(21,\)", falling(None).step, np.zeros((1, 21)))
 
 
 def test_controls_are_shared_by_all_environments_when_they_have_no_leading_axis():
@@ -123,8 +125,7 @@ def test_inputs_of_any_layout(given):
 # Errors.
 
 
-@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("integrator", ["euler", "midpoint", "implicit", "rk4"])
+@every(poison=[np.nan, np.inf, -np.inf], integrator=["euler", "midpoint", "implicit", "rk4"])
 @pytest.mark.parametrize("dynamics", ["none", "integrator", "filter", "filterexact"])
 def test_an_infinite_control_is_refused_as_nan_is(dynamics, integrator, poison):
     """It is not taken for the end of the control's range, nor of the activation's or the force's."""
@@ -141,8 +142,7 @@ def test_an_infinite_control_is_refused_as_nan_is(dynamics, integrator, poison):
     assert sim.status[0] == stepper.Status.OK
 
 
-@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("integrator", ["euler", "midpoint", "implicit", "rk4"])
+@every(poison=[np.nan, np.inf, -np.inf], integrator=["euler", "midpoint", "implicit", "rk4"])
 def test_a_non_finite_force_stays_in_its_environment(poison, integrator):
     """The environment keeps its last finite state and says so; the others go on as if nothing had happened, bit for bit."""
     sick, well = falling(integrator=integrator), falling(integrator=integrator)
@@ -183,8 +183,7 @@ def test_a_quaternion_of_zeros_is_named(method):
     sim = falling()
     qpos = sim.qpos.copy()
     qpos[6, 3:7] = 0
-    with pytest.raises(ValueError, match=r"environment 6.*root"):
-        getattr(sim, method)(qpos=qpos)
+    raises(ValueError, r"environment 6.*root", lambda: getattr(sim, method)(qpos=qpos))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -192,8 +191,7 @@ def test_a_state_that_is_not_finite_is_named(value):
     sim = falling()
     qvel = sim.qvel.copy()
     qvel[3, 11] = value
-    with pytest.raises(ValueError, match=r"qvel\[11\] of environment 3"):
-        sim.set_state(qvel=qvel)
+    raises(ValueError, r"qvel\[11\] of environment 3", sim.set_state, qvel=qvel)
 
 
 def test_quaternions_are_normalised():
@@ -222,16 +220,9 @@ def test_a_pickle_keeps_what_the_user_applied():
 # Contacts
 
 
-TWO_BALLS = """<mujoco><option timestep="1e-3"/><worldbody><geom name="floor" type="plane" size="0 0 1"/>
-  <body name="lower" pos="0 0 .1"><freejoint/><geom name="g0" size=".1" mass="1"/></body>
-  <body name="upper" pos="0 0 .3"><freejoint/><geom name="g1" size=".1" mass="2"/></body></worldbody></mujoco>"""
-
-
 def test_contacts_say_who_touches_whom_where_and_how_hard():
     """Two balls stand on one another: the floor carries 3 kg, the lower ball 2 kg."""
-    sim = simulate(TWO_BALLS, 2, tolerance=1e-6)
-    sim.step(nstep=2)
-    contacts = sim.contacts(1)
+    contacts = simulate(TWO_BALLS, 2, tolerance=1e-6, steps=2).contacts(1)
     assert contacts["geom"].tolist() == [[0, 1], [1, 2]]
     assert contacts["body"].tolist() == [[0, 1], [1, 2]]
     assert contacts["normal"] == pytest.approx(np.array([[0, 0, 1], [0, 0, 1]]), abs=1e-15)
@@ -248,8 +239,7 @@ def test_contacts_say_who_touches_whom_where_and_how_hard():
 
 def test_no_contacts_are_an_empty_array_with_the_same_fields():
     sim = simulate(TWO_BALLS)
-    lift = np.array([0, 0, 10, 0, 0, 0, 0, 0, 0, 20, 0, 0, 0, 0])
-    sim.set_state(qpos=sim.qpos + lift)
+    sim.set_state(qpos=sim.qpos + np.array([0, 0, 10, 0, 0, 0, 0, 0, 0, 20, 0, 0, 0, 0]))
     assert sim.contacts().shape == (0,)
     assert sim.contacts().dtype.names == ("env", "geom", "body", "pos", "normal", "distance", "force", "torque", "frame")
 
@@ -258,9 +248,7 @@ def test_full_contacts_are_flagged():
     """A box needs four of its corners and has room for three: it says so, in its environment only."""
     box = '<body><freejoint/><geom type="box" size=".1 .1 .1"/></body>'
     text = f'<mujoco><worldbody><geom type="plane" size="0 0 1"/>{box}</worldbody></mujoco>'
-    sim = simulate(text, 2, max_contacts=3)
-    sim.set_state(np.array([[0, 0, 0.1, 1, 0, 0, 0], [0, 0, 5, 1, 0, 0, 0]]))
-    sim.step()
+    sim = simulate(text, 2, max_contacts=3, qpos=np.array([[0, 0, 0.1, 1, 0, 0, 0], [0, 0, 5, 1, 0, 0, 0]]), steps=1)
     assert sim.status.tolist() == [stepper.Status.CONTACTS_FULL, stepper.Status.OK]
     assert len(sim.contacts(0)) == 3
 
@@ -353,5 +341,4 @@ def ant(**settings):
     (lambda: stepper.load(""), IsADirectoryError, "path of a file or XML text"),
 ])  # fmt: skip
 def test_settings_and_counts_that_are_none_are_named(call, error, message):
-    with pytest.raises(error, match=message):
-        call()
+    raises(error, message, call)

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given
-from hypothesis import strategies as st
+from checks import every, raises
+from hypothesis import given, strategies as st
 from stepper.recording.format import KINDS, read_header, read_rows
 
 XML = """<mujoco><worldbody><light pos="0 0 3"/><camera name="side" pos="0 -2 1" xyaxes="1 0 0 0 0 1"/><body name="arm">
@@ -20,6 +20,15 @@ COMPILED = mujoco.MjModel.from_xml_string(XML)
 SIM = stepper.Stepper(MODEL, 2)
 OPTIONS = stepper.Options()
 LIN = stepper.Stepper(MODEL).linearize(sensors=True)
+WORDS = {
+    "contact": ("hard", "mujoco"), "integrator": ("euler", "midpoint", "implicit", "implicitfast", "discrete", "rk4", None),
+    "solver": ("auto", "pgs", "newton"), "stabilization": ("baumgarte", "split", "none"),
+}  # fmt: skip
+NUMBERS = {
+    **dict.fromkeys(("timestep", "tolerance", "rtol", "error"), (lambda x: 0 < x < np.inf)),
+    **dict.fromkeys(("slop", "max_correction_speed", "restitution_threshold"), (lambda x: x >= 0)),
+    "baumgarte": lambda x: 0 <= x <= 1,
+}
 
 
 def new(tmp_path, steps=3):
@@ -31,8 +40,7 @@ def new(tmp_path, steps=3):
     return sim
 
 
-@pytest.mark.parametrize("make", [lambda sim, path: sim.record(path), stepper.Recorder])
-@pytest.mark.parametrize("context", [True, False])
+@every(make=[lambda sim, path: sim.record(path), stepper.Recorder], context=[True, False])
 def test_a_recorder_records_however_it_is_made(tmp_path, make, context):
     sim = stepper.Stepper(MODEL, 2)
     if context:
@@ -64,8 +72,7 @@ def test_a_recording_without_steps_says_so(tmp_path):
 
 def test_a_file_is_no_folder_of_a_recording(tmp_path):
     (tmp_path / "run").write_text("text")
-    with pytest.raises(FileExistsError, match=r"run is a file, but a recording is a folder; give the path of a new folder$"):
-        SIM.record(tmp_path / "run")
+    raises(FileExistsError, r"run is a file, but a recording is a folder; give the path of a new folder$", SIM.record, tmp_path / "run")
     assert (tmp_path / "run").read_text() == "text"
 
 
@@ -77,8 +84,7 @@ def test_a_folder_of_a_recording_has_any_name(tmp_path, name):
 
 @pytest.mark.parametrize("ending", [".xml", ".mjb", ".urdf", ".XML"])
 def test_a_model_is_saved_under_its_own_ending(tmp_path, ending):
-    with pytest.raises(ValueError, match=r"stepper's own format: use the ending \.stepper, as .*model\.stepper"):
-        MODEL.save(tmp_path / f"model{ending}")
+    raises(ValueError, r"stepper's own format: use the ending \.stepper, as .*model\.stepper", MODEL.save, tmp_path / f"model{ending}")
     for name in ("model", "model.stepper", "model.bin"):
         MODEL.save(tmp_path / name)
         assert stepper.load(tmp_path / name) == MODEL
@@ -123,26 +129,13 @@ class TestPictures:
             for env in (2, -3, "side", [0, 1], 0.5, True):
                 with pytest.raises((TypeError, ValueError), match=re.escape(f"env is {env!r}, must be a whole number from -2 to 1")):
                     renderer.render(SIM, env)
-            with pytest.raises(TypeError, match=r"must be a stepper\.Stepper: stepper\.viewer\.Renderer\(sim\.model\)\.render\(sim\)"):
-                renderer.render(MODEL)
-
-
-WORDS = {
-    "contact": ("hard", "mujoco"), "integrator": ("euler", "midpoint", "implicit", "implicitfast", "discrete", "rk4", None),
-    "solver": ("auto", "pgs", "newton"), "stabilization": ("baumgarte", "split", "none"),
-}  # fmt: skip
-NUMBERS = {
-    **dict.fromkeys(("timestep", "tolerance", "rtol", "error"), (lambda x: 0 < x < np.inf)),
-    **dict.fromkeys(("slop", "max_correction_speed", "restitution_threshold"), (lambda x: x >= 0)),
-    "baumgarte": lambda x: 0 <= x <= 1,
-}
+            raises(TypeError, r"must be a stepper\.Stepper: stepper\.viewer\.Renderer\(sim\.model\)\.render\(sim\)", renderer.render, MODEL)
 
 
 @pytest.mark.parametrize("option", WORDS)
 def test_an_option_is_one_of_its_words_or_an_error(option):
     for word in ("foo", "Euler", "soft", "Newton", 3, -1.5):
-        with pytest.raises((TypeError, ValueError), match=f"{option} is "):
-            stepper.Options(**{option: word})
+        raises((TypeError, ValueError), f"{option} is ", stepper.Options, **{option: word})
     for word in WORDS[option]:
         more = {"contact": "mujoco"} if word in ("implicitfast", "discrete") else {}
         assert getattr(stepper.Options(**{option: word}, **more), option) == word
@@ -153,21 +146,18 @@ def test_an_option_is_in_its_range_or_an_error(option, number):
     if NUMBERS[option](number):
         assert getattr(stepper.Options(**{option: number}), option) == number
         return
-    with pytest.raises(ValueError, match=f"option {option} is "):
-        stepper.Options(**{option: number})
+    raises(ValueError, f"option {option} is ", stepper.Options, **{option: number})
 
 
 @pytest.mark.parametrize("settings", [{"integrator": "implicitfast"}, {"contact": "mujoco", "integrator": "midpoint"}])
 def test_an_integrator_of_the_other_law_is_an_error(settings):
-    with pytest.raises(ValueError, match=r"option integrator is .*, must be .* with contact="):
-        stepper.Options(**settings)
+    raises(ValueError, r"option integrator is .*, must be .* with contact=", stepper.Options, **settings)
 
 
 @pytest.mark.parametrize("frozen", [OPTIONS, stepper.Transfer(), stepper.Drive(), stepper.actuators.PID(kp=1.0)])
 def test_a_frozen_object_is_changed_by_a_copy(frozen):
     for field in dataclasses.fields(frozen):
-        with pytest.raises(dataclasses.FrozenInstanceError, match=field.name):
-            setattr(frozen, field.name, 1)
+        raises(dataclasses.FrozenInstanceError, field.name, setattr, frozen, field.name, 1)
         assert dataclasses.replace(frozen, **{field.name: getattr(frozen, field.name)}) == frozen
     assert pickle.loads(pickle.dumps(frozen)) == frozen
 
@@ -180,5 +170,4 @@ def test_sensors_of_a_model_of_errors_can_be_assigned():
 
 @pytest.mark.parametrize("name", ["reset", "set_state", "step", "rollout", "jacobian", "rays", "get_state", "contacts", "copy_state"])
 def test_an_unknown_keyword_of_the_compiled_library_has_the_keywords(name):
-    with pytest.raises(TypeError, match=rf"^Stepper\.{name}\(\) takes no 'zzz'; there are: "):
-        getattr(SIM, name)(zzz=1)
+    raises(TypeError, rf"^Stepper\.{name}\(\) takes no 'zzz'; there are: ", lambda: getattr(SIM, name)(zzz=1))

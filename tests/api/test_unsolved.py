@@ -6,27 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from golden import scenes
-from jams import OVERLAP, SLOT
+from models import mjcf, simulate
+from scenes import OVERLAP, SLOT
 
-STACK = """
-<mujoco>
-  <worldbody>
-    <geom name="floor" type="plane" size="5 5 1"/>
-    <body pos="0 0 .1"><freejoint/><geom name="low" type="box" size=".1 .1 .1" mass="1"/></body>
-    <body pos="0 0 .3"><freejoint/><geom name="high" type="box" size=".1 .1 .1" mass="100"/></body>
-  </worldbody>
-</mujoco>
-"""
-HINGE = """
-<mujoco>
-  <worldbody>
-    <body>
-      <joint name="elbow" axis="0 1 0" range="-1 1" limited="true"/><geom size=".05" pos=".3 0 0" contype="0" conaffinity="0"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+STACK = mjcf("overlapping_boxes")
+HINGE = mjcf("hinge_beyond_its_range")
+SQUEEZED = SLOT.format(half=0.11)
+"""Block that overlaps the walls on both of its sides by a centimetre."""
+
+BLOCKED = OVERLAP.format(joint='axis="0 1 0"')
+
+OUT_OF_REACH = mjcf("connect_out_of_reach")
+"""A body on a hinge with a pin, whose anchor in the world `model.replace` may move out of reach."""
+FRAGILE = mjcf("fragile")
 
 
 def stack(**options) -> stepper.Stepper:
@@ -43,8 +37,7 @@ def test_an_unsolved_step_names_its_worst_row():
         'contact of geom "floor" and geom "low"', 'contact of geom "low" and geom "floor"',
         'contact of geom "low" and geom "high"', 'contact of geom "high" and geom "low"',
     }  # fmt: skip
-    with pytest.raises(IndexError, match="must be below 1"):
-        sim.worst_row(1)
+    raises(IndexError, "must be below 1", sim.worst_row, 1)
 
 
 def test_a_solved_step_has_no_worst_row():
@@ -54,27 +47,10 @@ def test_a_solved_step_has_no_worst_row():
     assert sim.worst_row() is None
 
 
-SQUEEZED = SLOT.format(half=0.11)
-"""Block that overlaps the walls on both of its sides by a centimetre."""
-
-BLOCKED = OVERLAP.format(joint='axis="0 1 0"')
-
-OUT_OF_REACH = """
-<mujoco>
-  <worldbody>
-    <body name="a"><joint axis="0 1 0"/><geom size=".05" contype="0" conaffinity="0"/></body>
-  </worldbody>
-  <equality><connect name="pin" body1="a" body2="world" anchor=".1 0 0"/></equality>
-</mujoco>
-"""
-"""A body on a hinge with a pin, whose anchor in the world `model.replace` may move out of reach."""
-
-
 @pytest.mark.parametrize(("scene", "stabilization"), [(SQUEEZED, "split"), (BLOCKED, "split"), (BLOCKED, "baumgarte")])
 def test_an_infeasible_step_has_a_residual_and_names_its_row(scene, stabilization):
     """The residual is at least the smallest unmet target that counts as infeasible, 1 cm/s, and at most the largest target, 1 m/s."""
-    sim = stepper.Stepper(stepper.load(scene), options=stepper.Options(stabilization=stabilization))
-    sim.step()
+    sim = simulate(scene, stabilization=stabilization, steps=1)
     assert sim.status & stepper.Status.INFEASIBLE and not sim.status & stepper.Status.NOT_CONVERGED
     assert 1e-2 < sim.residual <= 1.0 + 1e-9
     assert re.fullmatch(r'contact of geom "\w+" and geom "\w+"', sim.worst_row())
@@ -82,8 +58,7 @@ def test_an_infeasible_step_has_a_residual_and_names_its_row(scene, stabilizatio
 
 def test_an_equality_out_of_reach_is_named():
     model = stepper.load(OUT_OF_REACH)
-    sim = stepper.Stepper(model.replace(eq_data=far_anchor(model)))
-    sim.step(nstep=3)
+    sim = simulate(model.replace(eq_data=far_anchor(model)), steps=3)
     assert sim.status & stepper.Status.INFEASIBLE
     assert sim.worst_row() == 'equality "pin"' and sim.residual > 1e-2
 
@@ -93,18 +68,6 @@ def far_anchor(model: stepper.Model) -> np.ndarray:
     data = np.array(model.eq_data, float)
     data[0, 3:6] += [0.4, 0.0, 0.0]
     return data
-
-
-FRAGILE = """
-<mujoco>
-  <worldbody>
-    <body name="hand" mocap="true"><geom size=".05"/></body>
-    <body name="arm" pos="0 0 1"><joint name="elbow" axis="0 1 0"/><geom size=".05" pos=".3 0 0"/></body>
-    <body name="box" pos="3 0 1"><freejoint name="root"/><geom size=".05"/></body>
-  </worldbody>
-  <actuator><motor name="servo" joint="elbow"/></actuator>
-</mujoco>
-"""
 
 
 def test_a_rejected_step_has_an_infinite_residual_and_names_its_cause():
@@ -176,8 +139,7 @@ def test_a_problem_is_left_as_a_file_and_nothing_changes(tmp_path: Path):
 
 def test_the_problem_of_an_environment_is_that_of_its_controls(tmp_path: Path):
     driven = HINGE.replace("</mujoco>", '<actuator><motor joint="elbow"/></actuator></mujoco>')
-    sim = stepper.Stepper(stepper.load(driven), num_envs=3)
-    sim.set_state(qpos=np.array([[0.0], [1.0], [1.0]]))
+    sim = simulate(driven, num_envs=3, qpos=np.array([[0.0], [1.0], [1.0]]))
 
     def problem(env: int, ctrl=None) -> bytes:
         sim.save_problem(tmp_path / "hinge.problem", env, ctrl=ctrl)
@@ -187,8 +149,7 @@ def test_the_problem_of_an_environment_is_that_of_its_controls(tmp_path: Path):
     assert problem(0) != problem(1)
     assert problem(1, np.ones(1)) != problem(1)
     assert problem(1, np.array([[0.0], [1.0], [0.0]])) == problem(2, np.ones((3, 1)))
-    with pytest.raises(IndexError, match="must be below 3"):
-        problem(3)
+    raises(IndexError, "must be below 3", problem, 3)
 
 
 def test_a_file_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path):

@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 import stepper
 import stepper.cli.view
+from checks import every, raises
+from geometry import matrix
+from hypothesis import given, settings, strategies as st
 from models import SOURCES
-from rotations import matrix
 from stepper.cli import main
 from stepper.viewer import shapes
 from stepper.viewer.frames import frame_of, shown_envs, sizes_of
 from stepper.viewer.live import Drag, View, effective_mass, scene_for
 from stepper.viewer.looks import looks_of
 from stepper.viewer.player import RecordedRun
+from stepper.viewer.renderer import distance_to, middle_of, region_of
 from stepper.viewer.shapes import instances, scene_of
 
 ROOT = Path(__file__).parents[2]
@@ -41,6 +44,11 @@ ALL_KINDS = """<mujoco><asset>
     <geom name="ghost" size=".1" rgba="1 1 1 0"/>
   </body>
 </worldbody></mujoco>""".format(" ".join(f"{(7 * k) % 11}" for k in range(35)))
+ARM = """<mujoco><worldbody><geom type="plane" size="0 0 1"/><geom name="far wall" type="box" size="1 1 1" pos="50 0 0"/>
+  <body pos="0 0 1"><joint name="first" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 {reach} 0 0" size=".02"/>
+  <body pos="{reach} 0 0"><joint axis="0 1 0"/><geom size=".05" pos=".2 0 0"/></body></body></worldbody></mujoco>"""
+FREE = """<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="{} {} {}"><freejoint/>
+  <geom type="{}" size="{} {} {}" euler="{} {} {}"/></body><body pos="2 0 0"><freejoint/><geom size=".3"/></body></worldbody></mujoco>"""
 
 
 def volume(mesh):
@@ -152,8 +160,7 @@ def test_sizes_are_those_that_environments_have(num_envs):
     scene, envs = scene_of(model, looks_of(model)), np.arange(num_envs or 1)[-2:]
     sim = stepper.Stepper(model, num_envs)
     np.testing.assert_array_equal(sizes_of(sim, envs, scene), np.tile(scene.sizes, (len(envs), 1, 1)))
-    factor = 1.0 + np.arange(num_envs or 1)[:, None, None]
-    given = 1.1 * factor * model.geom_size
+    given = 1.1 * (1.0 + np.arange(num_envs or 1)[:, None, None]) * model.geom_size
     sim.randomize(geom_size=given if num_envs else given[0], geom_pos=np.broadcast_to(model.geom_pos, given.shape) if num_envs else None)
     found = sizes_of(sim, envs, scene)
     for g in range(model.ngeom):
@@ -236,15 +243,12 @@ def test_contacts_of_a_recording_bear_the_weight(tmp_path):
 
 def test_what_is_wrong_with_a_view_is_said(tmp_path):
     sim = stepper.Stepper(stepper.load(BALL), 3)
-    with pytest.raises(ValueError, match=r"envs is 4, must be a number of environments up to 3"):
-        shown_envs(sim, 4, 16)
-    with pytest.raises(IndexError, match="envs has 3, there are environments 0 to 2"):
-        shown_envs(sim, [3], 16)
+    raises(ValueError, r"envs is 4, must be a number of environments up to 3", shown_envs, sim, 4, 16)
+    raises(IndexError, "envs has 3, there are environments 0 to 2", shown_envs, sim, [3], 16)
     np.testing.assert_array_equal(shown_envs(sim, None, 2), [0, 1])
     with sim.record(tmp_path / "empty"):
         pass
-    with pytest.raises(stepper.recording.RecordingError, match="the recording contains no step to show"):
-        RecordedRun(tmp_path / "empty")
+    raises(stepper.recording.RecordingError, "the recording contains no step to show", RecordedRun, tmp_path / "empty")
 
 
 def test_the_mass_that_is_felt_is_that_of_a_free_body():
@@ -261,8 +265,7 @@ def test_the_mass_that_is_felt_is_that_of_a_free_body():
     assert Drag.begin(sim, 1, 3, np.array([2.0, 0, 0])) is None
 
 
-@pytest.mark.parametrize("num_envs", [None, 2])
-@pytest.mark.parametrize("strength", [1.0, 30.0])
+@every(num_envs=[None, 2], strength=[1.0, 30.0])
 def test_a_dragged_body_comes_to_the_pointer(num_envs, strength):
     model = stepper.load(SOURCES["dm_control/humanoid"], strict=False).replace(gravity=[0, 0, 0])
     sim = stepper.Stepper(model, num_envs)
@@ -302,8 +305,7 @@ def test_a_pull_leaves_nothing_behind(num_envs):
     np.testing.assert_array_equal(sim.xfrc_applied, 0.1)
 
 
-@pytest.mark.parametrize("steps", [0, 1])
-@pytest.mark.parametrize("mask", [None, np.array([False, True])])
+@every(steps=[0, 1], mask=[None, np.array([False, True])])
 def test_a_pull_ends_with_a_reset(steps, mask):
     sim = stepper.Stepper(stepper.load(BALL), 2)
     view, _ = dragging(sim)
@@ -315,8 +317,7 @@ def test_a_pull_ends_with_a_reset(steps, mask):
 
 
 def test_forces_that_the_user_writes_during_a_pull_stay():
-    sim = stepper.Stepper(stepper.load(BALL), 2)
-    view, forces = dragging(sim)
+    view, forces = dragging(stepper.Stepper(stepper.load(BALL), 2))
     forces[1, 2] = -30.0
     view._release()
     np.testing.assert_array_equal(forces[1], [0, 0, -30, 0, 0, 0])
@@ -382,3 +383,71 @@ def test_without_viser_it_says_what_to_install(command, monkeypatch, tmp_path):
     (tmp_path / "a.xml").write_text(BALL)
     said = command(str(tmp_path / "a.xml"))
     assert 'viser is needed for the view in the browser, and is not installed: pip install "stepper-sim[viewer]"' in said
+
+
+def framed(m, azimuth=90.0, elevation=-45.0, aspect=4 / 3):
+    """Data at the reference pose, and the camera that shows it."""
+    d = mujoco.MjData(m)
+    mujoco.mj_forward(m, d)
+    region = region_of(mujoco, m, d)
+    camera = mujoco.MjvCamera()
+    camera.azimuth, camera.elevation, camera.lookat[:] = azimuth, elevation, middle_of(*region)
+    camera.distance = distance_to(*region, camera, m.vis.global_.fovy, aspect)
+    return d, camera
+
+
+def in_the_picture(m, d, camera, points, aspect=4 / 3):
+    """Coordinates of points in the picture, (n, 2): from -1 to 1 if they are inside. By MuJoCo's own camera of the scene."""
+    scene, option = mujoco.MjvScene(m, maxgeom=100), mujoco.MjvOption()
+    mujoco.mjv_updateScene(m, d, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
+    eyes = [scene.camera[k] for k in range(2)]  # For stereo pictures; the camera is in the middle.
+    eye = np.mean([view.pos for view in eyes], axis=0)
+    forward, upward = np.array(eyes[0].forward, float), np.array(eyes[0].up, float)
+    offsets = points - eye
+    depth = offsets @ forward
+    assert (depth > 0).all()
+    half = np.tan(np.radians(m.vis.global_.fovy) / 2)
+    return np.stack([offsets @ np.cross(forward, upward) / (half * aspect), offsets @ upward / half], axis=1) / depth[:, None]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    pose=st.tuples(*[st.floats(-3, 3)] * 3),
+    kind=st.sampled_from(["box", "ellipsoid", "cylinder"]),
+    size=st.tuples(*[st.floats(0.02, 2)] * 3),
+    angles=st.tuples(*[st.floats(-180, 180)] * 3),
+    view=st.tuples(st.floats(-180, 180), st.floats(-85, 85), st.floats(0.3, 3)),
+)
+def test_free_bodies_are_in_the_picture(pose, kind, size, angles, view):
+    """All corners of both bodies are in the picture, and the outermost is beyond a third of the way from its middle to an edge."""
+    # The near side of the scene sets the distance of the camera, so that corners on the far side may be closer to the middle.
+    m = mujoco.MjModel.from_xml_string(FREE.format(*pose, kind, *size, *angles))
+    azimuth, elevation, aspect = view
+    d, camera = framed(m, azimuth, elevation, aspect)
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    points = np.concatenate([
+        d.geom_xpos[k] + (m.geom_aabb[k, :3] + corners * m.geom_aabb[k, 3:]) @ d.geom_xmat[k].reshape(3, 3).T for k in (1, 2)
+    ])  # fmt: skip
+    assert 0.33 < np.abs(in_the_picture(m, d, camera, points, aspect)).max() < 1.0
+
+
+@pytest.mark.parametrize("reach", [0.0, 0.3, 2.0])
+def test_an_arm_stays_in_the_picture_when_it_turns(reach):
+    """A wall 50 m away does not count, a turn of the first joint does."""
+    m = mujoco.MjModel.from_xml_string(ARM.format(reach=reach + 0.01))
+    d, camera = framed(m)
+    assert camera.distance < 10 * (reach + 0.3)
+    for angle in np.linspace(-3, 3, 13):
+        d.qpos[0] = angle
+        mujoco.mj_forward(m, d)
+        assert np.abs(in_the_picture(m, d, camera, d.geom_xpos[2:])).max() < 1.0
+
+
+def test_a_scene_in_which_nothing_moves_is_shown():
+    m = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><geom type='plane' size='5 5 1'/><geom size='1' pos='9 0 0'/></worldbody></mujoco>"
+    )
+    _, camera = framed(m)
+    assert camera.lookat.tolist() == [9, 0, 0]
+    empty = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom type='plane' size='5 5 1'/></worldbody></mujoco>")
+    assert 1 < framed(empty)[1].distance < 10

@@ -9,6 +9,10 @@ import stepper
 from stepper.envs import Observation, Task, square_sum
 
 needs_gymnasiums = pytest.mark.skipif(find_spec("imageio") is None, reason="gymnasium.envs.mujoco needs imageio, which is not installed")
+SLIDER = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+  <actuator><motor joint="x" gear="1e100"/></actuator></mujoco>"""
+SLIDE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+  <actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
 
 
 def same(found, expected):
@@ -36,10 +40,6 @@ def kolmogorov_smirnov(one, other):
     return np.abs(ranks[0] - ranks[1]).max() / len(one)
 
 
-SLIDER = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
-  <actuator><motor joint="x" gear="1e100"/></actuator></mujoco>"""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Strong(Task):
     """A slider with a motor that is strong enough for a force that no number can hold."""
@@ -57,10 +57,6 @@ class Strong(Task):
 
     def reward(self, now):
         return 1.0 - square_sum(now.action), {}
-
-
-SLIDE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
-  <actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
 
 
 class Slide(Task):

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 import stepper
 from envs.cases import same
-from envs.test_hooks import Levels
-from envs.test_observation_groups import Grouped
+from envs.test_hooks import Grouped, Levels
 from envs.test_terms import Robot
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from stepper.actuators import ActuatorModel, Drive
 from stepper.envs import Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.basic import FallingBlock
@@ -155,8 +153,7 @@ def test_places_are_those_of_the_present_once_the_state_is_another():
     for each in (envs, other):
         each.reset(seed=0)
     envs.step(np.ones((N, 7)))
-    qpos = np.array(other.sim.qpos)
-    envs.sim.set_state(qpos, np.zeros_like(envs.sim.qvel), np.arange(N) == 2)
+    envs.sim.set_state(np.array(other.sim.qpos), np.zeros_like(envs.sim.qvel), np.arange(N) == 2)
     tip = envs.sim.model.body_names.index("tips_arm")
     observation, _ = envs.reset(envs=[0])
     np.testing.assert_array_equal(observation[2, 14:17], other.sim.xpos[2, tip])
@@ -243,21 +240,9 @@ def _restore_the_steppers_state(envs, mask, rng):
     envs.sim.set_state(kept, envs=mask)
 
 
-def _randomize(envs, mask, rng):
-    envs.sim.randomize(mask, body_mass=envs.sim.model.body_mass * rng.uniform(0.5, 2.0, (N, 1)))
-
-
-def _give_the_models_parameters_back(envs, mask, rng):
-    envs.sim.randomize(mask)
-
-
 def _draw_drives(envs, mask, rng):
     if envs.sim.actuators is not None:
         envs.sim.randomize(mask, actuators=ActuatorModel(default=Drive(delay=0.002, friction=rng.uniform(0.01, 0.1, N))))
-
-
-def _reset_the_stepper(envs, mask, rng):
-    envs.sim.reset(mask)
 
 
 def _apply_forces(envs, mask, rng):
@@ -275,8 +260,10 @@ def _reset_some(envs, mask, rng):
 
 
 HAPPENINGS = (
-    _take_a_step, _take_a_step, _set_the_steppers_state, _restore_the_steppers_state, _randomize, _give_the_models_parameters_back,
-    _draw_drives, _reset_the_stepper, _apply_forces, _set_state, _reset_some,
+    _take_a_step, _take_a_step, _set_the_steppers_state, _restore_the_steppers_state, _draw_drives, _apply_forces, _set_state, _reset_some,
+    lambda envs, mask, rng: envs.sim.randomize(mask, body_mass=envs.sim.model.body_mass * rng.uniform(0.5, 2.0, (N, 1))),
+    lambda envs, mask, rng: envs.sim.randomize(mask),
+    lambda envs, mask, rng: envs.sim.reset(mask),
 )  # fmt: skip
 
 

@@ -1,22 +1,51 @@
-"""Environments obey Gymnasium's interface, alone and in batches, and say what is wrong with a call."""
+"""Environments obey Gymnasium's interface, alone and in batches, within its wrappers, and say what is wrong with a call."""
 
 import subprocess
 import sys
 from dataclasses import dataclass, fields
+from pathlib import Path
 from types import MappingProxyType
 
 import gymnasium
 import numpy as np
 import pytest
 import stepper
+import stepper.adapters
+from checks import every, raises
 from envs.cases import same
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import vector
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.sensors import SensorModel, Transfer
 
 NAMES = sorted(TASKS)
+FREE = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
+SLIDER = """<mujoco><worldbody><body><joint name="slider" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+  <actuator><motor joint="slider" ctrlrange="-5 5" ctrllimited="true"/></actuator></mujoco>"""
+WRAPPERS = {
+    "ClipAction": {},
+    "RecordEpisodeStatistics": {},
+    "NormalizeReward": {},
+    "TransformReward": {"func": lambda reward: reward},
+    "NormalizeObservation": {"refused": ("SAME_STEP", "DISABLED")},
+    "TransformObservation": {"func": lambda observation: observation, "refused": ("SAME_STEP",)},
+    "DtypeObservation": {"dtype": np.float32, "refused": ("SAME_STEP",)},
+    "FlattenObservation": {"refused": ("SAME_STEP",)},
+}
+MODULES = sorted(path.stem for path in Path(stepper.adapters.__file__).parent.glob("[a-z]*.py"))
+LIBRARIES = {
+    "jax_rollout": ("jax", "pip install jax"),
+    "ray": ("ray", "pip install ray"),
+    "rllib": ("ray.rllib", 'pip install "ray[rllib]"'),
+    "rsl_rl": ("rsl_rl", "pip install rsl-rl-lib"),
+    "sb3": ("stable_baselines3", "pip install stable-baselines3"),
+    "torch_rollout": ("torch", "pip install torch"),
+    "torchrl": ("torchrl", "pip install torchrl"),
+}
+"""Library of each adapter, and the command that installs it."""
 
 
 @pytest.mark.parametrize("name", [*(f"{name}-v5" for name in NAMES), "FallingBlock-v0", "Grasp-v0"])
@@ -24,8 +53,7 @@ def test_gymnasiums_checker_accepts_it(name):
     check_env(gymnasium.make(f"stepper/{name}", disable_env_checker=True).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("contact", ["mujoco", "hard"])
+@every(name=NAMES, contact=["mujoco", "hard"])
 def test_make_vec_makes_a_batch(name, contact):
     envs = gymnasium.make_vec(f"stepper/{name}-v5", num_envs=3, contact=contact, vectorization_mode="vector_entry_point")
     assert isinstance(envs, StepperVectorEnv)
@@ -39,13 +67,12 @@ def test_make_vec_makes_a_batch(name, contact):
     assert sum(envs.observation_structure.values()) == observation.shape[1]
 
 
-def test_importing_stepper_imports_no_gymnasium():
-    code = "import sys, stepper; assert 'gymnasium' not in sys.modules; stepper.envs; assert 'gymnasium' in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_gymnasium_finds_it_by_the_module_in_its_name():
-    code = "import gymnasium; gymnasium.make('stepper.envs:stepper/HalfCheetah-v5')"
+@pytest.mark.parametrize("code", [
+    "import sys, stepper; assert 'gymnasium' not in sys.modules; stepper.envs; assert 'gymnasium' in sys.modules",
+    "import gymnasium; gymnasium.make('stepper.envs:stepper/HalfCheetah-v5')",
+    "import sys, stepper.adapters.native; assert not {'torch', 'ray'} & sys.modules.keys()",
+], ids=["stepper imports no gymnasium", "gymnasium finds it by the module in its name", "adapters need no library"])  # fmt: skip
+def test_modules_are_imported_where_they_are_needed(code):
     subprocess.run([sys.executable, "-W", "ignore", "-c", code], check=True)
 
 
@@ -84,9 +111,7 @@ def test_indices_begin_some_and_leave_the_rest():
         envs.step(np.full((5, 6), 0.3))
     mask = np.array([False, True, False, False, True])
     for seed, all_seeds in ((None, None), ([11, 12], [None, 12, None, None, 11]), ([5, 2], [1, 2, 3, 4, 5]), (7, 7)):
-        found = by_ids.reset(seed=seed, envs=[4, 1])
-        expected = by_mask.reset(seed=all_seeds, options={"reset_mask": mask})
-        same(found, expected)
+        same(by_ids.reset(seed=seed, envs=[4, 1]), by_mask.reset(seed=all_seeds, options={"reset_mask": mask}))
         same(by_ids.step(np.full((5, 6), 0.1))[:4], by_mask.step(np.full((5, 6), 0.1))[:4])
     np.testing.assert_array_equal(by_ids.episode_lengths, [5, 1, 5, 5, 1])
 
@@ -154,8 +179,7 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
     (lambda: G1Velocity(roughness=-1.0), ValueError, r"roughness is -1\.0, must be a finite number from 0 to 1"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(make, error, said):
-    with pytest.raises(error, match=said):
-        make()
+    raises(error, said, make)
 
 
 @pytest.mark.parametrize("name", sorted(TASKS))
@@ -199,8 +223,7 @@ def test_errors_of_an_environments_sensors_follow_from_its_own_seed():
     envs = StepperVectorEnv(Heard(), 4)
     read = envs.reset(seed=5)[0]
     np.testing.assert_array_equal(StepperVectorEnv(Heard(), 9).reset(seed=5)[0][:4], read)
-    other = envs.reset(seed=[5, 6, 99, 8])[0]
-    np.testing.assert_array_equal((other == read)[:, 0], [True, True, False, True])
+    np.testing.assert_array_equal((envs.reset(seed=[5, 6, 99, 8])[0] == read)[:, 0], [True, True, False, True])
     envs.reset(seed=5)
     after = envs.reset()[0]
     envs.reset(seed=5)
@@ -212,9 +235,6 @@ def test_errors_of_an_environments_sensors_follow_from_its_own_seed():
     np.testing.assert_array_equal(masked[[0, 3]], read[[0, 3]])
     np.testing.assert_array_equal(masked[[1, 2]], some[[1, 2]])
     assert envs.reset()[0][1] not in (read[1], some[1])
-
-
-FREE = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
 
 
 @pytest.mark.parametrize(("file", "said"), [
@@ -229,12 +249,7 @@ def test_a_robot_that_cannot_follow_commands_is_refused(file, said):
         def model(self):
             return stepper.load(f"<mujoco>{file}</mujoco>")
 
-    with pytest.raises(ValueError, match=said):
-        StepperVectorEnv(Mine(), 2)
-
-
-SLIDER = """<mujoco><worldbody><body><joint name="slider" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
-  <actuator><motor joint="slider" ctrlrange="-5 5" ctrllimited="true"/></actuator></mujoco>"""
+    raises(ValueError, said, lambda: StepperVectorEnv(Mine(), 2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,3 +291,48 @@ def test_a_batch_whose_constructor_raised_can_be_closed():
     unmade = StepperVectorEnv.__new__(StepperVectorEnv)
     unmade.close()
     assert unmade.closed
+
+
+def run(envs, steps=30):
+    """Observations, rewards, flags and infos of some steps."""
+    envs.reset(seed=0)
+    rng = np.random.default_rng(0)
+    return [envs.step(rng.uniform(-1, 1, envs.action_space.shape)) for _ in range(steps)]
+
+
+def test_a_mask_reaches_wrappers():
+    envs = RecordEpisodeStatistics(StepperVectorEnv("Hopper", 4, autoreset_mode="Disabled"))
+    envs.reset(seed=0)
+    for _ in range(3):
+        envs.step(np.zeros((4, 3)))
+    envs.reset(options={"reset_mask": np.arange(4) == 2})
+    np.testing.assert_array_equal(envs.episode_lengths, [3, 3, 0, 3])
+
+
+@every(mode=["NEXT_STEP", "SAME_STEP", "DISABLED"], name=WRAPPERS)
+def test_wrappers_refuse_the_modes_that_the_page_of_adapters_names(name, mode):
+    """By a ValueError in Gymnasium 1.4, by an AssertionError in 1.2."""
+    arguments = dict(WRAPPERS[name])
+    refused = mode in arguments.pop("refused", ())
+    envs = StepperVectorEnv("Hopper", 2, autoreset_mode=mode)
+    if not refused:
+        assert len(run(getattr(vector, name)(envs, **arguments), 5)) == 5
+        return
+    with pytest.raises((ValueError, AssertionError)):
+        getattr(vector, name)(envs, **arguments)
+
+
+def test_every_adapter_is_here():
+    assert set(MODULES) == LIBRARIES.keys() | {"native"}
+
+
+@pytest.mark.parametrize("module", LIBRARIES)
+def test_a_library_that_is_missing_is_named_with_its_remedy(module):
+    library, remedy = LIBRARIES[module]
+    code = f"import sys; sys.modules[{library!r}] = None; import stepper.adapters.{module}"
+    ended = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=False)
+    error = ended.stderr.splitlines()[-1]
+    assert "MissingPackageError" in error
+    assert f"{library.partition('.')[0]}" in error
+    assert f"for stepper.adapters.{module}" in error
+    assert remedy in error

@@ -20,8 +20,7 @@ pytest.importorskip("myosuite")
 
 def pair(name):
     """MyoSuite's environment and ours, both with solvers that converge, in the same state with the same target."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = gymnasium.make(f"myo{name}-v0").unwrapped
     theirs.model.opt.tolerance, theirs.model.opt.iterations = 1e-14, 200
     kind, arguments = MYOSUITE[name]

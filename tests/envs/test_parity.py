@@ -5,22 +5,22 @@ from inspect import signature
 
 import gymnasium
 import mujoco
+import mujoco_vector
 import numpy as np
 import pytest
 import stepper
 from envs.cases import kolmogorov_smirnov, needs_gymnasiums
+from gymnasium.vector import AutoresetMode
 from stepper.envs import TASKS, StepperEnv
 
 pytestmark = needs_gymnasiums
 
 
 def step_and_refresh(env):
-    """Let an environment read everything at the state after the step.
-
-    A Runge-Kutta step of MuJoCo leaves positions and velocities of bodies and tendons as its last stage found them. Here they are
-    computed again. Of other integrators both engines read the beginning of the last step. Contacts and their forces stay those of the
-    last stage, in both engines.
-    """
+    """Let an environment read everything at the state after the step."""
+    # A Runge-Kutta step of MuJoCo leaves positions and velocities of bodies and tendons as its last stage found them. Here they are
+    # computed again. Of other integrators both engines read the beginning of the last step. Contacts and their forces stay those of the
+    # last stage, in both engines.
     if env.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
         return
     model, data, fresh = env.model, env.data, mujoco.MjData(env.model)
@@ -135,3 +135,62 @@ def test_starts_are_drawn_from_gymnasiums_distribution(name):
     for one, other in zip(found.T, expected.T, strict=True):
         # Of two samples of one distribution it exceeds 0.1 once in 1e4 times.
         assert kolmogorov_smirnov(one, other) < 0.1
+
+
+def converge(m):
+    """Has MuJoCo solve to round-off, wherever its solver starts from."""
+    m.opt.solver, m.opt.tolerance, m.opt.iterations = mujoco.mjtSolver.mjSOL_NEWTON, 1e-14, 200
+
+
+@pytest.mark.parametrize("name", ["HalfCheetah", "Hopper", "Walker2d", "Ant", "Humanoid"])
+def test_a_step_is_gymnasiums(name):
+    task = TASKS[name]()
+    m = mujoco_vector.mujoco_model(task.model(), with_contact_forces=mujoco_vector.reads_contact_forces(task))
+    converge(m)
+    envs = mujoco_vector.MujocoVectorEnv(task, 3, autoreset_mode=AutoresetMode.DISABLED, m=m)
+    envs.reset(seed=0)
+    theirs = [gymnasium.make(f"{name}-v5").unwrapped for _ in range(3)]
+    rng = np.random.default_rng(0)
+    for one in theirs:
+        converge(one.model)
+        one.reset(seed=0)
+    for _ in range(4):
+        qpos = np.array([one.init_qpos + rng.uniform(-0.005, 0.005, one.model.nq) for one in theirs])
+        qvel = rng.uniform(-0.01, 0.01, (3, theirs[0].model.nv))
+        for k, one in enumerate(theirs):
+            if name in ("Ant", "Humanoid"):
+                qpos[k, 3:7] /= np.linalg.norm(qpos[k, 3:7])
+            one.set_state(qpos[k], qvel[k])
+        envs.reset(options={"reset_mask": np.ones(3, dtype=bool)})
+        envs.set_state(qpos, qvel)
+        for _ in range(3):
+            action = rng.uniform(envs.action_space.low, envs.action_space.high)
+            observation, reward, terminated, *_ = envs.step(action)
+            if terminated.any():
+                break
+            for k, one in enumerate(theirs):
+                found, their_reward, their_end, *_ = one.step(action[k])
+                np.testing.assert_allclose(observation[k], found, rtol=1e-8, atol=1e-10 * (1 + np.abs(found).max()))
+                # Gymnasium reads the places of the ant and the humanoid in the last stage of a Runge-Kutta step:
+                # docs/reference/environments.md.
+                if name not in ("Ant", "Humanoid"):
+                    assert reward[k] == pytest.approx(their_reward, rel=1e-8, abs=1e-8)
+                assert terminated[k] == their_end
+
+
+def test_it_is_registered_for_learners():
+    name = mujoco_vector.register("Hopper-v5")
+    envs = gymnasium.make_vec(name, num_envs=4, autoreset_mode=AutoresetMode.SAME_STEP)
+    envs.reset(seed=0)
+    ended = 0
+    for _ in range(60):
+        *_, terminated, _, info = envs.step(envs.action_space.sample())
+        ended += int(terminated.sum())
+        assert ("final_obs" in info) == bool(terminated.any())
+    assert ended > 0
+
+
+def test_what_a_batch_has_not_is_said():
+    envs = mujoco_vector.MujocoVectorEnv(TASKS["Hopper"](), 2)
+    with pytest.raises(AttributeError, match="no attribute 'residual'"):
+        _ = envs._envs.sim.residual

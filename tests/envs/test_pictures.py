@@ -90,17 +90,12 @@ def test_a_model_that_is_read_once_is_known_whenever_it_is_made():
             stepper.load(f"<mujoco><worldbody><body name='between{k}'/></worldbody></mujoco>")
 
 
-def test_a_model_that_exists_is_known_however_many_others_were_loaded():
-    first = stepper.load("<mujoco><worldbody><body name='kept'/></worldbody></mujoco>")
+@pytest.mark.parametrize("names", ["passing{}", "again"])
+def test_a_model_that_exists_is_known_however_many_others_were_loaded(names):
+    """Others of different names, or one again and again."""
+    first = stepper.load(f"<mujoco><worldbody><body name='before {names}'/></worldbody></mujoco>")
     for k in range(3 * stepper.loading.origins.KEPT):
-        stepper.load(f"<mujoco><worldbody><body name='passing{k}'/></worldbody></mujoco>")
-    assert stepper.loading.origin_of(first) is not None
-
-
-def test_a_model_that_is_loaded_again_and_again_displaces_no_other():
-    first = stepper.load("<mujoco><worldbody><body name='first'/></worldbody></mujoco>")
-    for _ in range(stepper.loading.origins.KEPT + 1):
-        stepper.load("<mujoco><worldbody><body name='again'/></worldbody></mujoco>")
+        stepper.load(f"<mujoco><worldbody><body name='{names.format(k)}'/></worldbody></mujoco>")
     assert stepper.loading.origin_of(first) is not None
 
 

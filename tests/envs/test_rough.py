@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper.envs
+from checks import raises
 from stepper.envs import StepperVectorEnv
 from stepper.envs.locomotion import G1Rough, Go1Rough
 from stepper.envs.locomotion.rewards import SCAN, action_scale, foot_heights, foot_speeds, ground_normal
@@ -56,8 +57,7 @@ def test_it_begins_on_the_tile_of_its_level_above_the_ground():
     level, kind = state["terrain_level"], state["terrain_type"]
     assert ((level >= 0) & (level <= 5)).all()
     assert len(set(kind)) == len(GROUND.sub_terrains)
-    origin = GROUND.origins[level, kind]
-    assert (np.abs(base[:, :2] - origin[:, :2]) <= 0.5).all()
+    assert (np.abs(base[:, :2] - GROUND.origins[level, kind][:, :2]) <= 0.5).all()
     # Feet are balls of 0.023 m. In the stance they are on flat ground, and the stance is lifted by 0.01 m or more.
     assert (foot_heights(envs.now) > 0.0325).all()
     envs.step(standing(envs))
@@ -265,8 +265,7 @@ def test_feet_in_the_air_are_rewarded_for_a_while():
     envs.set_state(qpos, np.zeros((2, 18)))
     found = np.array([envs.step(standing(envs))[-1]["reward_air_time"] for _ in range(30)])
     # An action takes 0.02 s: from 0.06 s to 0.48 s all four feet count, if the command is above 0.5.
-    expected = np.where((np.arange(1, 31) >= 3) & (np.arange(1, 31) <= 24), 4.0, 0.0)
-    np.testing.assert_array_equal(found[:, 0], expected)
+    np.testing.assert_array_equal(found[:, 0], np.where((np.arange(1, 31) >= 3) & (np.arange(1, 31) <= 24), 4.0, 0.0))
     np.testing.assert_array_equal(found[:, 1], 0.0)
 
 
@@ -291,11 +290,9 @@ def test_every_robot_has_what_the_terms_need():
         *_, info = envs.step(standing(envs))
         assert all(np.isfinite(info[f"reward_{name}"]).all() for name in names)
         assert len(names) == 14
-    with pytest.raises(TypeError, match="terrain is 'stairs', must be a Terrain"):
-        Go1Rough(terrain="stairs")
+    raises(TypeError, "terrain is 'stairs', must be a Terrain", Go1Rough, terrain="stairs")
     for wrong in (-1.0, np.inf):
-        with pytest.raises(ValueError, match=r"noise is .*, must be a finite number of at least 0"):
-            Go1Rough(noise=wrong)
+        raises(ValueError, r"noise is .*, must be a finite number of at least 0", Go1Rough, noise=wrong)
 
 
 def test_the_humanoid_ends_when_it_falls():

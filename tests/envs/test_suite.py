@@ -16,6 +16,8 @@ from stepper.envs.suite.base import reading
 from stepper.envs.suite.quadruped import _Bowl
 
 suite = pytest.importorskip("dm_control.suite")
+OTHERWISE = {"dog": {"inertial_sensors": 3, "foot_forces": 12, "touch_sensors": 4}, "quadruped": {"accelerometer": 3, "force_torque": 24}}
+"""How many of the first numbers of rows of observations are stepper's own, by domain: see `stepper.envs.suite.quadruped` and `dog`."""
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -54,8 +56,7 @@ def bounds(spec):
 
 def pair(name):
     """dm_control's environment and ours, both with solvers that converge."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load(*name.split("-", 1), task_kwargs={"random": 0})
     model = theirs.physics.model.ptr
     # MuJoCo takes frames that nearly coincide as one.
@@ -102,10 +103,6 @@ def copy_tile(physics, ours):
     physics.named.model.geom_pos["terrain", "z"] = place[2]
 
 
-OTHERWISE = {"dog": {"inertial_sensors": 3, "foot_forces": 12, "touch_sensors": 4}, "quadruped": {"accelerometer": 3, "force_torque": 24}}
-"""How many of the first numbers of rows of observations are stepper's own, by domain: see `stepper.envs.suite.quadruped` and `dog`."""
-
-
 def compared(name, structure):
     """Which numbers of an observation should be dm_control's: (n,) bool."""
     own = OTHERWISE.get(name.partition("-")[0], {})
@@ -113,10 +110,8 @@ def compared(name, structure):
 
 
 def has_other_points(theirs, action):
-    """Whether steps of an action have contacts whose points stepper chooses in its own way.
-
-    Those are contacts of ellipsoids, of cylinders, of two boxes, and of a geom with several triangles of a height field.
-    """
+    """Whether steps of an action have contacts whose points stepper chooses in its own way."""
+    # Those are contacts of ellipsoids, of cylinders, of two boxes, and of a geom with several triangles of a height field.
     data, geom = copy.copy(theirs.physics.data.ptr), mujoco.mjtGeom
     data.ctrl[:] = action
     for _ in range(round(theirs.control_timestep() / theirs.physics.timestep())):
@@ -235,8 +230,7 @@ def test_a_dog_that_stands_feels_what_dm_controls_does():
 
 @pytest.mark.parametrize("name", sorted(SUITE))
 def test_spaces_and_times_are_dm_controls(name):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load(*name.split("-", 1))
     ours = gymnasium.make(named(name))
     spec = theirs.action_spec()
@@ -250,8 +244,7 @@ def test_spaces_and_times_are_dm_controls(name):
 @pytest.mark.parametrize("name", sorted(SUITE))
 def test_starts_are_drawn_from_dm_controls_distribution(name):
     """Numbers of 150 first observations of ours among as many of theirs: Kolmogorov and Smirnov's distance."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load(*name.split("-", 1), task_kwargs={"random": 1})
     ours = StepperVectorEnv(SUITE[name][0], 150, **SUITE[name][1])
     # Under the dog's first forces its muscles pull, in dm_control they do not yet.
@@ -266,8 +259,7 @@ def test_starts_are_drawn_from_dm_controls_distribution(name):
 
 @pytest.mark.parametrize("seed", [0, 7])
 def test_springs_of_the_regulator_are_dm_controls(seed):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load("lqr", "lqr_6_2", task_kwargs={"random": seed})
     ours = StepperEnv(SUITE["lqr-lqr_6_2"][0], bodies=6, driven=2, model_seed=seed)
     np.testing.assert_array_equal(ours.sim.model.jnt_stiffness, np.ravel(theirs.physics.model.jnt_stiffness))
@@ -294,8 +286,7 @@ def test_wrong_arguments_are_named(name, arguments, message):
 @pytest.mark.parametrize("seed", [0, 7])
 def test_a_bowl_is_dm_controls(seed):
     """Heights of a tile from dm_control's random numbers are dm_control's to 1e-6 m, because MuJoCo rounds heights of 5 m to 32 bits."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         theirs = suite.load("quadruped", "escape", task_kwargs={"random": seed})
     theirs.reset()
     line = np.linspace(-30.0, 30.0, 201)
@@ -308,8 +299,7 @@ def test_episodes_start_over_the_middles_of_all_bowls():
     ours = StepperVectorEnv(SUITE["quadruped-escape"][0], 200, escape=True)
     ours.reset(seed=0)
     np.testing.assert_array_equal(ours.sim.qpos[:, :2], 0.0)
-    places = ours.sim.geom_xpos[:, ours.sim.model.geom("terrain").id, :2]
-    assert len(np.unique(places, axis=0)) == 16
+    assert len(np.unique(ours.sim.geom_xpos[:, ours.sim.model.geom("terrain").id, :2], axis=0)) == 16
     angles = np.linspace(0.0, 2.0 * np.pi, 50)
     rings = np.stack([np.cos(angles), np.sin(angles)], axis=1) * [[[0.5]], [[15.0]], [[30.0]]]
     ground = stepper.sensors.HeightField(ours.sim.model, "terrain")

@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from stepper.envs import (
     Observation,
     Reward,
@@ -33,6 +34,10 @@ ROBOT = """<mujoco><option timestep="0.01"/><worldbody><geom name="floor" type="
   <actuator><position name="hip" joint="hip" kp="20" kv="1"/><position name="elbow" joint="elbow" kp="20" kv="1"/></actuator>
   <keyframe><key name="stance" qpos="0 0 .35 1 0 0 0 .2 -.3" ctrl=".2 -.3"/></keyframe></mujoco>"""
 MODEL = stepper.load(ROBOT)
+CART = """<mujoco><worldbody><body name="cart" quat=".7071067811865476 0 0 .7071067811865476"><joint name="x" type="slide" axis="1 0 0"/>
+  <geom size=".1" mass="1"/><body name="pole"><joint name="hinge" axis="0 1 0"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 0 0 .5" mass=".1"/>
+  </body></body></worldbody><actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
 
 
 def speed(now, target=0.0):
@@ -108,12 +113,9 @@ def test_the_argument_rewards_replaces_weights():
     *_, info = envs.step(np.ones((4, 2)))
     np.testing.assert_allclose(info["reward_rate"], -2.0)
     assert "reward_off" in info
-    with pytest.raises(ValueError, match=r"rewards has 'rats', which is no term of the reward of Robot; did you mean rate\?"):
-        made(rewards={"rats": 1.0})
-    with pytest.raises(ValueError, match=r"rewards\['rate'\] is nan, must be a finite number"):
-        made(rewards={"rate": np.nan})
-    with pytest.raises(ValueError, match=r"Hopper has no method `rewards`"):
-        gymnasium.make_vec("stepper/Hopper-v5", num_envs=1, rewards={"rate": 1.0})
+    raises(ValueError, r"rewards has 'rats', which is no term of the reward of Robot; did you mean rate\?", made, rewards={"rats": 1.0})
+    raises(ValueError, r"rewards\['rate'\] is nan, must be a finite number", made, rewards={"rate": np.nan})
+    raises(ValueError, r"Hopper has no method `rewards`", gymnasium.make_vec, "stepper/Hopper-v5", num_envs=1, rewards={"rate": 1.0})
 
 
 def test_parameters_are_drawn_when_their_event_says():
@@ -183,12 +185,6 @@ def test_pushes_change_velocities_in_the_world_at_their_times():
         other.reset(seed=0), other.step(np.zeros((1, 2)))
 
 
-CART = """<mujoco><worldbody><body name="cart" quat=".7071067811865476 0 0 .7071067811865476"><joint name="x" type="slide" axis="1 0 0"/>
-  <geom size=".1" mass="1"/><body name="pole"><joint name="hinge" axis="0 1 0"/>
-  <geom type="capsule" size=".02" fromto="0 0 0 0 0 .5" mass=".1"/>
-  </body></body></worldbody><actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
-
-
 @dataclass(frozen=True, kw_only=True)
 class CartPole(Task):
     """Balance a pole on a cart of random mass, which is pushed."""
@@ -244,12 +240,10 @@ def test_commands_are_those_of_the_observation_that_the_action_follows():
     for _ in range(20):
         shown = observation[:, columns]
         observation = envs.step(np.zeros((30, 2)))[0]
-        same = np.isclose(seen[-1][:, :2], shown[:, :2])
-        assert same.all()
+        assert np.isclose(seen[-1][:, :2], shown[:, :2]).all()
         changes += (observation[:, 10] != shown[:, 0]).sum()
     assert changes > 30 * 20 * 0.02 / 0.11
-    stands = (np.abs(observation[:, columns]) == 0.0).all(axis=1)
-    assert 0 < stands.sum() < 20
+    assert 0 < (np.abs(observation[:, columns]) == 0.0).all(axis=1).sum() < 20
 
 
 def test_a_turning_command_turns_to_its_heading():
@@ -339,8 +333,7 @@ def test_wrong_parts_are_errors(given, error, message):
     (lambda: Servo(bound=0.0), ValueError, "bound of Servo is 0.0"),
 ])  # fmt: skip
 def test_wrong_arguments_are_errors(make, error, message):
-    with pytest.raises(error, match=message):
-        make()
+    raises(error, message, make)
 
 
 def test_an_observation_is_scaled_after_it_is_clipped():
@@ -352,8 +345,7 @@ def test_an_observation_is_scaled_after_it_is_clipped():
     observation = envs.reset(seed=0)[0]
     np.testing.assert_array_equal(observation[:, :9], 0.5 * envs.sim.qpos)
     np.testing.assert_allclose(observation[:, 9:], 10.0 * np.clip(envs.sim.qpos, -0.1, 0.3))
-    with pytest.raises(ValueError, match="scale of Observation 'qpos' is nan"):
-        Observation("qpos", scale=np.nan)
+    raises(ValueError, "scale of Observation 'qpos' is nan", Observation, "qpos", scale=np.nan)
 
 
 def test_a_function_at_the_start_gets_seeded_environments_alone():
@@ -390,8 +382,7 @@ def test_a_command_of_a_user_is_drawn_and_computed():
     above = envs.now.command("height")[:, 0] + envs.sim.qpos[:, 2]
     assert ((above >= 0.2) & (above <= 0.3)).all()
     assert len(set(above)) == 5
-    with pytest.raises(KeyError, match="commands has no 'hight', it has twist, height"):
-        envs.now.command("hight")
+    raises(KeyError, "commands has no 'hight', it has twist, height", envs.now.command, "hight")
 
 
 def test_an_episode_lasts_its_seconds():

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from checks import raises
+from hypothesis import given, settings, strategies as st
 from stepper.envs import Reset, Rng, terrain
 from stepper.envs.terrain import Terrain, TerrainCurriculum
 from stepper.sensors import HeightField
@@ -27,6 +27,9 @@ LINE = np.linspace(-4.0, 4.0, 81)
 
 kinds = st.sampled_from(sorted(KINDS))
 difficulties = st.floats(0.0, 1.0)
+GROUND = Terrain(sub_terrains={"flat": terrain.Flat(proportion=3.0), "rough": terrain.RandomRough()}, num_rows=4, border_width=1.0)
+
+BALL = stepper.Stepper(stepper.load('<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'))
 
 
 def scene(ground):
@@ -154,13 +157,7 @@ def levels_of(**given):
     (levels_of, {"spread": "near"}, "spread is 'near', must be a number"),
 ])  # fmt: skip
 def test_wrong_arguments_are_errors(kind, given, said):
-    with pytest.raises((TypeError, ValueError), match=said):
-        kind(**given)
-
-
-GROUND = Terrain(sub_terrains={"flat": terrain.Flat(proportion=3.0), "rough": terrain.RandomRough()}, num_rows=4, border_width=1.0)
-
-BALL = stepper.Stepper(stepper.load('<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'))
+    raises((TypeError, ValueError), said, kind, **given)
 
 
 def begin(levels, state, streams, envs):
@@ -242,7 +239,6 @@ def test_terrains_are_equal_if_their_ground_is():
 
 def test_wrong_kinds_of_terrain_are_errors_that_name_them():
     for kinds in ([terrain.Flat()], {"flat": terrain.Flat}, {"flat": "flat"}):
-        with pytest.raises(TypeError, match=r"sub_terrains is .* must be a mapping from names to kinds"):
-            terrain.Terrain(sub_terrains=kinds)
+        raises(TypeError, r"sub_terrains is .* must be a mapping from names to kinds", terrain.Terrain, sub_terrains=kinds)
     with pytest.raises(ValueError, match=r"heights of sub_terrain 'plateau' \(Plateau\) in row 0 .* must be 81 x 81 numbers"):
         _ = terrain.Terrain(sub_terrains={"plateau": Plateau(np.nan)}).elevation

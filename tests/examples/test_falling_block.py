@@ -5,6 +5,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from falling_block import FallingBlock, FallingBlocks
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
@@ -13,8 +14,7 @@ N = 5
 
 
 def test_gymnasiums_checker_accepts_it():
-    env = gymnasium.make("examples/FallingBlock-v0", disable_env_checker=True)
-    check_env(env.unwrapped, skip_render_check=True)
+    check_env(gymnasium.make("examples/FallingBlock-v0", disable_env_checker=True).unwrapped, skip_render_check=True)
 
 
 def test_it_is_the_textbooks_recursion_with_the_restitution_drawn():
@@ -80,8 +80,7 @@ def test_many_blocks_bounce_as_single_ones_of_their_restitution():
 
 
 def test_every_episode_of_every_block_has_its_own_restitution():
-    env = FallingBlocks(2000, autoreset_mode=AutoresetMode.SAME_STEP)
-    rows = episode(env, seed=1)
+    rows = episode(FallingBlocks(2000, autoreset_mode=AutoresetMode.SAME_STEP), seed=1)
     first, second = rows[0][3]["restitution"], rows[50][3]["restitution"]
     for drawn in (first, second):
         assert 0.1 <= drawn.min() < 0.11
@@ -118,19 +117,16 @@ def test_the_same_step_resets_and_hands_over_the_last_observation():
 def test_without_autoreset_a_mask_says_which():
     env = FallingBlocks(N, autoreset_mode=AutoresetMode.DISABLED)
     last = episode(env)[50]
-    with pytest.raises(gymnasium.error.ResetNeeded, match="0, 1, 2, 3, 4"):
-        env.step(np.zeros((N, 1)))
+    raises(gymnasium.error.ResetNeeded, "0, 1, 2, 3, 4", env.step, np.zeros((N, 1)))
     mask = np.arange(N) < 3
     observation, info = env.reset(options={"reset_mask": mask})
     np.testing.assert_array_equal(observation[~mask], last[0][~mask])
     np.testing.assert_array_equal(observation[mask], np.tile([0.20, -0.10], (3, 1)))
     np.testing.assert_array_equal(info["_restitution"], mask)
-    with pytest.raises(gymnasium.error.ResetNeeded, match="3, 4"):
-        env.step(np.zeros((N, 1)))
+    raises(gymnasium.error.ResetNeeded, "3, 4", env.step, np.zeros((N, 1)))
     env.reset(options={"reset_mask": ~mask})
     env.step(np.zeros((N, 1)))
-    with pytest.raises(ValueError, match="reset_mask has shape"):
-        env.reset(options={"reset_mask": np.ones(2, dtype=bool)})
+    raises(ValueError, "reset_mask has shape", env.reset, options={"reset_mask": np.ones(2, dtype=bool)})
 
 
 def test_blocks_at_different_moments_of_their_episodes_are_reset_alone():

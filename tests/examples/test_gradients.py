@@ -5,6 +5,7 @@ import dataclasses
 
 import gymnasium
 import pytest
+from checks import raises
 from envs.cases import needs_gymnasiums
 from gymnasium.vector import AutoresetMode
 
@@ -51,21 +52,17 @@ def test_the_gradient_is_that_of_what_the_simulation_does(env):
 def test_functions_that_are_not_the_tasks_are_refused():
     right = shac.TASKS["stepper/Swimmer-v5"]
     wrong = dataclasses.replace(right, reward=lambda *given: 2.0 * right.reward(*given))
-    with pytest.raises(ValueError, match="the reward in PyTorch differs"):
-        learner_of("stepper/Swimmer-v5", wrong).update()
+    raises(ValueError, "the reward in PyTorch differs", lambda: learner_of("stepper/Swimmer-v5", wrong).update())
 
 
 def test_horizons_that_do_not_fit_and_models_with_quaternions_are_refused():
-    with pytest.raises(ValueError, match="no multiple of the horizon 7"):
-        learner_of("stepper/Swimmer-v5", horizon=7)
-    with pytest.raises(ValueError, match="without quaternions"):
-        learner_of("stepper/Ant-v5", shac.TASKS["stepper/Swimmer-v5"])
+    raises(ValueError, "no multiple of the horizon 7", learner_of, "stepper/Swimmer-v5", horizon=7)
+    raises(ValueError, "without quaternions", learner_of, "stepper/Ant-v5", shac.TASKS["stepper/Swimmer-v5"])
 
 
 def test_a_run_writes_its_curve_and_its_policy(tmp_path):
     learner = shac.train("stepper/Swimmer-v5", 0.02, shac.Plan(num_envs=4, horizon=20), tmp_path, quiet=True)
-    rows = (tmp_path / "curve.csv").read_text().splitlines()
-    assert len(rows) == learner.updates + 1
+    assert len((tmp_path / "curve.csv").read_text().splitlines()) == learner.updates + 1
     assert (tmp_path / "policy.npz").exists()
 
 

@@ -86,8 +86,7 @@ def test_what_decides_where_a_pushed_box_stops(tmp_path):
     # Mass and height have no part in v t + v^2 / (2 mu g); 2 mm are the camera's noise and looks every 20 ms at 0.3 m/s.
     for name in ("mass", "height"):
         assert np.ptp(mean[name]) < 2e-3
-    delays = study.parameters["camera delay"].levels()
-    slope = np.polyfit(delays, mean["camera delay"], 1)[0]
+    slope = np.polyfit(study.parameters["camera delay"].levels(), mean["camera delay"], 1)[0]
     assert slope == pytest.approx(0.3, rel=0.1)
     slides = [0.3**2 / (2 * mu * 9.81) for mu in study.parameters["friction"].levels()]
     assert mean["friction"][0] - mean["friction"][-1] == pytest.approx(slides[0] - slides[-1], abs=3e-3)

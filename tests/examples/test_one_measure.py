@@ -8,15 +8,6 @@ from stepper.lab.study.batches import begin, world_of
 from stepper.lab.study.worlds import World
 
 pytest.importorskip("gymnasium")
-
-
-def test_one_function_is_a_reward_an_observation_and_an_outcome():
-    found = one_measure.measured()
-    assert set(found.values()) == {found["stepper"]}
-    # It moves: the hand begins sqrt(0.4^2 + 0.4^2) = 0.566 m from the target.
-    assert 0.3 < found["stepper"] < 0.565
-
-
 READINGS = {
     "qpos": lambda now: now.qpos,
     "qvel": lambda now: now.qvel,
@@ -28,6 +19,13 @@ READINGS = {
     "energy": lambda now: np.stack(now.energy(), axis=-1),
     "model": lambda now: np.full(now.num_envs, now.model.nv * now.timestep),
 }
+
+
+def test_one_function_is_a_reward_an_observation_and_an_outcome():
+    found = one_measure.measured()
+    assert set(found.values()) == {found["stepper"]}
+    # It moves: the hand begins sqrt(0.4^2 + 0.4^2) = 0.566 m from the target.
+    assert 0.3 < found["stepper"] < 0.565
 
 
 @pytest.mark.parametrize("name", READINGS)
@@ -85,8 +83,7 @@ def test_contacts_of_mujoco_have_the_columns_of_a_stepper():
 
 @pytest.mark.parametrize(("name", "hint"), [("xpso", "did you mean xpos"), ("reset", "has no attribute 'reset'")])
 def test_a_world_is_for_reading(name, hint):
-    study = stepper.lab.Study(model=one_measure.SCENE)
-    world = world_of(study, "stepper", [{}])
+    world = world_of(stepper.lab.Study(model=one_measure.SCENE), "stepper", [{}])
     with pytest.raises(AttributeError) as error:
         getattr(world, name)
     assert hint in str(error.value)

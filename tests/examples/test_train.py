@@ -8,12 +8,12 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from checks import raises
 from envs.cases import needs_gymnasiums
 from stepper.policies import load, make
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
-from stepper.policies import ppo as train  # noqa: E402
-from stepper.policies import ppo_settings  # noqa: E402
+from stepper.policies import ppo as train, ppo_settings  # noqa: E402
 
 SMALL = {"num_envs": 32, "horizon": 16, "minibatch": 256, "threads": 1, "hidden": (16, 16)}
 PER_ITERATION = 32 * 16
@@ -121,15 +121,13 @@ def test_a_task_has_settings_of_its_own_and_options_go_before_them(monkeypatch):
     ({"minibatch": 0}, "minibatch is 0"),
 ])  # fmt: skip
 def test_settings_that_learn_nothing_are_named(settings, message):
-    with pytest.raises(ValueError, match=message):
-        train.Settings(**settings)
+    raises(ValueError, message, train.Settings, **settings)
 
 
 @needs_gymnasiums
 def test_it_trains_in_gymnasiums_own_environment_too(tmp_path):
     settings = train.Settings(env="InvertedPendulum-v5", steps=8 * PER_ITERATION, **SMALL)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         run = train.train(settings, tmp_path, quiet=True)
     assert run.episodes > 0
     assert run.policy().environment["engine"] == "MuJoCo"
@@ -163,7 +161,7 @@ def test_it_learns(tmp_path):
 
 def test_the_critic_sees_its_group_and_the_policy_the_other(tmp_path):
     """A run with an asymmetric critic continues to the same curve, and its policy acts on the group "policy" alone."""
-    from envs.test_observation_groups import Grouped
+    from envs.test_hooks import Grouped
 
     gymnasium.register(
         "test/Grouped-v0", vector_entry_point="stepper.envs:StepperVectorEnv", kwargs={"task": Grouped}, max_episode_steps=20
@@ -175,8 +173,7 @@ def test_the_critic_sees_its_group_and_the_policy_the_other(tmp_path):
     assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
     assert (whole.net.actor[0].in_features, whole.net.critic[0].in_features) == (8, 9)
     assert not np.array_equal(whole.observed["critic"].mean[:8], whole.observed["policy"].mean)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         policy = load(tmp_path / "whole/policy.npz", env=make("test/Grouped-v0", 2, precision="f32"))
     assert policy(np.zeros((2, 8))).shape == (2, 1)
     np.testing.assert_array_equal(parts.policy()(np.ones(8)), policy(np.ones(8)))
@@ -197,5 +194,4 @@ def test_layers_activation_and_deviation_are_settings():
     assert [layer.out_features for layer in net.actor if isinstance(layer, torch.nn.Linear)] == [32, 16, 8, 2]
     assert isinstance(net.actor[1], torch.nn.ELU)
     np.testing.assert_allclose(torch.exp(net.log_std).detach(), [0.5, 0.25], rtol=1e-6)  # rounding of 32 bits
-    with pytest.raises(ValueError, match="activation is 'gelu', must be one of tanh, elu, relu"):
-        train.Settings(activation="gelu")
+    raises(ValueError, "activation is 'gelu', must be one of tanh, elu, relu", train.Settings, activation="gelu")

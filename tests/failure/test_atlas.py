@@ -5,20 +5,27 @@ benches/atlas/known.py. `make atlas` runs the long sweep, and other engines.
 """
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 from atlas import scenes
 from atlas.engines import Stepper, stepper_engines
-from atlas.known import Bound, Divergence, Slope, failure
+from atlas.known import KNOWN, Bound, Divergence, Slope, failure
 from atlas.run import FAILS, run
 from atlas.scene import Scene
 from atlas.world import NOT_FINITE
-from known_failures import check_error, known_failure
+from known_failures import KnownFailureError, check_error, known_failure
 from numerics import slope
 
 DEFAULT, *OTHERS = [engine for engine in stepper_engines() if engine.precision == "f64"]
 USUAL = 2e-3
 """Time step of a setting other than the default, or the next one of the scene, s."""
+LONG = {"14": ("stepper baumgarte", "stepper newton"), "S3": ("stepper euler", "stepper newton")}
+"""Settings that run for scenes whose runs take seconds, by number: the others have the same contact law and solver."""
+IN_LAWS = {"1", "2", "3", "8", "10", "11"}
+"""Scenes whose closed forms tests/laws and tests/reference check to rounding."""
+TESTS = Path(__file__).parents[1]
 
 
 def _case(scene: Scene, engine: Stepper, dt: float):
@@ -35,12 +42,6 @@ def _steps(scene: Scene, engine: Stepper) -> list[float]:
     nearest = sorted(scene.test_dts, key=lambda dt: abs(dt - USUAL))
     holding = [dt for dt in nearest if failure(scene.title, engine.name, dt) is None]
     return list(dict.fromkeys([*nearest[:1], *holding[:1]]))
-
-
-LONG = {"14": ("stepper baumgarte", "stepper newton"), "S3": ("stepper euler", "stepper newton")}
-"""Settings that run for scenes whose runs take seconds, by number: the others have the same contact law and solver."""
-IN_LAWS = {"1", "2", "3", "8", "10", "11"}
-"""Scenes whose closed forms tests/laws and tests/reference check to rounding."""
 
 
 def _cases() -> list:
@@ -75,3 +76,41 @@ def check_slope(scene: Scene, engine: Stepper, known: Slope) -> None:
     assert [row.outcome for row in rows] == [FAILS] * len(rows), "the setting holds: benches/atlas/known.py says that it fails"
     errors = [row.error for row in rows]
     assert slope(known.dts, errors) == pytest.approx(known.power, abs=known.margin), (known.dts, errors)
+
+
+def test_an_error_within_the_tolerance_passes():
+    check_error(1.0, 1.0, 10.0, "")
+
+
+@pytest.mark.parametrize("error", [1.1, 10.0])
+def test_an_error_within_the_bound_is_a_known_failure(error):
+    with pytest.raises(KnownFailureError, match="a message"):
+        check_error(error, 1.0, 10.0, "a message")
+
+
+@pytest.mark.parametrize(("error", "bound"), [(10.1, 10.0), (math.inf, 10.0), (math.nan, 10.0), (1.1, None), (math.nan, None)])
+def test_any_other_error_fails(error, bound):
+    with pytest.raises(AssertionError) as found:
+        check_error(error, 1.0, bound, "")
+    assert not isinstance(found.value, KnownFailureError)
+
+
+@known_failure("an error between tolerance and bound")
+def test_the_mark_expects_a_known_failure():
+    check_error(2.0, 1.0, 3.0, "")
+
+
+def test_all_expected_failures_have_a_bound():
+    """No test marks itself, because such a mark would expect any exception."""
+    own = re.compile(r"mark\.xfail\b|pytest\.xfail\b")
+    files = [file.name for file in TESTS.rglob("*.py") if own.search(file.read_text())]
+    assert files == ["known_failures.py"]
+
+
+def test_bounds_are_finite():
+    steps = {dt for scene in scenes.ALL for dt in scene.test_dts}
+    for known in KNOWN:
+        if isinstance(known.size, Bound):
+            low, high = known.dts
+            assert all(math.isfinite(known.size.largest(dt)) for dt in steps if low <= dt <= high), known.reason
+            assert known.size.because

@@ -13,6 +13,8 @@ Random = np.random.Generator
 
 DOCUMENTED = (ValueError, TypeError, IndexError, KeyError, MemoryError, OSError)
 """What a call may raise for its arguments."""
+EXPECTED = ("recorded", "cannot be started", "cannot be assigned", "has no attribute", "must be a stepper.")
+"""Words of the other errors that misuse leads to: a rollout of a recorded stepper, threads refused, attributes that nothing has."""
 
 
 def nonsense(rng: Random, sim: stepper.Stepper) -> Any:
@@ -92,10 +94,6 @@ def _unaligned(numbers: Any) -> Any:
     found = raw[1 : 1 + numbers.nbytes].view("f8").reshape(numbers.shape)
     found[...] = numbers
     return found
-
-
-EXPECTED = ("recorded", "cannot be started", "cannot be assigned", "has no attribute", "must be a stepper.")
-"""Words of the other errors that misuse leads to: a rollout of a recorded stepper, threads refused, attributes that nothing has."""
 
 
 class Attempts:

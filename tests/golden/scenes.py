@@ -8,6 +8,7 @@ import numpy as np
 import stepper
 from equalities import KINDS, LINKAGE
 from meadow import MEADOW
+from models import mjcf
 
 ROCK = "0 0 -.1  .1 .02 0  -.09 .01 .01  .01 .11 .02  0 -.1 -.02  .02 .01 .12"
 SHARD = "0 0 0  .16 0 0  0 .15 0  .03 .02 .14"
@@ -219,44 +220,10 @@ BELTS = document(
 )
 """Surfaces that move and bodies on them: a conveyor, a turntable of a surface velocity, and one that the user turns."""
 
-TENDONS = """<mujoco><option timestep=".002"/><default><geom contype="0" conaffinity="0" density="500"/></default><worldbody>
-  <body pos="0 0 1"><joint name="a" axis="0 1 0" frictionloss=".2" range="-60 50"/><geom type="capsule" size=".03" fromto="0 0 0 .3 0 0"/>
-    <body pos=".3 0 0"><joint name="b" axis="0 0 1" damping=".02"/><geom type="capsule" size=".03" fromto="0 0 0 .2 0 0"/></body>
-    <body pos="0 .1 0"><joint name="c" type="slide" axis="0 1 1" stiffness="40" frictionloss=".5"/>
-      <geom type="box" size=".1 .05 .03"/></body>
-  </body>
-  <body pos="0 0 2"><joint name="d" axis="1 0 0" armature=".01"/><geom type="capsule" size=".03" fromto="0 0 0 0 0 .2"/>
-    <body pos="0 0 .2"><joint name="e" type="ball" range="0 40" frictionloss=".01"/><geom type="capsule" size=".03" fromto="0 0 0 0 0 .2"/>
-  </body></body></worldbody>
-  <tendon>
-    <fixed name="spring" stiffness="30" springlength="-.1 .2" damping="1" armature=".05"><joint joint="a" coef="1.5"/>
-      <joint joint="b" coef="-.7"/></fixed>
-    <fixed name="limit" range="-.3 .4"><joint joint="a" coef="1"/><joint joint="d" coef=".4"/></fixed>
-    <fixed name="dry" frictionloss=".3"><joint joint="b" coef="1"/><joint joint="c" coef="2"/><joint joint="d" coef="-1"/></fixed>
-  </tendon>
-  <actuator><motor tendon="spring" gear="2"/><position joint="d" kp="20" kv="1" forcerange="-2 2"/></actuator>
-  <sensor><tendonpos tendon="limit"/><tendonvel tendon="dry"/><tendonlimitfrc tendon="limit"/><tendonactuatorfrc tendon="spring"/>
-    <tendonlimitpos tendon="limit"/><tendonlimitvel tendon="limit"/><e_potential/><e_kinetic/></sensor>
-</mujoco>"""
+TENDONS = mjcf("tendons")
 """Springs, dampers, inertia, limits and dry friction of joints and of tendons, within a tree and between two."""
 
-ARM = """<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="2 2 1"/>
-  <body pos="0 0 .6"><joint name="shoulder" axis="0 1 0" range="-100 100" armature=".01"/>
-    <geom type="capsule" size=".04" fromto="0 0 0 .3 0 0"/>
-    <body name="forearm" pos=".3 0 0"><joint name="elbow" axis="0 1 0" range="-130 130" actuatorfrcrange="-15 15"/>
-      <geom type="capsule" size=".03" fromto="0 0 0 .25 0 0"/>
-      <body pos=".25 0 0"><joint name="wrist" axis="1 0 0" damping=".05"/><geom name="hand" type="box" size=".05 .08 .02"/>
-        <site name="tip" size=".1"/>
-      </body></body></body>
-  <body name="ball" pos=".5 0 .1"><freejoint/><geom name="ball" size=".1" mass=".5"/><site name="ball"/></body></worldbody>
-  <contact><pair geom1="hand" geom2="ball" condim="6" friction="1 1 .02 .005 .005" margin=".005"/>
-    <exclude body1="forearm" body2="ball"/></contact>
-  <actuator><motor name="shoulder" joint="shoulder" gear="20" ctrlrange="-2 2"/><motor name="elbow" joint="elbow" gear="8"/>
-    <position name="wrist" joint="wrist" kp="2000" kv="10" forcerange="-1 1"/></actuator>
-  <sensor><jointpos name="shoulder" joint="shoulder"/><jointvel name="elbow" joint="elbow"/><actuatorfrc name="motor" actuator="shoulder"/>
-    <gyro name="gyro" site="tip"/><accelerometer name="accelerometer" site="tip"/><force name="force" site="tip"/>
-    <torque name="torque" site="tip"/><touch name="touch" site="tip"/><framequat name="pose" objtype="body" objname="ball"/>
-    <rangefinder name="range" site="ball"/></sensor></mujoco>"""
+ARM = mjcf("driven_arm")
 """An arm with motors, a servo at the bounds of its force, and sensors of all kinds of readings; it meets a ball and the floor."""
 
 SPINNING = document(

@@ -162,11 +162,9 @@ def demand_of(distance: float, h: float, options) -> float:
 
 
 def curve(model: mujoco.MjModel, data: mujoco.MjData, contact: np.ndarray) -> np.ndarray:
-    """Rate of the relative velocity of two free balls at the place where they touch, as they move on without forces, m/s^2.
-
-    u = v_b - v_a + omega_b x (p - x_b) - omega_a x (p - x_a), with constant v and omega. The place p shares the distance of the centres
-    as the radii do, and follows b along the normal.
-    """
+    """Rate of the relative velocity of two free balls at the place where they touch, as they move on without forces, m/s^2."""
+    # u = v_b - v_a + omega_b x (p - x_b) - omega_a x (p - x_a), with constant v and omega. The place p shares the distance of the centres
+    # as the radii do, and follows b along the normal.
     radii, centres, v, omega = [], [], [], []
     for geom, body in zip(contact["geom"], contact["body"], strict=True):
         assert model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE

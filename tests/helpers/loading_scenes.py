@@ -1,6 +1,7 @@
 """Scenes for the tests of loading: small URDFs and meshes."""
 
 INERTIAL = '<inertial><mass value="{mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 
 
 def sphere(radius: float, x: float = 0.0) -> str:
@@ -17,9 +18,6 @@ def joint(name: str, parent: str, child: str, *, kind: str = "revolute", x: floa
     """A joint about z."""
     ends = f'<parent link="{parent}"/><child link="{child}"/>'
     return f'<joint name="{name}" type="{kind}"><origin xyz="{x} 0 0"/>{ends}<axis xyz="0 0 1"/>{more}</joint>'
-
-
-LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 
 
 def robot(*parts: str) -> str:

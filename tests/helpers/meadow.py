@@ -1,48 +1,9 @@
 """A scene with shapes, joints, actuators and sensors of many kinds, and parameters that its environments may have of their own."""
 
 import numpy as np
+from models import mjcf
 
-MEADOW = """
-<mujoco model="meadow">
-  <option timestep="0.004" density="1.2" viscosity="1e-3"/>
-  <default><geom condim="4" friction="0.8 0.01 0.001"/></default>
-  <worldbody>
-    <geom name="floor" type="plane" size="5 5 1"/>
-    <geom name="step" type="box" size="0.3 0.3 0.05" pos="0.5 0 0.05"/>
-    <body name="ball" pos="0 0 0.3"><freejoint/><geom name="ball" size="0.1"/><site name="ball"/></body>
-    <body name="box" pos="0.5 0 0.4" euler="20 10 0"><freejoint/>
-      <geom name="box" type="box" size="0.1 0.15 0.08" condim="6"/></body>
-    <body name="box_on_box" pos="0.5 0.05 0.7"><freejoint/><geom type="box" size="0.08 0.08 0.08" condim="1"/></body>
-    <body name="pill" pos="0.3 -0.4 0.4" euler="0 70 0"><freejoint/><geom name="pill" type="capsule" size="0.06 0.1"/></body>
-    <body name="tin" pos="-0.4 0.4 0.4" euler="30 0 0"><freejoint/><geom type="cylinder" size="0.08 0.1"/></body>
-    <body name="egg" pos="-0.4 -0.4 0.4"><freejoint/><geom type="ellipsoid" size="0.08 0.1 0.12"/></body>
-    <body name="arm" pos="-1 0 0.8">
-      <joint name="shoulder" axis="0 1 0" range="-60 60" stiffness="3" damping="0.2" armature="0.01" frictionloss="0.1"/>
-      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.04"/>
-      <body name="forearm" pos="0.4 0 0" gravcomp="0.5">
-        <joint name="elbow" axis="0 1 0" range="-120 120" damping="0.1" armature="0.02" frictionloss="0.05" stiffness="-0.1"/>
-        <geom name="forearm" type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>
-        <body pos="0.3 0 0"><geom name="fist" type="box" size="0.04 0.05 0.06" density="2000"/><site name="hand" size="0.1"/></body>
-      </body>
-    </body>
-    <body name="bob" pos="1.5 0 1">
-      <joint name="socket" type="ball" range="0 40" damping="0.02" stiffness="1" armature="0.001"/>
-      <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.03"/>
-    </body>
-  </worldbody>
-  <actuator>
-    <position name="servo" joint="shoulder" kp="30" kv="1" ctrlrange="-1 1" forcerange="-6 6"/>
-    <motor name="motor" joint="elbow" gear="2" ctrlrange="-1 1"/>
-  </actuator>
-  <sensor>
-    <subtreecom body="arm"/><subtreelinvel body="arm"/><subtreeangmom body="arm"/>
-    <framepos objtype="body" objname="forearm"/><framelinacc objtype="geom" objname="fist"/>
-    <force site="hand"/><torque site="hand"/><accelerometer site="ball"/><jointlimitpos joint="elbow"/><jointlimitvel joint="shoulder"/>
-    <jointlimitfrc joint="shoulder"/><actuatorfrc actuator="servo"/><e_potential/><e_kinetic/>
-    <distance geom1="ball" geom2="pill" cutoff="9"/><rangefinder site="hand"/><touch site="hand"/>
-  </sensor>
-</mujoco>
-"""
+MEADOW = mjcf("meadow")
 
 
 def scaled(values, n, rng, low, high):

@@ -1,6 +1,7 @@
-"""Robots that others wrote, random states of them, and their MuJoCo counterparts."""
+"""Robots that others wrote, random states of them, and their MuJoCo counterparts; scenes of tests, which are files in tests/scenes."""
 
 import functools
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -9,33 +10,6 @@ import numpy as np
 import stepper
 
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
-
-
-def _package(name: str) -> Path:
-    return Path(find_spec(name).submodule_search_locations[0])
-
-
-def _sources() -> dict[str, Path]:
-    folders = {"gymnasium": _package("gymnasium") / "envs/mujoco/assets", "dm_control": _package("dm_control") / "suite"}
-    return {f"{package}/{file.stem}": file for package, folder in folders.items() for file in sorted(folder.glob("*.xml"))}
-
-
-SOURCES = _sources()
-"""Every MJCF of gymnasium and of the dm_control suite, as "package/name"."""
-
-
-@functools.cache
-def mujoco_model(name: str) -> mujoco.MjModel:
-    """The compiled model of a source; shared, so not to be written to."""
-    return mujoco.MjModel.from_xml_path(str(SOURCES[name]))
-
-
-@functools.cache
-def stepper_model(name: str, *, strict: bool = True) -> stepper.Model:
-    """The same in stepper."""
-    return stepper.load(str(SOURCES[name]), strict=strict)
-
-
 STATE = [
     "qpos",
     "qvel",
@@ -54,11 +28,58 @@ STATE = [
 """What a `Stepper` says of where it is and of its last call."""
 
 
-def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None = None, *, precision: str = "f64", **options):
-    """A `Stepper` of a model, a compiled MuJoCo model or MJCF text, with the fields of `Options` as keywords."""
+def _package(name: str) -> Path:
+    return Path(find_spec(name).submodule_search_locations[0])
+
+
+def _sources() -> dict[str, Path]:
+    folders = {"gymnasium": _package("gymnasium") / "envs/mujoco/assets", "dm_control": _package("dm_control") / "suite"}
+    return {f"{package}/{file.stem}": file for package, folder in folders.items() for file in sorted(folder.glob("*.xml"))}
+
+
+SOURCES = _sources()
+"""Every MJCF of gymnasium and of the dm_control suite, as "package/name"."""
+
+
+def mjcf(name: str) -> str:
+    """Text of a scene."""
+    return (Path(__file__).parents[1] / "scenes" / f"{name}.xml").read_text(encoding="utf-8")
+
+
+@functools.cache
+def mujoco_model(name: str) -> mujoco.MjModel:
+    """The compiled model of a source; shared, so not to be written to."""
+    return mujoco.MjModel.from_xml_path(str(SOURCES[name]))
+
+
+@functools.cache
+def stepper_model(name: str, *, strict: bool = True) -> stepper.Model:
+    """The same in stepper."""
+    return stepper.load(str(SOURCES[name]), strict=strict)
+
+
+def simulate(
+    model: stepper.Model | mujoco.MjModel | str, num_envs: int | None = None, *, precision="f64", qpos=None, qvel=None, steps=0, **settings
+):
+    """Stepper of a model, a compiled MuJoCo model or MJCF text, `steps` steps after a state; `settings`: fields of `Options`, threads."""
     if not isinstance(model, stepper.Model):
         model = stepper.load(model)
-    return stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision)
+    options = {name: settings.pop(name) for name in set(settings) - {"threads", "seed", "sensors", "actuators"}}
+    sim = stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision, **settings)
+    if qpos is not None or qvel is not None:
+        sim.set_state(qpos, qvel)
+    if steps:
+        sim.step(nstep=steps)
+    return sim
+
+
+def samples(sim: stepper.Stepper, steps: int, read: Callable, ctrl=None) -> np.ndarray:
+    """What `read` returns after each of `steps` steps."""
+    rows = []
+    for _ in range(steps):
+        sim.step(ctrl)
+        rows.append(read())
+    return np.array(rows)
 
 
 def flags_of(sim: stepper.Stepper, steps: int) -> stepper.Status:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import stepper
-from meshes import cuboid, vertices
+from geometry import cuboid, vertices
 
 ROUNDING = {"f64": 1e-9, "f32": 1e-5}
 """Rounding error of a velocity after some hundred steps, relative to the speed."""
@@ -55,10 +55,8 @@ OBSTACLES = {
 
 
 def fly(sim: stepper.Stepper, v: list[float], distance: float) -> float:
-    """Let free bodies fly for a distance in m. Return the largest change of their velocity, relative to its largest speed and spin.
-
-    Spins below 1 rad/s count as 1 rad/s.
-    """
+    """Let free bodies fly for a distance in m. Return the largest change of their velocity, relative to its largest speed and spin."""
+    # Spins below 1 rad/s count as 1 rad/s.
     sim.set_state(qvel=v)
     linear, angular = (np.reshape(v, (-1, 2, 3))[:, k] for k in (0, 1))
     speed, spin, largest_change = np.abs(linear).max(), max(np.abs(angular).max(), 1.0), 0.0

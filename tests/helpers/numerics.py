@@ -1,9 +1,16 @@
-"""Measures of error, orders of convergence, and trajectories by a method that shares nothing with the engine."""
+"""Measures of error, orders of convergence, trajectories by a method that shares nothing with the engine, and derivatives side by side."""
+
+from collections.abc import Mapping
+from functools import cache
 
 import mujoco
 import numpy as np
-from models import BALL, FREE, simulate
+import stepper
+from models import BALL, FREE, simulate, stepper_model
 from scipy.integrate import solve_ivp
+
+# Noise of a central difference: rounding of numbers of order 1 to 10 over the step of 1e-6.
+NOISE = 1e-8
 
 
 def relative_error(found, expected) -> float:
@@ -67,3 +74,19 @@ def reference(model: mujoco.MjModel, qpos, qvel, seconds: float, ctrl=None) -> t
     start = np.concatenate([qpos, qvel])
     end = solve_ivp(lambda _, y: _rate(model, data, y), (0.0, seconds), start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
     return end[: model.nq], end[model.nq :]
+
+
+def joined(blocks: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Derivatives by the state and the controls, or what is known of these columns."""
+    return np.concatenate([blocks[name] for name in ("qpos", "qvel", "act", "ctrl")], axis=-1)
+
+
+@cache
+def touching(robot: str, **options) -> tuple[stepper.Stepper, np.ndarray]:
+    """Eight robots that fell onto the floor under random controls, and controls."""
+    model, rng = stepper_model(robot, strict=False), np.random.default_rng(0)
+    sim = stepper.Stepper(model, 8, options=stepper.Options(**options))
+    for _ in range(10):
+        sim.step(rng.uniform(-0.3, 0.3, (8, model.nu)), nstep=20)
+    assert sum(c["force"][0] > 0 for c in sim.contacts()) >= 4
+    return sim, rng.uniform(-0.3, 0.3, (8, model.nu))

@@ -69,10 +69,8 @@ def prepare(folder: Path) -> None:
 
 
 def run(page: Path, folder: Path) -> dict:
-    """Runs all blocks of a page in a folder that is the working directory; returns the names that they leave.
-
-    `names["printed"]` is the text that the python blocks printed.
-    """
+    """Runs all blocks of a page in a folder that is the working directory; returns the names that they leave."""
+    # `names["printed"]` is the text that the python blocks printed.
     names: dict = {"__name__": "page", "printed": ""}
     printed = ""
     for block in blocks(page.read_text()):

@@ -1,9 +1,12 @@
-"""A pendulum to record, and recordings changed by hand with valid checksums."""
+"""A pendulum to record, recordings changed by hand with valid checksums, and a limit of file sizes, which stands for a full disk."""
 
+import contextlib
 import io
 import json
+from collections.abc import Iterator
 
 import numpy as np
+import pytest
 from stepper.recording.format import FIRST_DIGEST, KINDS, ROWS, append_block, archive_of, find_blocks, read_header, write_header
 
 PENDULUM = """
@@ -48,3 +51,15 @@ def joined(folder):
                 steps.setdefault(name, []).extend(values)
         kinds += arrays["kind"].tolist()
     return {"kind": np.array(kinds, np.uint8), **{name: np.array(values) for name, values in steps.items()}, **others}
+
+
+@contextlib.contextmanager
+def disk_of(size: int) -> Iterator[None]:
+    """Make the operating system refuse to write more than `size` bytes to a file."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

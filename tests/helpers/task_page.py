@@ -43,6 +43,7 @@ UNITS = {
 }
 """Units of quantities of the stepper, but for those of single joints."""
 AXES = ("x", "y", "z")
+HEAD_OF = "## {}\n"
 
 
 def page() -> str:
@@ -57,14 +58,10 @@ def page() -> str:
     return "\n".join([HEAD, *("\n".join(parts) for parts in sections.values())])
 
 
-HEAD_OF = "## {}\n"
-
-
 def tables_of(name: str) -> str:
     """Tables of an environment's observations and actions."""
     arguments: dict[str, Any] = dict(gymnasium.spec(name).kwargs)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         env = StepperEnv(arguments.pop("task"), **arguments)
     observations = table("observation", observation_rows(env))
     actions = table("action", action_rows(env))

@@ -56,10 +56,8 @@ def install(wheel: Path, folder: Path) -> Path:
 
 
 def install_beside_tests(wheel: Path, folder: Path) -> Path:
-    """Makes a virtual environment of a wheel, in which the other packages of this one can be imported, too: returns its Python.
-
-    The wheel comes first, so that `stepper` is that of the wheel.
-    """
+    """Makes a virtual environment of a wheel, in which the other packages of this one can be imported, too: returns its Python."""
+    # The wheel comes first, so that `stepper` is that of the wheel.
     python = install(wheel, folder)
     (site,) = folder.glob("lib/python*/site-packages")
     (site / "others.pth").write_text(f"{sysconfig.get_path('purelib')}\n")

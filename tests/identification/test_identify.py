@@ -1,18 +1,23 @@
 """`stepper.sysid.identify`: right, sure, and not silent where data say nothing."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 import stepper
-from identification.repetitions import noisy
+from checks import raises
+from identification.repetitions import Kept, Row, noisy
 from identification.scenes import HARD, by_sensor, held, pushed
-from models import stepper_model
+from models import mjcf, stepper_model
+from sections import section_of
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import parse, places
 from stepper.sysid import parameters
 from stepper.sysid.residuals import Residuals
 from stepper.sysid.simulate import Simulator, solved
+
+ARM = mjcf("two_link_arm")
 
 
 def episode_of(model, ctrl, period, channels, options=HARD, **start):
@@ -57,10 +62,8 @@ def test_exact_data_give_exact_numbers_and_the_answer_can_be_used(tmp_path):
     assert abs(drawn.mean() / 0.35 - 1) < 1e-4
     assert drawn.std() > 0
     found.save(tmp_path / "found.json")
-    again = stepper.sysid.Identification.load(tmp_path / "found.json", found.model)
-    assert str(again) == str(found)
-    with pytest.raises(ValueError, match="of model"):
-        stepper.sysid.Identification.load(tmp_path / "found.json", estimate)
+    assert str(stepper.sysid.Identification.load(tmp_path / "found.json", found.model)) == str(found)
+    raises(ValueError, "of model", stepper.sysid.Identification.load, tmp_path / "found.json", estimate)
 
 
 def test_the_same_answer_for_any_number_of_threads():
@@ -96,8 +99,7 @@ def test_a_search_that_begins_where_friction_never_slides():
     soft = model.replace(actuator_gainprm=model.actuator_gainprm / 20, actuator_biasprm=model.actuator_biasprm / 20)
     truth = scene.model(1.3, 0.35)
     truth = truth.replace(actuator_gainprm=truth.actuator_gainprm / 20, actuator_biasprm=truth.actuator_biasprm / 20)
-    ctrl = np.linspace(0, 0.6, 60)[:, None]
-    episode = episode_of(truth, ctrl, 0.02, ("wrist_force", "box_x"))
+    episode = episode_of(truth, np.linspace(0, 0.6, 60)[:, None], 0.02, ("wrist_force", "box_x"))
     for starts in (1, 6):
         found = stepper.sysid.identify(
             soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(0.05, 10))], starts=starts
@@ -108,18 +110,6 @@ def test_a_search_that_begins_where_friction_never_slides():
     alone = stepper.sysid.identify(soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(2.0, 10))], starts=1)
     assert alone.values[0] == pytest.approx(5.0, rel=0.1)
     assert any("not determined" in text for text in alone.warnings)
-
-
-ARM = """<mujoco><option timestep=".002"/><worldbody><body name="upper"><joint name="shoulder" axis="0 1 0" damping=".4" armature=".02"/>
-  <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/>
-  <body name="fore" pos=".3 0 0"><joint name="elbow" axis="0 1 0" damping=".2" frictionloss=".1" stiffness="1.5"/>
-  <geom type="capsule" size=".025" fromto="0 0 0 .25 .02 0" mass=".6"/>
-  <body name="load" pos=".25 0 0"><joint name="roll" axis="1 0 0" damping=".05"/>
-  <inertial pos=".03 .01 -.02" mass=".5" diaginertia=".002 .003 .0025" quat=".9 .1 .2 .3"/><geom size=".02" mass="0"/>
-  <site name="s"/></body></body></body></worldbody>
-  <actuator><motor name="a" joint="shoulder" gear="12"/><position name="b" joint="elbow" kp="30" kv="1"/>
-  <motor name="c" joint="roll"/></actuator>
-  <sensor><force name="force" site="s"/><torque name="torque" site="s"/><jointpos name="q" joint="elbow"/></sensor></mujoco>"""
 
 
 def shaken(T=120):
@@ -172,8 +162,7 @@ def test_an_inertia_stays_physical_and_is_found():
     np.testing.assert_allclose([found[f"body_inertial[load].com.{axis}"] for axis in "xyz"], [0.02, 0.015, -0.01], atol=1e-4)
     # Ten numbers of a body are functions of all its parameters, so that their intervals are symmetric about the values.
     np.testing.assert_allclose(found.interval().mean(axis=1), found.values, rtol=1e-12, atol=1e-12)
-    with pytest.raises(ValueError, match=r"body_iquat.*result\.models"):
-        found.sample(4)
+    raises(ValueError, r"body_iquat.*result\.models", found.sample, 4)
     for drawn in found.models(4):
         a, b, c = np.sort(drawn.body("load").inertia)
         assert a > 0
@@ -265,8 +254,7 @@ def test_log_cholesky_gives_bodies():
     assert (ordered[:, 0] > 0).all()
     assert (ordered[:, 2] <= ordered[:, 0] + ordered[:, 1] + 1e-12 * ordered[:, 2]).all()
     np.testing.assert_allclose(np.linalg.det(axes), 1, rtol=1e-9)
-    quat = parameters.shape.quaternion(axes)
-    np.testing.assert_allclose(matrices(quat), axes, atol=1e-9)
+    np.testing.assert_allclose(matrices(parameters.shape.quaternion(axes)), axes, atol=1e-9)
     mass, com, moments, axes = parameters.shape.bodies(np.zeros(10), 2.0, np.array([0.02, 0.03, 0.04]))
     assert mass == pytest.approx(2.0)
     np.testing.assert_allclose(com, 0, atol=1e-15)
@@ -293,3 +281,45 @@ def test_one_sided_differences_have_the_derivatives_of_central_ones():
         assert simulated[1] == 5 * 40 * 4 < simulated[0]
         # One-sided differences have an error of half the step times the second derivative, which is about the first one.
         np.testing.assert_allclose(jacobians[1], jacobians[0], rtol=0, atol=1e-4 * np.abs(jacobians[0]).max())
+
+
+# `benches/identification`: repetitions that are kept, and the tables that they fill.
+
+PAGE = Path(__file__).parents[2] / "docs/benchmarks/identification.md"
+
+
+def answer(seed):
+    return np.array([1.0 + seed, 2.0]), np.array([0.5, 1.5]), np.array([1.5, 2.5])
+
+
+def refused(seed):
+    raise AssertionError(f"repetition {seed} is kept")
+
+
+def test_a_run_that_was_killed_in_a_line_goes_on(tmp_path):
+    path = tmp_path / "own.jsonl"
+    kept = Kept(path, resume=False)
+    for seed in (0, 1):
+        kept.of(Row("box", (1.0, 2.0), answer, 2), seed)
+    path.write_text(path.read_text()[:-20])
+    again = Kept(path, resume=True)
+    np.testing.assert_array_equal(again.of(Row("box", (1.0, 2.0), refused, 2), 0)[0][0], [1.0, 2.0])
+    # The second was cut, and is made again, in a line of its own.
+    again.of(Row("box", (1.0, 2.0), answer, 2), 1)
+    last = Kept(path, resume=True)
+    np.testing.assert_array_equal(last.of(Row("box", (1.0, 2.0), refused, 2), 1)[0][0], [2.0, 2.0])
+
+
+def test_repetitions_of_another_version_are_refused(tmp_path):
+    path = tmp_path / "own.jsonl"
+    path.write_text('{"version": 0}\n')
+    raises(ValueError, "run without --resume", Kept, path, resume=True)
+    assert path.read_text() == '{"version": 0}\n'
+
+
+@pytest.mark.parametrize("name", ["online", "impacts", "matched", "own", "coloured", "determined", "peer"])
+def test_tables_have_rows(name):
+    """A heading, a rule and a row or more between the marks."""
+    lines = section_of(PAGE, name).splitlines()
+    assert len(lines) > 2
+    assert len({line.count("|") for line in lines}) == 1

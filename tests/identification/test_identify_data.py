@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from identification.scenes import HARD, pushed
 from stepper.sysid import Episode, episodes_of
 
@@ -15,10 +16,8 @@ MODEL = SCENE.model(*SCENE.truth)
 
 def log():
     """The scene as a log: row k is at time 0.02 k, and has the readings that control k - 1 led to."""
-    sim = stepper.Stepper(MODEL, options=HARD)
-    made = sim.rollout(SCENE.ctrl, 10, fields=("sensordata", "qpos", "qvel"))
-    first = np.zeros((1, MODEL.nsensordata))
-    observed = np.concatenate([first, made["sensordata"]])
+    made = stepper.Stepper(MODEL, options=HARD).rollout(SCENE.ctrl, 10, fields=("sensordata", "qpos", "qvel"))
+    observed = np.concatenate([np.zeros((1, MODEL.nsensordata)), made["sensordata"]])
     return {
         "time": 0.02 * np.arange(101),
         "ctrl": np.concatenate([SCENE.ctrl, SCENE.ctrl[-1:]]),
@@ -117,11 +116,9 @@ def test_cells_lines_and_names(tmp_path):
         ("time,ctrl,box_y\n0,0,0\n0.02,0,0\n0.04,0,0\n", KeyError, "no sensor or coordinate is named 'box_y'; did you mean box_x"),
     ):
         file.write_text(text)
-        with pytest.raises(error, match=message):
-            stepper.sysid.identify(MODEL, file, ["body_mass[box]"])
+        raises(error, message, stepper.sysid.identify, MODEL, file, ["body_mass[box]"])
     for name in ("none.csv", "none"):
-        with pytest.raises(FileNotFoundError, match=rf"there is no .* file '.*{name}'"):
-            stepper.sysid.identify(MODEL, tmp_path / name, ["body_mass[box]"])
+        raises(FileNotFoundError, rf"there is no .* file '.*{name}'", stepper.sysid.identify, MODEL, tmp_path / name, ["body_mass[box]"])
     good = Episode(SCENE.ctrl, SCENE.readings(stepper.Options()), 0.02)
     for parameters, error, message in (
         ([], ValueError, "no parameter"),
@@ -135,10 +132,8 @@ def test_cells_lines_and_names(tmp_path):
         (["dof_frictionloss[x]"], ValueError, "give a start above 0"),
         (["sensor.bias[torque]"], ValueError, "no sensor 'torque'"),
     ):
-        with pytest.raises(error, match=message):
-            stepper.sysid.identify(MODEL, good, parameters)
-    with pytest.raises(ValueError, match="noise has 'q'"):
-        stepper.sysid.identify(MODEL, good, ["body_mass[box]"], noise={"q": 1.0})
+        raises(error, message, stepper.sysid.identify, MODEL, good, parameters)
+    raises(ValueError, "noise has 'q'", stepper.sysid.identify, MODEL, good, ["body_mass[box]"], noise={"q": 1.0})
     with pytest.raises(TypeError, match=r"data has 3 \(int\), must be a stepper\.sysid\.Episode, or the path"):
         stepper.sysid.identify(MODEL, 3, ["body_mass[box]"])
 
@@ -155,8 +150,7 @@ def test_cells_lines_and_names(tmp_path):
 ])  # fmt: skip
 def test_episodes_with_wrong_values_are_named(given, message):
     good = {"ctrl": SCENE.ctrl, "readings": SCENE.readings(stepper.Options()), "period": 0.02}
-    with pytest.raises(ValueError, match=f"^episode: {message}"):
-        Episode(**(good | given)).checked(MODEL)
+    raises(ValueError, f"^episode: {message}", lambda: Episode(**(good | given)).checked(MODEL))
 
 
 @pytest.mark.parametrize(("given", "message"), [
@@ -172,8 +166,7 @@ def test_episodes_with_wrong_values_are_named(given, message):
 ])  # fmt: skip
 def test_wrong_arguments_of_identify_are_named(given, message):
     good = {"model": MODEL, "data": Episode(SCENE.ctrl, SCENE.readings(stepper.Options()), 0.02), "parameters": ["body_mass[box]"]}
-    with pytest.raises((TypeError, ValueError), match=message):
-        stepper.sysid.identify(**(good | given))
+    raises((TypeError, ValueError), message, stepper.sysid.identify, **good | given)
 
 
 @pytest.mark.parametrize(("given", "message"), [
@@ -182,8 +175,7 @@ def test_wrong_arguments_of_identify_are_named(given, message):
     ({"start": "heavy"}, "start is 'heavy', must be a number"),
 ])  # fmt: skip
 def test_wrong_arguments_of_parameters_are_named(given, message):
-    with pytest.raises(TypeError, match=rf"^body_mass\[box\]: {message}"):
-        stepper.sysid.FitParameter("body_mass[box]", **given)
+    raises(TypeError, rf"^body_mass\[box\]: {message}", stepper.sysid.FitParameter, "body_mass[box]", **given)
 
 
 def test_a_log_without_a_start_says_so(tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import stepper
+from checks import every, raises
 from identification.online import NOISE, PERIOD, controls, readings
 from identification.scenes import held
 from stepper.sysid.problem import MAX_PREDICTIONS, Problem
@@ -124,22 +125,17 @@ def test_surprise_is_that_of_columns_with_noise():
 ])  # fmt: skip
 def test_trackers_that_cannot_be(change, error, message):
     settings = {"parameters": ["body_mass[box]"], "noise": NOISE, "period": PERIOD} | change
-    with pytest.raises(error, match=message):
-        stepper.sysid.Tracker(MODEL, settings.pop("parameters"), **settings)
+    raises(error, message, lambda: stepper.sysid.Tracker(MODEL, settings.pop("parameters"), **settings))
 
 
 def test_samples_that_do_not_fit():
     tracker = stepper.sysid.Tracker(MODEL, ["body_mass[box]"], noise=NOISE, period=PERIOD)
-    with pytest.raises(ValueError, match=r"ctrl has shape \(1,\), must be \(3,\)"):
-        tracker.update([0.0], {})
-    with pytest.raises(KeyError, match="no noise was given of channel 'torque'"):
-        tracker.update(np.zeros(3), {"torque": 1.0})
-    with pytest.raises(ValueError, match=r"'lift' has shape \(2,\), must be \(1,\)"):
-        tracker.update(np.zeros(3), {"lift": [1.0, 2.0]})
+    raises(ValueError, r"ctrl has shape \(1,\), must be \(3,\)", tracker.update, [0.0], {})
+    raises(KeyError, "no noise was given of channel 'torque'", tracker.update, np.zeros(3), {"torque": 1.0})
+    raises(ValueError, r"'lift' has shape \(2,\), must be \(1,\)", tracker.update, np.zeros(3), {"lift": [1.0, 2.0]})
 
 
-@pytest.mark.parametrize("spacing", [1, 11, 20])
-@pytest.mark.parametrize("colour", [0.0, 0.8])
+@every(spacing=[1, 11, 20], colour=[0.0, 0.8])
 def test_intervals_of_a_line_under_coloured_noise(colour, spacing):
     """A regression on slow functions of time, whose covariance is known: J^T Gamma J; the sensor is read at every row, or at few."""
     T, count = 150, 200

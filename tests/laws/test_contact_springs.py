@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import stepper
+from models import simulate
 from scenes import G
 
 RIGID = np.inf
@@ -14,6 +15,9 @@ every_law = pytest.mark.parametrize("law", LAWS)
 BALL = """<mujoco><option timestep="{dt}" gravity="0 0 {gravity}"/><default><geom friction="{mu} 0 0"/></default>
   <worldbody><geom name="floor" type="plane" size="0 0 1"/>
   <body pos="0 0 {height}"><freejoint/><geom name="ball" type="sphere" size=".1" mass="{mass}"/></body></worldbody></mujoco>"""
+TABLE = """<mujoco><option timestep=".001" gravity="0 0 -9.81"/><worldbody><geom name="floor" type="plane" size="0 0 1" friction="1 0 0"/>
+  <body pos="0 0 .05"><freejoint/><geom name="box" type="box" size=".2 .1 .05" mass="4" friction="1 0 0"/>
+  <geom name="load" type="sphere" size=".02" pos=".1 .02 .1" mass="2" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
 
 
 def ball(stiffness, damping=0.0, *, dt=1e-3, height=0.1, mass=2.0, mu=0.5, gravity=-G):
@@ -31,8 +35,7 @@ def options(law, **more):
 def test_a_weight_sinks_in_by_its_weight_over_the_stiffness(law, stiffness):
     mass = 2.0
     damping = 2 * np.sqrt(stiffness * mass)  # critical
-    model = ball(stiffness, damping, mass=mass)
-    sim = stepper.Stepper(model, options=options(law))
+    sim = stepper.Stepper(ball(stiffness, damping, mass=mass), options=options(law))
     sim.step(nstep=6000)
     assert stepper.Status(sim.status) & ~stepper.Status.DEEP == stepper.Status.OK
     # Six seconds are fifty times the slowest time constant, sqrt(m / K) = 0.1 s.
@@ -105,11 +108,6 @@ def test_both_laws_press_alike():
         np.testing.assert_allclose(hard.qpos, soft.qpos, rtol=0, atol=1e-10)
 
 
-TABLE = """<mujoco><option timestep=".001" gravity="0 0 -9.81"/><worldbody><geom name="floor" type="plane" size="0 0 1" friction="1 0 0"/>
-  <body pos="0 0 .05"><freejoint/><geom name="box" type="box" size=".2 .1 .05" mass="4" friction="1 0 0"/>
-  <geom name="load" type="sphere" size=".02" pos=".1 .02 .1" mass="2" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
-
-
 @every_law
 def test_the_load_of_a_table_is_shared_as_springs_share_it(law):
     """Four corners carry what a rigid plate on equal springs does: the mean, and what the moments of the load add."""
@@ -131,8 +129,7 @@ def test_the_load_of_a_table_is_shared_as_springs_share_it(law):
 @pytest.mark.parametrize("mu", [0.3, 0.8])
 def test_friction_is_that_of_the_force_that_the_spring_bears(mu):
     """A ball that slides without turning decelerates at mu g; and what holds does not creep."""
-    model = ball(5e4, 500.0, mu=mu, mass=2.0)
-    sim = stepper.Stepper(model, options=options("hard"))
+    sim = stepper.Stepper(ball(5e4, 500.0, mu=mu, mass=2.0), options=options("hard"))
     sim.step(nstep=1000)
     sim.set_state(qvel=[2.0, 0, 0, 0, 0, 0])
     sim.step(nstep=50)
@@ -157,8 +154,7 @@ def test_a_rigid_and_a_giving_surface_stand_side_by_side():
         <body pos="-.6 0 .1"><freejoint/><geom type="sphere" size=".1" mass="1"/></body>
         <body pos=".6 0 .1"><freejoint/><geom type="sphere" size=".1" mass="1"/></body></worldbody></mujoco>"""
     ).replace(geom_stiffness=[1e3, RIGID, RIGID, RIGID], geom_damping=[60.0, 0, 0, 0])
-    sim = stepper.Stepper(model, num_envs=3)
-    sim.step(nstep=2000)
+    sim = simulate(model, num_envs=3, steps=2000)
     np.testing.assert_allclose(0.1 - sim.qpos[:, 2], G / 1e3, rtol=1e-6)
     # The slop that the position solve leaves.
     assert np.all(np.abs(0.1 - sim.qpos[:, 9]) < 2e-4)
@@ -170,8 +166,7 @@ def test_explicit_pairs_have_springs_of_their_own():
     model = stepper.load(xml.replace("</worldbody>", '</worldbody><contact><pair geom1="floor" geom2="ball"/></contact>'))
     assert model.pair_stiffness.tolist() == [RIGID]
     model = model.replace(pair_stiffness=[800.0], pair_damping=[80.0])
-    sim = stepper.Stepper(stepper.Model.from_bytes(model.to_bytes()))
-    sim.step(nstep=4000)
+    sim = simulate(stepper.Model.from_bytes(model.to_bytes()), steps=4000)
     np.testing.assert_allclose(0.1 - sim.qpos[2], 2 * G / 800.0, rtol=1e-9)
     assert "compliant pairs" in model.explain()
 

@@ -3,17 +3,33 @@
 import numpy as np
 import pytest
 import stepper
-from hypothesis import example, given
-from hypothesis import strategies as st
+from checks import every
+from hypothesis import example, given, strategies as st
 from models import simulate
-from stepper import Status
 
 RADIUS, HALF, THICKNESS = 0.03, 0.5, 0.002
 BALL = f'<body><freejoint/><geom type="sphere" size="{RADIUS}" mass="1"/></body>'
-REPORTED = Status.TUNNELLED | Status.DEEP | Status.UNRESOLVED | Status.NOT_CONVERGED
+REPORTED = stepper.Status.TUNNELLED | stepper.Status.DEEP | stepper.Status.UNRESOLVED | stepper.Status.NOT_CONVERGED
 ENVS = 64
 every_integrator = pytest.mark.parametrize("integrator", ["euler", "midpoint", "rk4"])
 every_precision = pytest.mark.parametrize("precision", ["f64", "f32"])
+TIED_BALL = f"""<body><joint name="y" type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/><joint axis="1 0 0"/>
+  <geom type="sphere" size="{RADIUS}" mass="1"/></body>
+  <body pos="0 3 0"><joint name="x" type="slide" axis="1 0 0"/>
+  <geom type="sphere" size=".1" mass="{{mass}}" contype="0" conaffinity="0"/></body>"""
+"""Ball whose slide y moves another body along x, across gravity."""
+GRAVITY, SPEED = 100.0, 0.655
+restitutions, masses = st.floats(0.05, 1.0), st.floats(0.1, 10.0)
+rules = st.sampled_from(["euler", "implicit", "midpoint"])
+SPINNING = {
+    "cylinder": 'type="cylinder" size=".0429 .0107"',
+    "box": 'type="box" size=".03 .02 .0107"',
+    "ellipsoid": 'type="ellipsoid" size=".04 .03 .0107"',
+    "capsule": 'type="capsule" size=".0107 .03"',
+}
+QPOS = [-0.19982786, 0.19002877, 0.25768235, -0.21121246, -0.36171695, 0.896269, 0.14578076]
+QVEL = [3.9051275, -13.2611547, 9.56810626, 417.2804496, 426.5595043, -0.66683644]
+"""State of a disc at 17 m/s that turns by 12 rad per step."""
 
 
 def wall(axis: int, side: int, shape: str = "") -> str:
@@ -45,16 +61,14 @@ MESH_ROOM = "".join(wall(axis, side, f'type="mesh" mesh="plate{axis}"') for axis
 
 def room(walls: str, friction: float, restitution: float, envs: int, **options):
     defaults = f'<default><geom friction="{friction} 0 0"/></default>'
-    text = f'<mujoco><option gravity="0 0 0"/>{defaults}<worldbody>{walls}{BALL}</worldbody></mujoco>'
-    model = stepper.load(text)
+    model = stepper.load(f'<mujoco><option gravity="0 0 0"/>{defaults}<worldbody>{walls}{BALL}</worldbody></mujoco>')
     model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
     return simulate(model, envs, **options)
 
 
 @every_precision
 @every_integrator
-@pytest.mark.parametrize("restitution", [0.001, 0.5, 1.0])
-@pytest.mark.parametrize("friction", [0.0, 0.5, 0.99, 1.0, 1.01, 2.0])
+@every(restitution=[0.001, 0.5, 1.0], friction=[0.0, 0.5, 0.99, 1.0, 1.01, 2.0])
 def test_a_ball_that_flies_into_a_corner_gains_no_energy_and_stays_near_it(friction, restitution, integrator, precision):
     """Both walls are hit in one step. From a coefficient of friction of 1 on, Newton's law has no solution there."""
     dt, speed = 1e-3, 0.655
@@ -77,14 +91,7 @@ def test_a_ball_that_flies_into_a_corner_gains_no_energy_and_stays_near_it(frict
     max_error = 2 * speed * dt
     assert (sim.qpos[:, 1] < corner + max_error).all() and (sim.qpos[:, 2] > -corner - max_error).all()
     # Between 100 and 300 tolerances a corner may stay unsolved; a status flag then reports it.
-    assert (sim.status & (Status.NOT_CONVERGED | Status.UNRESOLVED))[sim.residual > 1e-4].all()
-
-
-TIED_BALL = f"""<body><joint name="y" type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/><joint axis="1 0 0"/>
-  <geom type="sphere" size="{RADIUS}" mass="1"/></body>
-  <body pos="0 3 0"><joint name="x" type="slide" axis="1 0 0"/>
-  <geom type="sphere" size=".1" mass="{{mass}}" contype="0" conaffinity="0"/></body>"""
-"""Ball whose slide y moves another body along x, across gravity."""
+    assert (sim.status & (stepper.Status.NOT_CONVERGED | stepper.Status.UNRESOLVED))[sim.residual > 1e-4].all()
 
 
 def strike_corner(restitution: float, friction: float, mass: float, integrator: str):
@@ -100,11 +107,6 @@ def strike_corner(restitution: float, friction: float, mass: float, integrator: 
     return sim.qvel[:2]
 
 
-GRAVITY, SPEED = 100.0, 0.655
-restitutions, masses = st.floats(0.05, 1.0), st.floats(0.1, 10.0)
-rules = st.sampled_from(["euler", "implicit", "midpoint"])
-
-
 def fall(mass: float) -> float:
     """Speed that gravity gives the ball and the body that it moves in a step, m/s."""
     return GRAVITY * 1e-3 / (1 + mass)
@@ -112,10 +114,8 @@ def fall(mass: float) -> float:
 
 @given(restitutions, st.floats(1.0, 2.0), masses, rules)
 def test_a_tied_ball_that_cannot_rebound_stops_at_the_walls(restitution, friction, mass, integrator):
-    """Without a solution of Newton's law the impact is inelastic. It left 25 mm/s into the wall, that gravity gives the ball alone.
-
-    Gravity pulls the ball from the wall afterwards. With Euler's rule, gravity comes first.
-    """
+    """Without a solution of Newton's law the impact is inelastic. It left 25 mm/s into the wall, that gravity gives the ball alone."""
+    # Gravity pulls the ball from the wall afterwards. With Euler's rule, gravity comes first.
     velocity = strike_corner(restitution, friction, mass, integrator)
     after = [0.0 if integrator == "euler" else -fall(mass), 0.0]
     np.testing.assert_allclose(velocity, after, atol=1e-6)  # Tolerance of the solver.
@@ -123,10 +123,8 @@ def test_a_tied_ball_that_cannot_rebound_stops_at_the_walls(restitution, frictio
 
 @given(restitutions, masses, rules)
 def test_a_tied_ball_rebounds_by_newtons_law(restitution, mass, integrator):
-    """Newton's law applies to the velocity before the impact, and gravity acts afterwards: on both bodies, the heavier the slower.
-
-    Euler's rule, as textbooks have it, applies the law to the velocity that gravity and the equality leave.
-    """
+    """Newton's law applies to the velocity before the impact, and gravity acts afterwards: on both bodies, the heavier the slower."""
+    # Euler's rule, as textbooks have it, applies the law to the velocity that gravity and the equality leave.
     velocity = strike_corner(restitution, 0.0, mass, integrator)
     before, pull = np.array([SPEED, -SPEED]), np.array([fall(mass), 0])
     after = -restitution * (before - pull) if integrator == "euler" else -restitution * before - pull
@@ -135,8 +133,7 @@ def test_a_tied_ball_rebounds_by_newtons_law(restitution, mass, integrator):
 
 @every_precision
 @every_integrator
-@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
-@pytest.mark.parametrize("restitution", [0.0, 0.01, 0.5, 1.0])
+@every(dt=[1e-3, 5e-3, 2e-2], restitution=[0.0, 0.01, 0.5, 1.0])
 def test_what_leaves_a_closed_room_is_reported(restitution, dt, integrator, precision):
     """Up to eight widths of the room in a step."""
     sim = room(ROOM, 1.0, restitution, ENVS, timestep=dt, integrator=integrator, precision=precision)
@@ -177,8 +174,7 @@ def test_two_bodies_that_strike_walls_in_one_step_move_by_their_contact_forces()
 
 
 @every_precision
-@pytest.mark.parametrize("integrator", ["euler", "midpoint", "implicit"])
-@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
+@every(integrator=["euler", "midpoint", "implicit"], dt=[1e-3, 5e-3, 2e-2])
 def test_a_thin_box_that_leaves_a_room_of_meshes_is_reported(dt, integrator, precision):
     """A mesh is as thick as its hull. It counted as a tenth of its width, 7 cm instead of 1 mm, so that nothing was reported."""
     body = '<body><freejoint/><geom type="box" size=".08 .08 .002" mass=".2"/></body>'
@@ -194,30 +190,19 @@ def test_a_thin_box_that_leaves_a_room_of_meshes_is_reported(dt, integrator, pre
     reported = np.zeros(ENVS, dtype=bool)
     for _ in range(40):
         sim.step()
-        reported |= (sim.status & (REPORTED & ~Status.DEEP)) != 0
+        reported |= (sim.status & (REPORTED & ~stepper.Status.DEEP)) != 0
     # Farther than the reach of the box, so that no contact pulls it back.
     assert not ((np.abs(sim.qpos[:, :3]) > HALF + 0.12).any(1) & ~reported).any()
 
 
-SPINNING = {
-    "cylinder": 'type="cylinder" size=".0429 .0107"',
-    "box": 'type="box" size=".03 .02 .0107"',
-    "ellipsoid": 'type="ellipsoid" size=".04 .03 .0107"',
-    "capsule": 'type="capsule" size=".0107 .03"',
-}
-
-
 def silent_escapes(body: str, qpos: np.ndarray, qvel: np.ndarray, steps: int) -> np.ndarray:
-    """Environments in which an elastic body is outside of the room for three steps without a flag until then.
-
-    Contact points of bodies that spin by turns per step move away from a wall while the body approaches it. The search for the time of an
-    impact then moves the evaluation point behind the wall.
-    """
+    """Environments in which an elastic body is outside of the room for three steps without a flag until then."""
+    # Contact points of bodies that spin by turns per step move away from a wall while the body approaches it. The search for the time of an
+    # impact then moves the evaluation point behind the wall.
     body = f'<body><freejoint/><geom {SPINNING[body]} mass="1"/></body>'
     model = stepper.load(f'<mujoco><option gravity="0 0 0" timestep=".02"/><worldbody>{ROOM}{body}</worldbody></mujoco>')
     model = model.replace(geom_restitution=np.ones(model.ngeom))
-    sim = stepper.Stepper(model, len(qpos))
-    sim.set_state(qpos, qvel)
+    sim = simulate(model, len(qpos), qpos=qpos, qvel=qvel)
     flags, outside, escaped = np.zeros(len(qpos), int), np.zeros(len(qpos), int), np.zeros(len(qpos), bool)
     for _ in range(steps):
         sim.step()
@@ -226,11 +211,6 @@ def silent_escapes(body: str, qpos: np.ndarray, qvel: np.ndarray, steps: int) ->
         # A step that carries the body through a wall is reported in the same step, or in the next one, which finds the overlap.
         escaped |= (outside >= 3) & ((flags & int(REPORTED)) == 0)
     return np.flatnonzero(escaped)
-
-
-QPOS = [-0.19982786, 0.19002877, 0.25768235, -0.21121246, -0.36171695, 0.896269, 0.14578076]
-QVEL = [3.9051275, -13.2611547, 9.56810626, 417.2804496, 426.5595043, -0.66683644]
-"""State of a disc at 17 m/s that turns by 12 rad per step."""
 
 
 @pytest.mark.parametrize("change", [0.0, 1e-4, 1e-3])

@@ -7,6 +7,7 @@ add up to 1e-13 of the largest number or less.
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from stepper import ActuatorModel, Drive
 from stepper.actuators import PID, DCMotor
 
@@ -30,14 +31,11 @@ def factor(integrator: str, x: float) -> float:
     return (1 - x / 3) / (1 + 2 * x / 3 + x**2 / 6) if integrator == "midpoint" else 1 / (1 + x)
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("control", ["voltage", "torque"])
-@pytest.mark.parametrize("ratio", [0.01, 1.0, 50.0])
+@every(integrator=INTEGRATORS, control=["voltage", "torque"], ratio=[0.01, 1.0, 50.0])
 def test_a_motor_spins_up_exponentially(ratio, control, integrator):
     """J w' = T (1 - w/w0), at full voltage or with more torque asked for than there is: 1 - w/w0 = e^(-t/tau), tau = J w0 / T."""
     stall, speed, gear, rotor = 0.2, 300.0, 5.0, 1e-4
-    inertia = J + gear**2 * rotor
-    tau = inertia * (speed / gear) / (gear * stall)
+    tau = (J + gear**2 * rotor) * (speed / gear) / (gear * stall)
     motor = DCMotor(stall_torque=stall, no_load_speed=speed, gear=gear, rotor_inertia=rotor, control=control)
     sim = wheel(Drive(motor=motor), integrator=integrator, h=ratio * tau)
     command = [1.0 if control == "voltage" else 10 * gear * stall]
@@ -54,8 +52,7 @@ def test_a_motor_spins_up_exponentially(ratio, control, integrator):
         assert abs(left - np.exp(-40 * ratio)) <= 1.1 * bound * 40 * ratio * left
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("start", [0.0, 200.0])
+@every(integrator=INTEGRATORS, start=[0.0, 200.0])
 def test_terminal_speed_under_a_load(start, integrator):
     """T (1 - w/w0) = load: the speed of the curve, from below and from above."""
     stall, speed, load = 2.0, 40.0, 0.5
@@ -87,8 +84,7 @@ def test_step_response_of_a_lag(tau):
         assert sim.sensordata_ideal == pytest.approx(3.0 * risen, rel=1e-10)
 
 
-@pytest.mark.parametrize("steps", [0, 1, 2.5, 7, 10.25])
-@pytest.mark.parametrize("unit", ["steps", "seconds", "both"])
+@every(steps=[0, 1, 2.5, 7, 10.25], unit=["steps", "seconds", "both"])
 def test_a_delay_is_exact(steps, unit):
     """A pulse of a step arrives `steps` later, spread over two steps where that is no whole number: the impulse is the same."""
     given = {"steps": {"delay_steps": steps}, "seconds": {"delay": steps * H}, "both": {"delay": H * steps / 2, "delay_steps": steps / 2}}
@@ -126,9 +122,7 @@ def numpy_pid(servo: PID, limits, target, states, every):
     return np.array(out)
 
 
-@pytest.mark.parametrize("every", [1, 4, 25])
-@pytest.mark.parametrize("limits", [(-0.2, 0.3), (-100.0, 100.0)])
-@pytest.mark.parametrize("integral_limit", [0.05, 1e9])
+@every(every=[1, 4, 25], limits=[(-0.2, 0.3), (-100.0, 100.0)], integral_limit=[0.05, 1e9])
 def test_a_sampled_pid_is_the_textbooks(every, limits, integral_limit):
     """Against a loop of its own at the same rate, with both forms of anti-windup; the effort is held between samples."""
     servo = PID(kp=2.0, ki=5.0, kd=0.05, integral_limit=integral_limit, period=every * H)
@@ -168,9 +162,7 @@ def test_a_continuous_pd_is_mjcfs_position_servo(integrator):
         assert servo.qvel == pytest.approx(mjcf.qvel, rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "implicit"])
-@pytest.mark.parametrize("lag", [0.0, 0.01])
-@pytest.mark.parametrize("ratio", [0.5, 10.0, 100.0])
+@every(integrator=["midpoint", "implicit"], lag=[0.0, 0.01], ratio=[0.5, 10.0, 100.0])
 def test_a_stiff_pd_with_limits_and_a_motor_settles(ratio, lag, integrator):
     """H sqrt(k/J) up to 100: it speeds up along its limit and its curve, never beyond them, and settles; a lag takes its own damping."""
     limit, stall, speed = 1.0, 1.5, 30.0
@@ -180,8 +172,7 @@ def test_a_stiff_pd_with_limits_and_a_motor_settles(ratio, lag, integrator):
     for _ in range(1000):
         before = sim.qvel[0]
         sim.step([2.0])
-        gained = abs(sim.qvel[0] - before) * J / H
-        assert gained <= limit * (1 + 1e-9)
+        assert (abs(sim.qvel[0] - before) * J / H) <= limit * (1 + 1e-9)
         assert abs(sim.qvel[0]) <= speed
     sim.step([2.0], nstep=9000)
     # It slides along kp e = kd v: e^(-t / 0.1 s) of 2 rad after 20 s. The midpoint rule damps what it cannot resolve by (x-1)/(x+1) a step,
@@ -226,13 +217,10 @@ def test_a_servo_behind_a_gear_lags_by_the_losses(integrator):
     assert lag(efficiency) - lag(1.0) == pytest.approx((load / efficiency - load) / kp, rel=1e-9)
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("seed", range(4))
+@every(integrator=INTEGRATORS, seed=range(4))
 def test_a_gear_creates_no_energy(seed, integrator):
-    """Whatever the motor and the load do, losses only slow the wheel down, and it gains at the most what shaft and load put in.
-
-    Where it turns back within a step, the work before and after the turn is not known from its ends.
-    """
+    """Whatever the motor and the load do, losses only slow the wheel down, and it gains at the most what shaft and load put in."""
+    # Where it turns back within a step, the work before and after the turn is not known from its ends.
     rng = np.random.default_rng(seed)
     motor = DCMotor(gear=3.0, efficiency=rng.uniform(0.2, 1.0))
     sim = wheel(Drive(motor=motor, friction=rng.uniform(0, 0.05)), integrator=integrator, joint=f'frictionloss="{rng.uniform(0, 0.02)}"')

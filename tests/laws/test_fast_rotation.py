@@ -9,11 +9,11 @@ import near_misses
 import numpy as np
 import pytest
 import stepper
-from hypothesis import example, given
-from hypothesis import strategies as st
-from meshes import cuboid
+from checks import every
+from geometry import cuboid
+from hypothesis import example, given, strategies as st
+from models import simulate
 from near_misses import ROUNDING, Floor, fly, scene_xml
-from stepper import Options, Status
 
 INTEGRATORS = ["midpoint", "implicit"]
 OBSTACLES = near_misses.OBSTACLES | {
@@ -34,6 +34,26 @@ SPINNERS = {
 }
 """Geom of each spinning body. For axes about which its rotation is steady, the depth of its solid of revolution below its centre, m."""
 AXES = sorted((name, axis) for name, (_, depths) in SPINNERS.items() for axis in depths)
+turns = st.floats(0.5, 20.0)
+"""Rotation in a step, rad."""
+timesteps = st.sampled_from([5e-4, 1e-3, 2e-3, 5e-3, 1e-2])
+precisions = st.sampled_from(["f64", "f32"])
+flights = st.tuples(st.sampled_from([2e-4, 1e-3, 1e-2]), st.floats(1.0, 6.0), st.booleans())
+"""Gap, m; speed, m/s; whether the body turns backwards."""
+TOPS = ['type="capsule" size=".02 .1"', 'type="cylinder" size=".1 .02"', 'type="ellipsoid" size=".05 .05 .03"']
+ROLLERS = {
+    "ball": ('type="sphere" size=".02"', 0.02),
+    "wheel": ('type="cylinder" size=".02 .01" euler="90 0 0"', 0.02),
+    "lying capsule": ('type="capsule" size=".02 .03" euler="90 0 0"', 0.02),
+}
+BLADES = {
+    "box": ('type="box" size=".1 .01 .002"', math.hypot(0.1, 0.01), 0.002),
+    "capsule": ('type="capsule" size=".005 .08" euler="0 90 0"', 0.085, 0.005),
+    "rod": ('type="cylinder" size=".005 .08" euler="0 90 0"', math.hypot(0.08, 0.005), 0.005),
+    "ellipsoid": ('type="ellipsoid" size=".08 .01 .005"', 0.08, 0.005),
+    "arm": ('type="sphere" size=".01" pos=".08 0 0"', 0.09, 0.01),
+}
+"""Blades that turn about the z axis: geom, radius and half height of the disc that they sweep, m."""
 
 
 def stepper_of(
@@ -43,15 +63,7 @@ def stepper_of(
     model = stepper.load(scene_xml(world, timestep=timestep, gravity=gravity, assets=assets))
     if 'mesh="cubes"' in world:
         model = model.replace(geom_concave=[True] + [False] * (model.ngeom - 1))
-    return stepper.Stepper(model, precision=precision, options=Options(integrator=integrator))
-
-
-turns = st.floats(0.5, 20.0)
-"""Rotation in a step, rad."""
-timesteps = st.sampled_from([5e-4, 1e-3, 2e-3, 5e-3, 1e-2])
-precisions = st.sampled_from(["f64", "f32"])
-flights = st.tuples(st.sampled_from([2e-4, 1e-3, 1e-2]), st.floats(1.0, 6.0), st.booleans())
-"""Gap, m; speed, m/s; whether the body turns backwards."""
+    return stepper.Stepper(model, precision=precision, options=stepper.Options(integrator=integrator))
 
 
 @given(st.sampled_from(AXES), st.sampled_from(sorted(OBSTACLES)), turns, timesteps, flights, precisions, st.sampled_from(INTEGRATORS))
@@ -66,9 +78,6 @@ def test_a_spinning_body_that_passes_another_keeps_its_velocity(spinner, obstacl
     turn = min(turn, 1.0) if integrator == "implicit" and name in ("capsule", "wheel") else turn
     v[3 + "xyz".index(axis)] = (-turn if backwards else turn) / timestep
     assert fly(stepper_of(world, timestep, precision, integrator), v, 0.5) < ROUNDING[precision]
-
-
-TOPS = ['type="capsule" size=".02 .1"', 'type="cylinder" size=".1 .02"', 'type="ellipsoid" size=".05 .05 .03"']
 
 
 @given(st.sampled_from(TOPS), st.sampled_from(["free", "ball"]), turns, st.floats(0.0, 0.01), timesteps, precisions)
@@ -96,17 +105,7 @@ def test_a_ball_that_grazes_a_conveyor_keeps_its_velocity():
     assert fly(stepper_of(world, 2e-3), [4, 0, 0, 0, 0, 0], 0.6) < 1e-12  # Rounding.
 
 
-ROLLERS = {
-    "ball": ('type="sphere" size=".02"', 0.02),
-    "wheel": ('type="cylinder" size=".02 .01" euler="90 0 0"', 0.02),
-    "lying capsule": ('type="capsule" size=".02 .03" euler="90 0 0"', 0.02),
-}
-
-
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("tiles", ["boxes", "meshes", "fields"])
-@pytest.mark.parametrize("roller", ROLLERS)
-@pytest.mark.parametrize("turn", [0.5, 1.0, 2.5])
+@every(precision=["f64", "f32"], tiles=["boxes", "meshes", "fields"], roller=ROLLERS, turn=[0.5, 1.0, 2.5])
 def test_a_round_body_rolls_over_the_seams_of_flush_tiles(roller, tiles, precision, turn):
     """A body that spins while it slides over flush tiles keeps its speed, its spin and its height."""
     # At 1 rad a step and more, the ball was thrown up by 77 mm.
@@ -149,16 +148,6 @@ def rotor(geom: str, around: str, spin: float, timestep: float, precision: str =
     return sim
 
 
-BLADES = {
-    "box": ('type="box" size=".1 .01 .002"', math.hypot(0.1, 0.01), 0.002),
-    "capsule": ('type="capsule" size=".005 .08" euler="0 90 0"', 0.085, 0.005),
-    "rod": ('type="cylinder" size=".005 .08" euler="0 90 0"', math.hypot(0.08, 0.005), 0.005),
-    "ellipsoid": ('type="ellipsoid" size=".08 .01 .005"', 0.08, 0.005),
-    "arm": ('type="sphere" size=".01" pos=".08 0 0"', 0.09, 0.01),
-}
-"""Blades that turn about the z axis: geom, radius and half height of the disc that they sweep, m."""
-
-
 @given(st.sampled_from(sorted(BLADES)), turns, timesteps, st.sampled_from([2e-4, 1e-3, 1e-2]), precisions)
 def test_a_rotor_whose_disc_touches_nothing_keeps_its_velocity(blade, turn, timestep, gap, precision):
     """The disc of the blades is between a plate above, a ball below, and walls around it."""
@@ -185,12 +174,12 @@ def test_a_rotor_whose_disc_meets_a_post_stops_or_is_flagged(blade, turn, timest
     sim = rotor(geom, f'<geom type="capsule" size=".02 .1" pos="{x} {y} 0"/>', 0.0, timestep)
     # Start as far from the post as possible.
     sim.set_state(qpos=[angle + (math.pi if blade == "arm" else math.pi / 2)], qvel=[turn / timestep])
-    turned, flags = 0.0, Status.OK
-    while turned < 2 * math.pi + 2 * turn and not flags & Status.TUNNELLED and sim.qvel[0] > 0.5 * turn / timestep:
+    turned, flags = 0.0, stepper.Status.OK
+    while turned < 2 * math.pi + 2 * turn and not flags & stepper.Status.TUNNELLED and sim.qvel[0] > 0.5 * turn / timestep:
         before = sim.qpos[0]
         sim.step()
-        turned, flags = turned + sim.qpos[0] - before, flags | Status(int(sim.status))
-    assert sim.qvel[0] < 0.5 * turn / timestep or flags & Status.TUNNELLED
+        turned, flags = turned + sim.qpos[0] - before, flags | stepper.Status(int(sim.status))
+    assert sim.qvel[0] < 0.5 * turn / timestep or flags & stepper.Status.TUNNELLED
 
 
 @given(st.sampled_from([("box", 0.01), ("cylinder", 0.03), ("drill", 0.01)]), turns, timesteps, st.sampled_from([2e-4, 1e-3]), precisions)
@@ -249,24 +238,22 @@ def test_a_spinning_body_that_hits_another_does_not_pass_through_it(spinner, obs
     v = np.array([0, 0, -speed, 0, 0, 0])
     v[3 + "xyz".index(axis)] = turn / timestep
     sim.set_state(qvel=v)
-    flags = Status.OK
+    flags = stepper.Status.OK
     for _ in range(math.ceil(0.2 / speed / timestep) + 2):
         sim.step()
-        flags |= Status(int(sim.status))
+        flags |= stepper.Status(int(sim.status))
     # Without an impact, the body would be 0.1 m below the surface.
-    assert sim.qpos[2] > -0.02 or flags & (Status.TUNNELLED | Status.DEEP)
+    assert sim.qpos[2] > -0.02 or flags & (stepper.Status.TUNNELLED | stepper.Status.DEEP)
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("turn", [0.9, 1.4, 2.0, 4.0, 20.0])
-@pytest.mark.parametrize("friction", [0.0, 1.0])
+@every(precision=["f64", "f32"], turn=[0.9, 1.4, 2.0, 4.0, 20.0], friction=[0.0, 1.0])
 def test_a_wheel_that_rolls_fast_stays_on_a_plane(turn, friction, precision):
     """A cylinder that rolls by any angle in a step keeps its velocity: only the lowest line of its surface touches the plane."""
     radius, timestep, tolerance = 0.03, 5e-3, {"f64": 1e-6, "f32": 1e-4}[precision]
     wheel = f'<body pos="0 0 {radius}"><freejoint/><geom type="cylinder" size="{radius} .01" euler="90 0 0" mass="1"/></body>'
     defaults = f'<default><geom friction="{friction} 0 0"/></default>'
     xml = f'<mujoco>{defaults}<worldbody><geom type="plane" size="1 1 1"/>{wheel}</worldbody></mujoco>'
-    sim = stepper.Stepper(stepper.load(xml), precision=precision, options=Options(timestep=timestep, tolerance=tolerance))
+    sim = stepper.Stepper(stepper.load(xml), precision=precision, options=stepper.Options(timestep=timestep, tolerance=tolerance))
     spin = turn / timestep
     sim.set_state(qvel=[spin * radius, 0, 0, 0, spin, 0])
     sim.step(nstep=40)
@@ -284,8 +271,7 @@ def test_a_tilted_cylinder_comes_to_stand_on_a_plane(tilt):
         f'<geom type="plane" size="1 1 1"/><body pos="0 0 .06" euler="0 {tilt} 0"><freejoint/><geom type="cylinder" size=".03 .02"/></body>'
     )
     compiler = '<compiler angle="radian"/>'
-    sim = stepper.Stepper(stepper.load(f"<mujoco>{compiler}<worldbody>{world}</worldbody></mujoco>"), options=Options(timestep=2e-3))
-    sim.step(nstep=1000)
+    sim = simulate(f"<mujoco>{compiler}<worldbody>{world}</worldbody></mujoco>", timestep=2e-3, steps=1000)
     assert sim.qpos[2] == pytest.approx(0.02, abs=1e-4)  # The slop of a contact.
     assert np.abs(sim.qvel).max() < 1e-6  # The tolerance of the solver.
     assert len(sim.contacts()) >= 3
@@ -298,8 +284,6 @@ def test_two_rotors_side_by_side_keep_their_velocity(turn):
     rotor = '<joint axis="0 0 1"/><geom type="box" size=".06 .008 .001" mass=".005"/>'
     world = f'<body>{rotor}</body><body pos=".2 0 0">{rotor}</body>'
     xml = f'<mujoco><option gravity="0 0 0"/><worldbody>{world}</worldbody></mujoco>'
-    sim = stepper.Stepper(stepper.load(xml), options=Options(timestep=timestep))
-    sim.set_state(qvel=[turn / timestep, -turn / timestep])
-    sim.step(nstep=20)
+    sim = simulate(xml, timestep=timestep, qvel=[turn / timestep, -turn / timestep], steps=20)
     assert not sim.status
     np.testing.assert_allclose(sim.qvel * timestep, [turn, -turn], rtol=1e-12)  # Rounding.

@@ -6,10 +6,10 @@ Coulomb's law: the object sticks if mu times the sum of finger forces is at leas
 import numpy as np
 import pytest
 import stepper
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
-from meshes import prism, vertices
-from stepper import Status
+from checks import every
+from geometry import prism, vertices
+from hypothesis import example, given, settings, strategies as st
+from models import samples
 
 G, MASS, FORCE, HALF, HAND = 9.81, 0.1, 0.981, 0.02, 1e3
 """Gravity, m/s^2; mass of the object, kg; force of each finger, N; half size of the object, m; mass of the hand, kg."""
@@ -31,6 +31,8 @@ OBJECTS = {
     "cylinder between three fingers": (3, f'type="cylinder" size="{HALF} {HALF}"'),
 }
 """Number of fingers and geom of each object."""
+ACCURACY = {"f64": ("f64", 1e-6), "f64 at 1e-4": ("f64", 1e-4), "f32": ("f32", 1e-4)}
+"""Precision and tolerance, m/s, of a solve. The default in both precisions is 9e-5 to 1e-4 m/s for these objects."""
 
 
 def grasp(name: str) -> str:
@@ -51,10 +53,8 @@ def grasp(name: str) -> str:
 
 
 def hand_velocity(t: np.ndarray, *, travels: bool) -> np.ndarray:
-    """Velocities (y, z, turn) of the hand at the times `t`: lift, carry, quarter turn and way back, one second each, if it travels.
-
-    Then, or at once, the hand shakes by 12 mm at 1 Hz.
-    """
+    """Velocities (y, z, turn) of the hand at the times `t`: lift, carry, quarter turn and way back, one second each, if it travels."""
+    # Then, or at once, the hand shakes by 12 mm at 1 Hz.
 
     def ease(begin: float) -> np.ndarray:
         s = np.clip(t - begin, 0, 1)
@@ -112,23 +112,17 @@ class Grasp:
         return slips
 
 
-ACCURACY = {"f64": ("f64", 1e-6), "f64 at 1e-4": ("f64", 1e-4), "f32": ("f32", 1e-4)}
-"""Precision and tolerance, m/s, of a solve. The default in both precisions is 9e-5 to 1e-4 m/s for these objects."""
-
-
-@pytest.mark.parametrize("timestep", [0.002, 0.005])
-@pytest.mark.parametrize("accuracy", ["f64 at 1e-4", "f32"])
+@every(timestep=[0.002, 0.005], accuracy=["f64 at 1e-4", "f32"])
 def test_a_shaken_cube_stays_between_two_fingers(accuracy, timestep):
     """With friction 0.6 and 0.65 a cube that sticks from 0.524 on does not move in 30 s."""
     precision, tolerance = ACCURACY[accuracy]
     shaken = Grasp("cube", np.array([0.6, 0.65]) / 0.5241, precision=precision, timestep=timestep, tolerance=tolerance)
     assert shaken.friction == pytest.approx([0.6, 0.65], rel=1e-3)
     assert (shaken.slip() < MAX_SLIP).all()
-    assert (shaken.sim.status == Status.OK).all()
+    assert (shaken.sim.status == stepper.Status.OK).all()
 
 
-@pytest.mark.parametrize("accuracy", ACCURACY)
-@pytest.mark.parametrize("name", OBJECTS)
+@every(accuracy=ACCURACY, name=OBJECTS)
 def test_a_held_object_does_not_slip(name, accuracy):
     """With 10 % more friction than it needs, an object stays in a hand that shakes it for 8 s."""
     precision, tolerance = ACCURACY[accuracy]
@@ -166,18 +160,14 @@ def test_a_cube_slips_where_friction_does_not_suffice(accuracy):
     assert -falling.place()[0, 1] == pytest.approx(fallen, abs=0.5 * tolerance * 10 + 0.01 * fallen)
 
 
-@pytest.mark.parametrize("accuracy", ACCURACY)
-@pytest.mark.parametrize("name", ["cube", "mesh", "cube of rolling friction"])
+@every(accuracy=ACCURACY, name=["cube", "mesh", "cube of rolling friction"])
 def test_the_loads_of_a_grasp_are_even(name, accuracy):
     """After shaking, the four contacts of each finger bear a quarter of its force each, at rest and in motion."""
     precision, tolerance = ACCURACY[accuracy]
     shaken = Grasp(name, [1.3], precision=precision, tolerance=tolerance, seconds=2.2, timestep=0.002)
     shaken.slip()
-    many = []
-    for _ in range(100):
-        shaken.sim.step()
-        many.append(shaken.sim.contacts()["force"])
-    assert {len(forces) for forces in many} == {8}
+    many = samples(shaken.sim, 100, lambda: shaken.sim.contacts()["force"])
+    assert many.shape[:2] == (100, 8)
     # The hand moves along the faces of the fingers, so that all quarters are equal. A tolerance of 1e-4 m/s is a force of 5 mN on the
     # object in a step: half a percent of the finger force. Between two times at which loads are shared, on average eight steps, such errors
     # add up; over a hundred steps they do not.
@@ -199,14 +189,10 @@ def shaken_part(half: float, force: float) -> str:
       <actuator><motor joint="z"/>{presses}</actuator></mujoco>"""
 
 
-@pytest.mark.parametrize("half", [1e-3, 5e-4, 2e-4])
-@pytest.mark.parametrize("timestep", [0.002, 0.01])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@every(half=[1e-3, 5e-4, 2e-4], timestep=[0.002, 0.01], precision=["f64", "f32"])
 def test_a_small_part_is_held_or_flagged(precision, timestep, half):
-    """A part of 0.4 to 2 mm that is shaken for 3 s with at most 6 m/s^2 moves by less than 1 % of its size, or NOT_CONVERGED is set.
-
-    In f64 no flag is allowed. In f32 one is allowed below 2 mm, because rounding can leave a larger residual than the default tolerance.
-    """
+    """A part of 0.4 to 2 mm that is shaken for 3 s with at most 6 m/s^2 moves by less than 1 % of its size, or NOT_CONVERGED is set."""
+    # In f64 no flag is allowed. In f32 one is allowed below 2 mm, because rounding can leave a larger residual than the default tolerance.
     for force in (0.1, 1.0):
         sim = stepper.Stepper(stepper.load(shaken_part(half, force)), options=stepper.Options(timestep=timestep), precision=precision)
         mass, start, status, most = HAND + 0.04 + sim.model.body_mass[-1], None, 0, 0.0
@@ -217,6 +203,6 @@ def test_a_small_part_is_held_or_flagged(precision, timestep, half):
             start = place if t >= 0.4 and start is None else start
             status |= int(sim.status)
             most = max(most, 0.0 if start is None else np.abs(place - start).max())
-        if precision == "f32" and half < 1e-3 and Status.NOT_CONVERGED in Status(status):
+        if precision == "f32" and half < 1e-3 and stepper.Status.NOT_CONVERGED in stepper.Status(status):
             continue
-        assert status == Status.OK and most < 0.02 * half, (force, most / half, Status(status))
+        assert status == stepper.Status.OK and most < 0.02 * half, (force, most / half, stepper.Status(status))

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 import stepper
-from differentiated import NOISE, joined, touching
-from hypothesis import given
-from hypothesis import strategies as st
-from stepper import Options
+from checks import every
+from hypothesis import given, strategies as st
+from numerics import NOISE, joined, touching
 from stepper.derivatives import Kink
 
 G, H = 9.81, 0.002
@@ -24,6 +23,19 @@ SETTINGS = {
 SPLIT = [law for law in SETTINGS if law.startswith("split")]
 ROBOTS = ["gymnasium/ant", "gymnasium/half_cheetah", "gymnasium/hopper", "gymnasium/humanoid", "gymnasium/walker2d_v5"]
 ROBOTS += ["dm_control/cheetah", "dm_control/hopper", "dm_control/quadruped", "dm_control/walker"]
+BALL = '<body pos="0 0 .1">{joints}<geom type="sphere" size=".1" mass="2" friction=".4 0 0"/></body>'
+SLIDES = "".join(
+    f'<joint name="{axis}" type="slide" axis="{numbers}"/>' for axis, numbers in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)
+)
+PUSHED = '<actuator><motor joint="x"/><motor joint="z"/></actuator>'
+LOOP = (
+    '<body pos="0 0 1"><joint axis="0 1 0"/>{rod}<body pos="0 0 -.4"><joint axis="0 1 0"/>{bar}'
+    '<body name="tip" pos=".4 0 0"><geom size=".01" mass=".1" contype="0"/></body></body></body>'
+    '<body name="other" pos=".4 0 1"><joint axis="0 1 0"/>{rod}</body>'
+).format(
+    rod='<geom type="capsule" size=".02" fromto="0 0 0 0 0 -.4" mass=".5" contype="0"/>',
+    bar='<geom type="capsule" size=".02" fromto="0 0 0 .4 0 0" mass=".5" contype="0"/>',
+)
 
 
 def scene(body: str, *, more: str = "", floor: str = "") -> stepper.Model:
@@ -32,7 +44,7 @@ def scene(body: str, *, more: str = "", floor: str = "") -> stepper.Model:
 
 
 def simulation(model: stepper.Model, num_envs: int | None = 3, law: str = "hard", **more) -> stepper.Stepper:
-    return stepper.Stepper(model, num_envs, options=Options(**(SETTINGS[law] | more)))
+    return stepper.Stepper(model, num_envs, options=stepper.Options(**(SETTINGS[law] | more)))
 
 
 def apart(one: stepper.derivatives.Linearization, two: stepper.derivatives.Linearization, nv: int) -> np.ndarray:
@@ -42,8 +54,7 @@ def apart(one: stepper.derivatives.Linearization, two: stepper.derivatives.Linea
     return np.max([np.abs(a - b)[:, g].max(axis=1) / np.maximum(np.abs(b[:, g]).max(axis=1), 1.0) for g in groups], axis=0)
 
 
-@pytest.mark.parametrize("law", list(SETTINGS))
-@pytest.mark.parametrize("robot", ROBOTS)
+@every(law=list(SETTINGS), robot=ROBOTS)
 def test_implicit_derivatives_are_those_of_extrapolated_differences(robot, law):
     sim, ctrl = touching(robot, **SETTINGS[law])
     own = sim.linearize(ctrl=ctrl, method="implicit")
@@ -75,17 +86,9 @@ def test_differences_without_a_kink_do_not_depend_on_their_width(robot):
         assert (np.abs(a - b).max(axis=1) < close)[smooth].all()
 
 
-BALL = '<body pos="0 0 .1">{joints}<geom type="sphere" size=".1" mass="2" friction=".4 0 0"/></body>'
-SLIDES = "".join(
-    f'<joint name="{axis}" type="slide" axis="{numbers}"/>' for axis, numbers in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)
-)
-PUSHED = '<actuator><motor joint="x"/><motor joint="z"/></actuator>'
-
-
 def sliding(num_envs: int | None = 3) -> stepper.Stepper:
     """A ball that cannot turn, on the floor: one contact, with the friction of the floor."""
-    model = scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED)
-    return simulation(model, num_envs)
+    return simulation(scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED), num_envs)
 
 
 @given(st.floats(0.05, 5.0), st.floats(-3.1, 3.1), st.floats(-10.0, 15.0))
@@ -96,8 +99,7 @@ def test_a_sliding_contact_in_closed_form(speed, heading, push):
     lin = sim.linearize(ctrl=[[0.0, -push]], method="implicit")
     assert lin.implicit.all()
     # v+ = v - mu N h v+ / (m |v+|): the direction stays, so that v turns by less than its friction takes of it.
-    load = m * G + push
-    lost = mu * load * H / m
+    lost = mu * (m * G + push) * H / m
     across = np.eye(2) - np.outer(along, along)
     if speed < 2 * lost + 1e-3:
         return
@@ -210,18 +212,7 @@ def test_balls_that_overlap_roll_and_touch_one_another(law):
     assert not off.any()
 
 
-LOOP = (
-    '<body pos="0 0 1"><joint axis="0 1 0"/>{rod}<body pos="0 0 -.4"><joint axis="0 1 0"/>{bar}'
-    '<body name="tip" pos=".4 0 0"><geom size=".01" mass=".1" contype="0"/></body></body></body>'
-    '<body name="other" pos=".4 0 1"><joint axis="0 1 0"/>{rod}</body>'
-).format(
-    rod='<geom type="capsule" size=".02" fromto="0 0 0 0 0 -.4" mass=".5" contype="0"/>',
-    bar='<geom type="capsule" size=".02" fromto="0 0 0 .4 0 0" mass=".5" contype="0"/>',
-)
-
-
-@pytest.mark.parametrize("law", SPLIT)
-@pytest.mark.parametrize("wrong", [0.0, 1e-2])
+@every(law=SPLIT, wrong=[0.0, 1e-2])
 def test_a_loop_is_closed_beside_a_state_in_which_it_is(law, wrong):
     # Where the loop's error is none the step corrects nothing, and beside it all of the error: the derivative has the correction.
     rng = np.random.default_rng(0)
@@ -318,7 +309,6 @@ def test_nothing_advances_and_a_single_environment_has_no_leading_axis():
 
 def test_a_batch_in_f32_is_differentiated_in_f64():
     model = scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED)
-    sim = stepper.Stepper(model, 2, options=Options(**SETTINGS["hard"]), precision="f32")
-    lin = sim.linearize(method="implicit")
+    lin = stepper.Stepper(model, 2, options=stepper.Options(**SETTINGS["hard"]), precision="f32").linearize(method="implicit")
     assert lin.A.dtype == np.float64
     assert lin.implicit.all()

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import scipy.linalg
 import stepper
-from differentiated import NOISE, joined, touching
-from hypothesis import example, given
-from hypothesis import strategies as st
-from models import SOURCES, afloat, random_quaternion, stepper_model
+from checks import every, raises
+from hypothesis import example, given, strategies as st
+from models import SOURCES, afloat, random_quaternion, simulate, stepper_model
+from numerics import NOISE, joined, touching
 from stepper import Drive, Options
 from stepper.derivatives import Kink
 from stepper.derivatives.perturbations import step_of
@@ -19,6 +19,14 @@ from stepper.derivatives.perturbations import step_of
 G = 9.81
 SCHEMES = ["midpoint", "euler", "implicit", "rk4"]
 AT_REST = {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0}
+SLIDE = '<body pos="0 0 .1"><joint name="x" type="slide" axis="{axis}" {more}/><geom type="sphere" size=".1" mass="1" {friction}/></body>'
+SLIDER = '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>'
+MOTOR = '<actuator><motor joint="x"/></actuator>'
+SERVO = '<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>'
+LIMITED, SMOOTH = 'range="-1 1" limited="true"', 'friction="0 0 0"'
+UPRIGHT = SLIDE.replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
+# A plate, whose largest moment of inertia is the sum of the others.
+PLATE = '<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"/></body>'
 
 
 def scene(body: str, *, floor: str = "", options: str = "", more: str = "") -> stepper.Model:
@@ -105,10 +113,7 @@ def test_a_pendulum():
 
 
 def test_activations_and_their_controls():
-    model = scene(
-        '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>',
-        more='<actuator><general joint="x" dyntype="filter" dynprm=".05" gainprm="6"/></actuator>',
-    )
+    model = scene(SLIDER, more='<actuator><general joint="x" dyntype="filter" dynprm=".05" gainprm="6"/></actuator>')
     sim, h = stepper.Stepper(model, options=Options(integrator="euler")), 0.002
     sim.set_state(act=[0.4])
     lin = sim.linearize(ctrl=[1.0])
@@ -118,19 +123,10 @@ def test_activations_and_their_controls():
     np.testing.assert_allclose(lin.A[1, 2], 6 / 2 * h, atol=NOISE)
 
 
-def slider(v: float):
-    model = scene(
-        '<body pos="0 0 .1"><freejoint/><geom name="box" type="box" size=".1 .1 .1" mass="2" friction=".4 0 0"/></body>',
-        floor='friction="0 0 0"',
-    )
-    sim = stepper.Stepper(model, 2)
-    sim.step(nstep=50)
-    sim.set_state(qvel=[[v, 0, 0, 0, 0, 0], [0.8 * v, 0, 0, 0, 0, 0]])
-    return sim
-
-
 def test_a_box_slides_less_far_by_friction():
-    sim, n = slider(1.0), 40
+    box = '<body pos="0 0 .1"><freejoint/><geom name="box" type="box" size=".1 .1 .1" mass="2" friction=".4 0 0"/></body>'
+    sim, v, n = simulate(scene(box, floor=SMOOTH), 2, steps=50), np.array([1.0, 0.8]), 40
+    sim.set_state(qvel=np.outer(v, [1, 0, 0, 0, 0, 0]))
     lin = sim.linearize(("geom_friction[box]",), nstep=n)
     t = n * sim.timestep
     slides = lin.blocks["geom_friction[box]"]
@@ -139,17 +135,14 @@ def test_a_box_slides_less_far_by_friction():
     np.testing.assert_allclose(slides[:, 0, 0], -G * t**2 / 2, rtol=1e-6)
     # To where it stops: v^2 / (2 mu g), but for the last step, a hundredth of all.
     stopped = sim.linearize(("geom_friction[box]",), nstep=200)
-    v = np.array([1.0, 0.8])
     np.testing.assert_allclose(stopped.blocks["geom_friction[box]"][:, 0, 0], -(v**2) / (2 * 0.4**2 * G), rtol=0.02)
     np.testing.assert_allclose(stopped.blocks["geom_friction[box]"][:, 6, 0], 0, atol=1e-6)
 
 
 def test_a_ball_bounces_higher_by_restitution():
     height, e = 0.5, 0.8
-    model = scene(
-        f'<body pos="0 0 {0.1 + height}"><freejoint/><geom name="ball" type="sphere" size=".1" mass="2"/></body>', floor='friction="0 0 0"'
-    ).replace(geom_restitution=np.array([0.0, e]))
-    sim = stepper.Stepper(model, options=Options(integrator="midpoint"))
+    body = f'<body pos="0 0 {0.1 + height}"><freejoint/><geom name="ball" type="sphere" size=".1" mass="2"/></body>'
+    sim = simulate(scene(body, floor=SMOOTH).replace(geom_restitution=[0.0, e]), integrator="midpoint")
     speed = np.sqrt(2 * G * height)
     n = round((1 + e) * speed / G / sim.timestep)
     rise = n * sim.timestep - speed / G
@@ -175,15 +168,6 @@ def test_gravity_and_mass_are_parameters():
     np.testing.assert_allclose(lin.B[:, 1, 0], 4 * h / mass, rtol=1e-6)
 
 
-def transition(model, data, ctrl):
-    """MuJoCo's A and B, solved as far as it can."""
-    n = 2 * model.nv + model.na
-    A, B = np.zeros((n, n)), np.zeros((n, model.nu))
-    data.ctrl[:] = ctrl
-    mujoco.mjd_transitionFD(model, data, 1e-6, 1, A, B, None, None)
-    return np.concatenate([A, B], axis=1)
-
-
 @pytest.mark.parametrize(("robot", "integrator"), [
     *((robot, scheme) for robot in ("hopper", "half_cheetah", "ant", "walker2d_v5") for scheme in ("Euler", "implicitfast")),
     ("humanoid", "Euler"), ("humanoid", "implicitfast"), ("swimmer", "Euler"),
@@ -205,7 +189,10 @@ def test_mujocos_law_has_mujocos_derivatives(robot, integrator):
     for env in range(6):
         data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = sim.qpos[env], sim.qvel[env], 0
         mujoco.mj_forward(own, data)
-        theirs = transition(own, data, ctrl[env])
+        data.ctrl[:], n = ctrl[env], 2 * own.nv + own.na
+        A, B = np.zeros((n, n)), np.zeros((n, own.nu))
+        mujoco.mjd_transitionFD(own, data, 1e-6, 1, A, B, None, None)
+        theirs = np.concatenate([A, B], axis=1)
         scale = np.maximum(np.abs(theirs).max(axis=0), 1.0)
         worst.append((np.abs(joined(lin.blocks)[env] - theirs).max(axis=0) / scale)[smooth[env]])
     worst = np.concatenate(worst)
@@ -321,10 +308,7 @@ def test_a_batch_is_its_environments_with_their_memory_and_parameters():
 
 def test_a_batch_in_parts_is_the_batch_at_once(monkeypatch):
     # Environments of every part lack what one of another part has: the longest delays, whose sums are not those of the largest terms, lags.
-    model = scene(
-        '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>',
-        more='<actuator><motor joint="x" gear="4"/></actuator><sensor><jointpos joint="x"/></sensor>',
-    )
+    model = scene(SLIDER, more='<actuator><motor joint="x" gear="4"/></actuator><sensor><jointpos joint="x"/></sensor>')
     drive = Drive(
         delay=np.array([0.0, 0.004, 0.001]), delay_steps=np.array([0.0, 0.0, 4.0]), lag=np.array([0.01, 0.0, 0.0]),
         limits=(np.array([-np.inf, -9, -9]), np.array([np.inf, 9, 9])), servo=stepper.actuators.PID(kp=np.array([3.0, 4.0, 5.0]), ki=2.0),
@@ -376,8 +360,7 @@ def test_a_single_environment_has_no_leading_axis():
 @given(seed=st.integers(0, 10**6), robot=st.sampled_from(["gymnasium/ant", "dm_control/fish", "gymnasium/humanoid"]))
 def test_two_steps_are_the_product_of_one_and_one(seed, robot):
     model, rng = floating(robot), np.random.default_rng(seed)
-    sim = stepper.Stepper(model)
-    sim.set_state(model.integrate_pos(model.qpos0, rng.normal(size=model.nv)), rng.normal(size=model.nv))
+    sim = simulate(model, qpos=model.integrate_pos(model.qpos0, rng.normal(size=model.nv)), qvel=rng.normal(size=model.nv))
     ctrl = rng.uniform(-0.3, 0.3, model.nu)
     both, first = sim.linearize(ctrl=ctrl, nstep=2), sim.linearize(ctrl=ctrl)
     sim.step(ctrl)
@@ -386,18 +369,14 @@ def test_two_steps_are_the_product_of_one_and_one(seed, robot):
     scale = np.abs(both.A).max()
     np.testing.assert_allclose(both.A, second.A @ first.A, atol=1e-6 * scale)
     np.testing.assert_allclose(both.B, second.A @ first.B + second.B, atol=1e-6 * max(1.0, np.abs(both.B).max()))
-    np.testing.assert_allclose(both.qvel, sim_after(sim))
+    sim.step()
+    np.testing.assert_allclose(both.qvel, sim.qvel)
     # Nothing depends on where a robot floats.
     if model.joint(0).type == "free":
         expected = np.zeros((2 * model.nv + model.na, 3))
         expected[:3] = np.eye(3)
         # Differences err in proportion to the largest entries: seed 5135 has entries of 19, and errs by 1.7e-7.
         np.testing.assert_allclose(first.A[:, :3], expected, atol=1e-7 * max(1.0, np.abs(first.A).max()))
-
-
-def sim_after(sim):
-    sim.step()
-    return sim.qvel
 
 
 @cache
@@ -423,17 +402,8 @@ def test_kinks_are_seen():
     assert wide.kink_distance[2] < 1
 
 
-SLIDE = '<body pos="0 0 .1"><joint name="x" type="slide" axis="{axis}" {more}/><geom type="sphere" size=".1" mass="1" {friction}/></body>'
-MOTOR = '<actuator><motor joint="x"/></actuator>'
-
-
 def sliding(axis="1 0 0", more="", friction="", drive=MOTOR, body=SLIDE, **settings):
     return scene(body.format(axis=axis, more=more, friction=friction), more=drive, **settings)
-
-
-SERVO = '<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>'
-LIMITED, SMOOTH = 'range="-1 1" limited="true"', 'friction="0 0 0"'
-UPRIGHT = SLIDE.replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
 
 
 @pytest.mark.parametrize(("model", "options", "qpos", "ctrl", "name", "kink"), [
@@ -447,9 +417,7 @@ UPRIGHT = SLIDE.replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
                  id="contact that a motor takes all the weight from"),
 ])  # fmt: skip
 def test_a_column_is_flagged_in_the_environment_that_is_at_the_kink(*, model, options, qpos, ctrl, name, kink):
-    sim = stepper.Stepper(model, 2, options=Options(integrator="euler", **options))
-    sim.set_state(qpos)
-    lin = sim.linearize(ctrl=ctrl)
+    lin = simulate(model, 2, integrator="euler", **options, qpos=qpos).linearize(ctrl=ctrl)
     assert lin.kink_distance[0] <= 1.0
     np.testing.assert_array_equal(lin.kinks[name][:, 0] & int(kink) != 0, [True, False])
     assert not lin.near_kink[1]
@@ -471,18 +439,14 @@ CUP = scene(
 
 
 @pytest.mark.parametrize("arguments", [{}, {"centered": False}, {"method": "implicit"}], ids=str)
-@pytest.mark.parametrize("contact", ["hard", "mujoco"])
-@pytest.mark.parametrize("kink", [Kink.WRAP, Kink.ADHESION])
+@every(contact=["hard", "mujoco"], kink=[Kink.WRAP, Kink.ADHESION])
 def test_a_switch_of_a_tendon_or_of_suction_is_a_kink(kink, contact, arguments):
-    """The end of a string and a cup, 3e-7 m from where the string touches a drum and suction begins, and far away.
-
-    Differences move them by 1e-6 m. Suction begins at the gap of the cup, with hard contact 1e-5 m above it.
-    """
+    """The end of a string and a cup, 3e-7 m from where the string touches a drum and suction begins, and far away."""
+    # Differences move them by 1e-6 m. Suction begins at the gap of the cup, with hard contact 1e-5 m above it.
     reach = 1e-5 if contact == "hard" else 0.0
     model, edge = (STRING, TANGENT) if kink == Kink.WRAP else (CUP, 0.11 + reach)
     for side in (3e-7, -3e-7):
-        sim = stepper.Stepper(model, 2, options=Options(integrator="euler", contact=contact))
-        sim.set_state([[edge + side], [edge + 0.1]])
+        sim = simulate(model, 2, integrator="euler", contact=contact, qpos=[[edge + side], [edge + 0.1]])
         lin = sim.linearize(ctrl=[1.0], **arguments)
         # One-sided differences move the coordinate upwards.
         crosses = side < 0 or arguments != {"centered": False}
@@ -492,11 +456,8 @@ def test_a_switch_of_a_tendon_or_of_suction_is_a_kink(kink, contact, arguments):
 
 
 def test_a_control_at_its_bound_is_perturbed_inwards():
-    model = scene(
-        '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>',
-        more='<actuator><motor joint="x" gear="4" ctrlrange="-1 1" ctrllimited="true"/></actuator>',
-    )
-    sim = stepper.Stepper(model, 4)
+    motor = '<actuator><motor joint="x" gear="4" ctrlrange="-1 1" ctrllimited="true"/></actuator>'
+    sim = stepper.Stepper(scene(SLIDER, more=motor), 4)
     lin = sim.linearize(("ctrl",), ctrl=[[1.0], [-1.0], [0.3], [1.5]])
     np.testing.assert_allclose(lin.B[:, 1, 0], np.array([2, 2, 2, 0]) * sim.timestep, atol=NOISE)
     assert not lin.near_kink.any()
@@ -505,8 +466,7 @@ def test_a_control_at_its_bound_is_perturbed_inwards():
 def test_whole_fields_skip_what_the_model_has_none_of():
     slide = '<body><joint name="x" type="slide" axis="1 0 0" damping="1"/><geom size=".1"/></body>'
     body = f'<body><freejoint/><geom size=".1" mass="2"/>{slide}</body>'
-    sim = stepper.Stepper(scene(body, more=MOTOR))
-    sim.set_state(qvel=[0, 0, 0, 0, 0, 0, 1.0])
+    sim = simulate(scene(body, more=MOTOR), qvel=[0, 0, 0, 0, 0, 0, 1.0])
     lin = sim.linearize(("actuator_gainprm", "actuator_biasprm", "dof_damping", "dof_armature"), ctrl=[1.0])
     gain, damping = lin.blocks["actuator_gainprm"], lin.blocks["dof_damping"]
     # A motor's force is its gain times the control, so that both have one derivative.
@@ -515,18 +475,13 @@ def test_whole_fields_skip_what_the_model_has_none_of():
     assert not lin.blocks["actuator_biasprm"].any()
     assert not damping[:, :6].any()
     assert damping[13, 6] < 0
-    with pytest.raises(ValueError, match="of these elements is 0 and cannot be perturbed"):
-        sim.linearize(("dof_damping[0]",))
+    raises(ValueError, "of these elements is 0 and cannot be perturbed", sim.linearize, ("dof_damping[0]",))
 
 
 def test_nothing_to_perturb_is_empty():
     empty = stepper.load('<mujoco><worldbody><geom type="plane" size="1 1 1"/></worldbody></mujoco>')
     assert stepper.Stepper(empty, 2).linearize(sensors=True).A.shape == (2, 0, 0)
     assert stepper.Stepper(ball(), 2).linearize(("ctrl",)).B.shape == (2, 12, 0)
-
-
-# A plate, whose largest moment of inertia is the sum of the others.
-PLATE = '<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"/></body>'
 
 
 @pytest.mark.parametrize(("call", "message"), [
@@ -551,5 +506,4 @@ PLATE = '<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"
     (lambda sim: runge_kutta("mujoco").linearize(method="implicit"), "integrator is rk4, must be euler, implicitfast or implicit"),
 ])  # fmt: skip
 def test_wrong_calls_say_what_to_do(call, message):
-    with pytest.raises((ValueError, TypeError, KeyError, stepper.ModelError), match=message):
-        call(stepper.Stepper(spring(), 2))
+    raises((ValueError, TypeError, KeyError, stepper.ModelError), message, lambda: call(stepper.Stepper(spring(), 2)))

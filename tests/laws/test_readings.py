@@ -6,8 +6,8 @@ Bounds of statistics are five standard deviations of the estimator, which the se
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
+from models import mjcf, samples
 from scipy import stats
 from stepper import SensorModel, Transfer
 from stepper.sensors import devices
@@ -21,17 +21,13 @@ STILL = """
 </mujoco>
 """
 GYRO, ANGLE, AXIS, ATTITUDE = slice(0, 3), 3, slice(4, 7), slice(7, 11)
+TRAY = mjcf("tray")
 
 
 def errors(steps: int, num_envs: int, dt: float = 0.01, seed: int = 0, **transfers: Transfer) -> np.ndarray:
     """Readings of sensors at rest, (steps + 1, num_envs, nsensordata)."""
-    model = stepper.load(STILL.format(dt=dt))
-    sim = stepper.Stepper(model, num_envs, sensors=SensorModel(transfers), seed=seed)
-    rows = [sim.sensordata]
-    for _ in range(steps):
-        sim.step()
-        rows.append(sim.sensordata)
-    return np.array(rows)
+    sim = stepper.Stepper(stepper.load(STILL.format(dt=dt)), num_envs, sensors=SensorModel(transfers), seed=seed)
+    return np.concatenate([[sim.sensordata], samples(sim, steps, lambda: sim.sensordata)])
 
 
 @pytest.mark.parametrize(("kind", "kurtosis"), [("gaussian", 3.0), ("uniform", 1.8)])
@@ -91,8 +87,7 @@ def test_a_fixed_bias_is_the_same_in_every_episode_and_what_is_drawn_is_about_it
 
 
 def test_bias_is_drawn_once_an_episode():
-    model = stepper.load(STILL.format(dt=0.01))
-    sim = stepper.Stepper(model, 4096, sensors=SensorModel({"gyro": Transfer(bias_std=0.2)}))
+    sim = stepper.Stepper(stepper.load(STILL.format(dt=0.01)), 4096, sensors=SensorModel({"gyro": Transfer(bias_std=0.2)}))
     first = sim.sensordata[:, GYRO]
     sim.step(nstep=10)
     np.testing.assert_array_equal(sim.sensordata[:, GYRO], first)
@@ -111,10 +106,8 @@ def allan(x: np.ndarray, dt: float, tau: float) -> float:
 
 
 def test_the_allan_deviation_of_a_whole_imu_has_its_drift():
-    """Of the industrial gyro: white noise N^2 / tau, and the Gauss-Markov drift's (IEEE 952, annex C) with its in-run stability and 100 s.
-
-    sigma^2 = s^2 2 T/tau (1 - T / (2 tau) (3 - 4 e^(-tau/T) + e^(-2 tau/T))) for a drift of standard deviation s and correlation time T.
-    """
+    """Of the industrial gyro: white noise N^2 / tau and the Gauss-Markov drift (IEEE 952, annex C) with its in-run stability and 100 s."""
+    # sigma^2 = s^2 2 T/tau (1 - T / (2 tau) (3 - 4 e^(-tau/T) + e^(-2 tau/T))) for a drift of standard deviation s and correlation time T.
     dt, envs, seconds, T = 0.25, 96, 2000.0, 100.0
     density, stability = np.deg2rad(0.008), np.deg2rad(8 / 3600)
     # The drift begins at 0: five correlation times are left out.
@@ -131,8 +124,7 @@ def test_the_allan_deviation_of_a_whole_imu_has_its_drift():
 def test_drift_and_noise_are_independent():
     """Differences of neighbours d_k + n_k - n_(k-1) have the variance d^2 + 2 n^2, -n^2 with the next one, and nothing with other axes'."""
     n, d = 0.3, 0.2
-    x = errors(400, 512, 0.01, gyro=Transfer(noise_std=n, drift_std=d / np.sqrt(0.01)))[:, :, GYRO]
-    step = np.diff(x, axis=0)
+    step = np.diff(errors(400, 512, 0.01, gyro=Transfer(noise_std=n, drift_std=d / np.sqrt(0.01)))[:, :, GYRO], axis=0)
     var = d**2 + 2 * n**2
     # Five standard deviations of a mean of products of two numbers of that variance; neighbours that are correlated count half.
     bound = 5 * np.sqrt(2 * 2) * var / np.sqrt(step.size)
@@ -175,8 +167,7 @@ def test_quantum_and_limits():
 
 
 def test_samples_are_held_for_their_period():
-    x = errors(60, 8, 0.01, angle=Transfer(noise_std=1.0, period=0.05))[:, :, ANGLE]
-    changed = np.any(np.diff(x, axis=0) != 0, axis=1)
+    changed = np.any(np.diff(errors(60, 8, 0.01, angle=Transfer(noise_std=1.0, period=0.05))[:, :, ANGLE], axis=0) != 0, axis=1)
     np.testing.assert_array_equal(np.flatnonzero(changed) + 1, np.arange(5, 61, 5))
 
 
@@ -186,8 +177,7 @@ def test_a_period_that_is_no_multiple_of_the_step_is_kept_on_average():
 
 
 def test_dropout_holds_the_last_sample():
-    x = errors(400, 64, angle=Transfer(noise_std=1.0, dropout=0.3))[:, :, ANGLE]
-    held = np.mean(np.diff(x, axis=0) == 0)
+    held = np.mean(np.diff(errors(400, 64, angle=Transfer(noise_std=1.0, dropout=0.3))[:, :, ANGLE], axis=0) == 0)
     assert abs(held - 0.3) < 5 * np.sqrt(0.21 / (400 * 64))
 
 
@@ -195,11 +185,7 @@ def test_jitter_scatters_the_delay():
     model = stepper.load(STILL.replace("<framequat", '<clock name="clock"/><framequat').format(dt=0.01))
     sim = stepper.Stepper(model, 64, sensors=SensorModel({"clock": Transfer(delay=0.05, jitter=0.02)}))
     sim.step(nstep=20)
-    late = []
-    for _ in range(200):
-        sim.step()
-        late.append(sim.time - sim.sensordata[:, 7])
-    late = np.array(late)
+    late = samples(sim, 200, lambda: sim.time - sim.sensordata[:, 7])
     assert late.min() >= 0.03 - 1e-12
     assert late.max() <= 0.07 + 1e-12
     assert abs(late.mean() - 0.05) < 5 * 0.04 / np.sqrt(12 * late.size)
@@ -224,38 +210,9 @@ def test_misalignment_mixes_the_axes():
     np.testing.assert_allclose(sim.sensordata_ideal[GYRO], [0, 3, 0], atol=1e-14)
 
 
-TRAY = """
-<mujoco>
-  <option timestep="0.002"/>
-  <worldbody>
-    <geom type="plane" size="1 1 1" pos="0 0 -5"/>
-    <body name="arm" pos="0 0 1">
-      <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/><joint name="tilt" type="hinge" axis="0 1 0"/>
-      <geom type="capsule" size=".05 .1" mass="2" contype="0" conaffinity="0"/>
-      <body name="tray" pos="0 0 .3">
-        <geom name="pan" type="sphere" size=".1" mass="1.5"/>
-        <site name="wrist" pos="0 0 -.1" euler="20 30 40"/>
-      </body>
-    </body>
-    <body name="ball" pos="0 0 1.6"><freejoint/><geom name="ball" size=".1" mass=".7"/></body>
-  </worldbody>
-  <actuator><position joint="x" kp="500" kv="50"/><position joint="z" kp="5000" kv="200"/>
-  <position joint="tilt" kp="500" kv="20"/></actuator>
-  <sensor>
-    <force name="force" site="wrist"/><torque name="torque" site="wrist"/>
-    <framelinacc name="acceleration" objtype="body" objname="tray"/><subtreelinvel name="velocity" body="tray"/>
-    <touch name="touch" site="wrist"/>
-    <contact name="net" geom1="pan" geom2="ball" data="found force pos normal" reduce="netforce"/>
-    <framexaxis objtype="site" objname="wrist"/><frameyaxis objtype="site" objname="wrist"/><framezaxis objtype="site" objname="wrist"/>
-  </sensor>
-</mujoco>
-"""
-
-
 def test_a_wrist_carries_weight_inertia_and_what_lies_on_the_tray():
     """Force on the tray = m (a - g) - contacts, in any motion: Newton's law to rounding, and to 1e-8 as was asked for."""
-    model = stepper.load(TRAY)
-    sim = stepper.Stepper(model)
+    sim = stepper.Stepper(stepper.load(TRAY))
     struck = 0
     for k in range(600):
         sim.step([0.1 * np.sin(0.02 * k), 0.05 * np.cos(0.03 * k), 0.3 * np.sin(0.05 * k)])

@@ -8,6 +8,7 @@ backward Euler's removes it. What is damped and not resolved dies out with eithe
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from models import simulate
 from numerics import slope
 from scipy.linalg import expm
@@ -20,6 +21,12 @@ IMPLICIT = ["midpoint", "implicit"]
 
 SERVO = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="rail" type="slide" axis="1 0 0" {joint}/>
   <inertial pos="0 0 0" mass="{mass}" diaginertia=".1 .1 .1"/></body></worldbody><actuator>{actuator}</actuator></mujoco>"""
+TENDON = """<mujoco><option gravity="0 0 0"/><worldbody>
+  <body><joint name="a" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>{open}
+  <body><joint name="b" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .1"/></body>{close}</worldbody>
+  <tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="-.7"/></fixed></tendon>
+  <actuator><position tendon="t" kp="{kp}" kv="{kv}"/></actuator></mujoco>"""
+LAWS = {"hard": ("midpoint", "implicit", "euler", "rk4"), "mujoco": ("euler", "implicitfast", "rk4")}
 
 
 def servo(ratio: float, zeta: float, integrator: str):
@@ -40,12 +47,10 @@ def energy(kp: float, q: float, v: float) -> float:
 
 
 def added_inertia(ratio: float, zeta: float, integrator: str) -> float:
-    """Inertia beyond its mass with which the midpoint rule is contractive for a damped spring.
-
-    The step takes k at the mean position; d at the mean velocity, and s/2 d times its change; the damping e = 3/2 s h k at the velocity
-    after it, which is the mean and half of the change. Times the mean velocity: with m + h (s d + e) / 2 the energy falls by
-    h (d + e) v_mean^2.
-    """
+    """Inertia beyond its mass with which the midpoint rule is contractive for a damped spring."""
+    # The step takes k at the mean position; d at the mean velocity, and s/2 d times its change; the damping e = 3/2 s h k at the velocity
+    # after it, which is the mean and half of the change. Times the mean velocity: with m + h (s d + e) / 2 the energy falls by h (d + e)
+    # v_mean^2.
     if integrator != "midpoint":
         return 0.0
     kp = MASS * (ratio / H) ** 2
@@ -54,16 +59,12 @@ def added_inertia(ratio: float, zeta: float, integrator: str) -> float:
     return H * (share * kv + 1.5 * share * H * kp) / 2
 
 
-@pytest.mark.parametrize("integrator", IMPLICIT)
-@pytest.mark.parametrize("zeta", DAMPING_RATIOS)
-@pytest.mark.parametrize("ratio", RATIOS)
+@every(integrator=IMPLICIT, zeta=DAMPING_RATIOS, ratio=RATIOS)
 def test_energy_never_grows(ratio, zeta, integrator):
-    """Both rules are contractive for a linear oscillator: no step gains energy beyond rounding, and damping ends the motion.
-
-    Energy is that of the oscillator itself with backward Euler's rule and without damping; with damping, the midpoint rule's is that of
-    some more inertia, of the order h^2 of the mass where a step resolves the motion. A rule that takes positions at the mean velocity
-    turns a stiff spring's velocity around with all of its energy, or cannot be contractive in that energy itself.
-    """
+    """Both rules are contractive for a linear oscillator: no step gains energy beyond rounding, and damping ends the motion."""
+    # Energy is that of the oscillator itself with backward Euler's rule and without damping; with damping, the midpoint rule's is that of
+    # some more inertia, of the order h^2 of the mass where a step resolves the motion. A rule that takes positions at the mean velocity
+    # turns a stiff spring's velocity around with all of its energy, or cannot be contractive in that energy itself.
     sim, kp = servo(ratio, zeta, integrator)
     sim.set_state(qpos=[0.3], qvel=[1.0])
     more = added_inertia(ratio, zeta, integrator)
@@ -78,21 +79,16 @@ def test_energy_never_grows(ratio, zeta, integrator):
         assert before <= max(first * (1 + ratio**2) ** -1000.0, 1e-20 * first)
 
 
-@pytest.mark.parametrize("of", ["servo", "spring"])
-@pytest.mark.parametrize("zeta", [0.05, 0.2, 0.7, 1.0, 2.0])
-@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0, 5.0, 20.0, 100.0])
+@every(of=["servo", "spring"], zeta=[0.05, 0.2, 0.7, 1.0, 2.0], ratio=[0.5, 1.0, 2.0, 5.0, 20.0, 100.0])
 def test_what_is_damped_dies_out_in_a_second(ratio, zeta, of):
-    """A damped servo or spring that a step of 5 ms does not resolve does not ring: 200 steps after it was pulled by 0.1 it is at rest.
-
-    As fast as the true motion to a tenth of its rate, or by a factor of ten in 20 steps where that is faster.
-    On the way it never has more energy than in the beginning.
-    """
+    """A damped servo or spring that a step of 5 ms does not resolve does not ring: 200 steps after it was pulled by 0.1 it is at rest."""
+    # As fast as the true motion to a tenth of its rate, or by a factor of ten in 20 steps where that is faster. On the way it never has
+    # more energy than in the beginning.
     h = 5e-3
     kp = (ratio / h) ** 2
     kv = 2 * zeta * np.sqrt(kp)
     actuator, joint = (f'<position joint="rail" kp="{kp}" kv="{kv}"/>', "") if of == "servo" else ("", f'stiffness="{kp}" damping="{kv}"')
-    sim = simulate(SERVO.format(mass=1, joint=joint, actuator=actuator), timestep=h)
-    sim.set_state(qpos=[0.1])
+    sim = simulate(SERVO.format(mass=1, joint=joint, actuator=actuator), timestep=h, qpos=[0.1])
     rate = -np.roots([1, 2 * zeta * ratio, ratio**2]).real.max()
     # The true amplitude after n steps; 2 for its phase, the double eigenvalue of zeta = 1 has n + 1 besides.
     n = 200
@@ -104,14 +100,11 @@ def test_what_is_damped_dies_out_in_a_second(ratio, zeta, of):
     assert amplitude < 0.1 * bound * (n + 1 if zeta == 1.0 else 1)
 
 
-@pytest.mark.parametrize("damping", [1e2, 1e4, 1e8])
-@pytest.mark.parametrize("of", ["servo", "joint"])
+@every(damping=[1e2, 1e4, 1e8], of=["servo", "joint"])
 def test_a_stiff_damper_stops_what_it_brakes(of, damping):
     """H d / m up to 5e5: the velocity does not go back and forth, and a force moves it at force over damping."""
     actuator, joint = (f'<velocity joint="rail" kv="{damping}"/>', "") if of == "servo" else ("", f'damping="{damping}"')
-    sim = simulate(SERVO.format(mass=1, joint=joint, actuator=actuator), timestep=5e-3)
-    sim.set_state(qvel=[1.0])
-    sim.step(nstep=40)
+    sim = simulate(SERVO.format(mass=1, joint=joint, actuator=actuator), timestep=5e-3, qvel=[1.0], steps=40)
     assert abs(sim.qvel[0]) < 1e-6
     sim.qfrc_applied[:] = 3.0
     sim.step(nstep=100)
@@ -144,16 +137,13 @@ def test_an_arm_of_stiff_servos_settles(ratio):
     made += f'<position tendon="t" kp="{kp}" kv="{0.2 * kp * h / ratio}"/>'
     tendon = '<tendon><fixed name="t"><joint joint="j4" coef="1"/><joint joint="j5" coef=".7"/></fixed></tendon>'
     xml = f'<mujoco><option gravity="0 0 0"/><default><joint damping=".05"/></default><worldbody>{text}{"</body>" * 6}</worldbody>{tendon}'
-    sim = simulate(f"{xml}<actuator>{made}</actuator></mujoco>", timestep=h)
-    sim.set_state(qpos=[0.1, -0.05, 0.1, -0.1, 0.05, 0.1])
-    sim.step(nstep=400)
+    sim = simulate(f"{xml}<actuator>{made}</actuator></mujoco>", timestep=h, qpos=[0.1, -0.05, 0.1, -0.1, 0.05, 0.1], steps=400)
     # What no servo holds, the two last joints against each other, is braked by the joints' damping alone.
     assert np.abs(sim.qvel[:4]).max() < 1e-6
     assert np.abs(sim.qpos[:4]).max() < 1e-6
 
 
-@pytest.mark.parametrize("ratio", RATIOS)
-@pytest.mark.parametrize("of", ["servo", "spring"])
+@every(ratio=RATIOS, of=["servo", "spring"])
 def test_the_midpoint_rule_keeps_a_linear_springs_energy(of, ratio):
     """To rounding: 1e-16 in each of 10,000 steps, which add up as a walk or at worst as a sum."""
     kp = MASS * (ratio / H) ** 2
@@ -164,8 +154,7 @@ def test_the_midpoint_rule_keeps_a_linear_springs_energy(of, ratio):
     assert energy(kp, sim.qpos[0], sim.qvel[0]) == pytest.approx(energy(kp, 0.3, 1.0), rel=1e-11)
 
 
-@pytest.mark.parametrize("integrator", IMPLICIT)
-@pytest.mark.parametrize("ratio", RATIOS)
+@every(integrator=IMPLICIT, ratio=RATIOS)
 def test_a_servo_is_a_spring(ratio, integrator):
     """A position servo at zero and a joint with its stiffness and damping move alike to rounding."""
     sim, kp = servo(ratio, 0.3, integrator)
@@ -178,9 +167,7 @@ def test_a_servo_is_a_spring(ratio, integrator):
     assert abs(sim.qpos[0] - other.qpos[0]) * ratio / H <= 1e-10 * scale + 1e-25
 
 
-@pytest.mark.parametrize("integrator", IMPLICIT)
-@pytest.mark.parametrize("where", ["servo", "joint"])
-@pytest.mark.parametrize("ratio", RATIOS)
+@every(integrator=IMPLICIT, where=["servo", "joint"], ratio=RATIOS)
 def test_a_bounded_servo_accelerates_with_its_bound_and_settles(where, ratio, integrator):
     """Far from its target it pushes with its bound exactly, near it it settles as without one."""
     bound, lag = 2.0, 0.2
@@ -198,8 +185,7 @@ def test_a_bounded_servo_accelerates_with_its_bound_and_settles(where, ratio, in
     assert sim.qpos[0] == pytest.approx(1.0, abs=1e-9 + H**2 * bound / MASS)
 
 
-@pytest.mark.parametrize("integrator", IMPLICIT)
-@pytest.mark.parametrize("kind", ["position", "velocity"])
+@every(integrator=IMPLICIT, kind=["position", "velocity"])
 def test_a_bounded_servo_presses_a_wall_with_its_bound(kind, integrator):
     """The wall carries what the servo may push, not what its stiffness would: in rest the contact's force is the bound."""
     bound = 3.0
@@ -216,11 +202,9 @@ def test_a_bounded_servo_presses_a_wall_with_its_bound(kind, integrator):
 
 @pytest.mark.parametrize(("kp", "kv", "bound"), [(300.0, 20.0, 3.0), (600.0, 30.0, 5.0)])
 def test_bounded_servos_of_a_chain_do_not_hold_one_another_at_their_bounds(kp, kv, bound):
-    """Three coupled joints whose targets jump: at 2 ms and 1 ms they follow the motion at 31 us.
-
-    A servo at its bound gives in to its neighbours, and neighbours leave their bounds when it does. The error at 2 ms is below a fortieth
-    of the motion of 1 rad, and at 1 ms below a tenth of that. A search that never releases a servo is wrong by 0.2 rad at 2 ms.
-    """
+    """Three coupled joints whose targets jump: at 2 ms and 1 ms they follow the motion at 31 us."""
+    # A servo at its bound gives in to its neighbours, and neighbours leave their bounds when it does. The error at 2 ms is below a fortieth
+    # of the motion of 1 rad, and at 1 ms below a tenth of that. A search that never releases a servo is wrong by 0.2 rad at 2 ms.
     links = "".join(
         f'<body pos="0 0 {0.2 if k else 0}"><joint name="j{k}" axis="0 1 0"/>'
         '<geom type="capsule" size=".03" fromto="0 0 0 0 0 .2" mass="1" contype="0" conaffinity="0"/>'
@@ -240,22 +224,12 @@ def test_bounded_servos_of_a_chain_do_not_hold_one_another_at_their_bounds(kp, k
     assert np.abs(end(1e-3) - exact).max() < 0.0025
 
 
-TENDON = """<mujoco><option gravity="0 0 0"/><worldbody>
-  <body><joint name="a" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>{open}
-  <body><joint name="b" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .1"/></body>{close}</worldbody>
-  <tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="-.7"/></fixed></tendon>
-  <actuator><position tendon="t" kp="{kp}" kv="{kv}"/></actuator></mujoco>"""
-
-
-@pytest.mark.parametrize("integrator", IMPLICIT)
-@pytest.mark.parametrize("ratio", RATIOS)
-@pytest.mark.parametrize("chain", [True, False])
+@every(integrator=IMPLICIT, ratio=RATIOS, chain=[True, False])
 def test_a_servo_on_a_tendon_is_stable(chain, ratio, integrator):
     """On one chain the moment fits the matrix; across branches an added inertia takes its place. The spring's energy stays bounded."""
     kp = (ratio / H) ** 2
     parts = {"open": "", "close": "</body>"} if chain else {"open": "</body>", "close": ""}
-    sim = simulate(TENDON.format(kp=kp, kv=0, **parts), timestep=H, integrator=integrator)
-    sim.set_state(qpos=[0.1, -0.2], qvel=[0.3, 0.1])
+    sim = simulate(TENDON.format(kp=kp, kv=0, **parts), timestep=H, integrator=integrator, qpos=[0.1, -0.2], qvel=[0.3, 0.1])
 
     def total() -> float:
         return sum(sim.energy()) + kp * (sim.qpos[0] - 0.7 * sim.qpos[1]) ** 2 / 2
@@ -273,15 +247,12 @@ def test_what_feeds_energy_stays_explicit():
     k = 4 * MASS / H**2
     text = SERVO.format(mass=MASS, joint="", actuator=f'<general joint="rail" biastype="affine" biasprm="0 {k} 0"/>')
     for integrator in IMPLICIT:
-        sim = simulate(text, timestep=H, integrator=integrator)
-        sim.set_state(qpos=[1e-6])
-        sim.step()
+        sim = simulate(text, timestep=H, integrator=integrator, qpos=[1e-6], steps=1)
         assert sim.status == stepper.Status.OK
         assert sim.qvel[0] == pytest.approx(1e-6 * H * k / MASS, rel=1e-6)  # The explicit force of a joint at rest, by both rules.
 
 
-@pytest.mark.parametrize("integrator", IMPLICIT)
-@pytest.mark.parametrize("stiffness", [1e2, 1e6, 1e10])
+@every(integrator=IMPLICIT, stiffness=[1e2, 1e6, 1e10])
 def test_ball_and_free_joint_springs_are_stable(stiffness, integrator):
     """A stiff rotation spring with a spin that its linearisation is blind to: kinetic energy stays below what there was."""
     for joint in ('type="ball"', 'type="free"'):
@@ -311,8 +282,7 @@ def test_a_saturated_servo_beside_a_drive_is_resolved(integrator):
         assert sim.actuator_saturation[1] == 1
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "euler", "implicit"])
-@pytest.mark.parametrize("on_site", ["motor", "position"])
+@every(integrator=["midpoint", "euler", "implicit"], on_site=["motor", "position"])
 def test_a_bounded_sum_contains_forces_on_sites(integrator, on_site):
     """A servo on the joint asks for 1 N m, an actuator on a site for 5 N m, and the bound of their sum is 2 N m."""
     site = 'site="s" gear="0 5 0 0 0 0"'
@@ -326,9 +296,6 @@ def test_a_bounded_sum_contains_forces_on_sites(integrator, on_site):
     # Rounding of the inverse inertia.
     assert sim.qvel[0] == pytest.approx(H * 2 / 0.5, rel=1e-14)
     assert sim.actuator_saturation.tolist() == [1, 1]
-
-
-LAWS = {"hard": ("midpoint", "implicit", "euler", "rk4"), "mujoco": ("euler", "implicitfast", "rk4")}
 
 
 @pytest.mark.parametrize(("contact", "integrator"), [(law, name) for law, names in LAWS.items() for name in names])

@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper.envs
+from checks import raises
 from envs.cases import Strong, needs_gymnasiums
 from scipy import stats
 from stepper.envs.tasks import InvertedPendulum
@@ -101,8 +102,7 @@ def test_gymnasiums_own_environment_from_the_same_starts():
     falls = compare(still, "stepper/InvertedPendulum-v5", "InvertedPendulum-v5", episodes=8, seed=1)
     # The same starts fall after as many actions; other starts do not.
     np.testing.assert_array_equal(falls.one.lengths, falls.other.lengths)
-    others = evaluate(still, "InvertedPendulum-v5", episodes=8, seed=1)
-    assert (others.lengths != falls.one.lengths).any()
+    assert (evaluate(still, "InvertedPendulum-v5", episodes=8, seed=1).lengths != falls.one.lengths).any()
 
 
 def evaluated(returns):
@@ -163,13 +163,11 @@ def test_a_policy_whose_actions_are_nan_is_an_error():
 ])  # fmt: skip
 def test_what_cannot_be_evaluated_is_an_error(arguments, message):
     env, settings = arguments
-    with pytest.raises(ValueError, match=message):
-        evaluate(still, env, **settings)
+    raises(ValueError, message, evaluate, still, env, **settings)
 
 
 def test_starts_are_of_a_stepper():
-    with pytest.raises(ValueError, match="one must be on stepper"):
-        compare(still, "InvertedPendulum-v5", "InvertedPendulum-v4")
+    raises(ValueError, "one must be on stepper", compare, still, "InvertedPendulum-v5", "InvertedPendulum-v4")
 
 
 def test_starts_are_those_of_the_seeds():

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import stepper
 import stepper.envs
+from checks import raises
 from envs.cases import needs_gymnasiums
 from stepper.policies import ACTIVATIONS, Policy, PolicyError, PolicyWarning, describe, differences, load
 
@@ -55,8 +56,7 @@ def test_an_action_is_what_the_layers_say(envs, activation):
 def test_it_is_the_same_after_it_was_saved(envs, tmp_path):
     policy = made(envs)
     policy.save(tmp_path / "policy.npz")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         again = load(tmp_path / "policy.npz", env=envs)
     observation = np.random.default_rng(2).normal(size=(5, 10))
     np.testing.assert_array_equal(again(observation), policy(observation))
@@ -92,8 +92,7 @@ def test_theta_and_another_model_are_named(envs, tmp_path):
     assert made(other).environment["randomized"]["dof_damping"]["max"] == damping.max(axis=0).tolist()
     # A task that randomises has no parameters yet before its first reset: nothing is said then.
     assert made(other).differences(envs) == []
-    own = stepper.envs.assets.model_file("reacher.xml")
-    text = Path(own).read_text()
+    text = Path(stepper.envs.assets.model_file("reacher.xml")).read_text()
     assert 'damping="1"' in text
     (tmp_path / "reacher.xml").write_text(text.replace('damping="1"', 'damping="2"', 1))
     heavier = gymnasium.make_vec("stepper/Reacher-v5", num_envs=2, xml_file=str(tmp_path / "reacher.xml"))
@@ -121,8 +120,7 @@ def test_a_single_environment_is_the_same_as_a_vector(envs):
 
 
 def test_versions_and_what_only_one_says_are_named(envs):
-    policy = made(envs)
-    past = json.loads(json.dumps(policy.environment))
+    past = json.loads(json.dumps(made(envs).environment))
     past["versions"]["stepper"] = "0.0.1"
     past["sensors"] = {"tip": 1}
     lines = differences(past, describe(envs))
@@ -142,8 +140,7 @@ def test_gymnasiums_own_environment_is_told_by_its_engine(envs):
 def test_other_sizes_are_an_error(envs):
     with pytest.raises(PolicyError, match=r"observations \(17,\) and actions \(6,\), the policy \(10,\) and \(2,\).*Reacher"):
         made(envs).check(gymnasium.make("stepper/HalfCheetah-v5"))
-    with pytest.raises(PolicyError, match=r"shape \(9,\), must be \(10,\)"):
-        made(envs)(np.zeros(9))
+    raises(PolicyError, r"shape \(9,\), must be \(10,\)", lambda: made(envs)(np.zeros(9)))
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -158,8 +155,7 @@ def test_other_sizes_are_an_error(envs):
     *(({"clip": clip}, r"clip is .*, must be a number above 0: 10.0 is usual") for clip in (np.nan, -1.0, 0.0, "1", None, True)),
 ])  # fmt: skip
 def test_a_policy_that_could_not_act_is_not_made(envs, change, message):
-    with pytest.raises(PolicyError, match=message):
-        replace(made(envs), **change)
+    raises(PolicyError, message, lambda: replace(made(envs), **change))
     assert replace(made(envs), clip=np.inf).clip == np.inf
 
 
@@ -172,8 +168,7 @@ def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
     settings = json.dumps({"format": 1, "clip": 5.0, "activation": "tanh", "environment": {}, "training": {}})
     np.savez(tmp_path / "scalar.npz", settings=np.array(settings), mean=np.zeros(()), std=np.ones(()), low=np.zeros(()), high=np.ones(()))
     for name in ("text", "other", "future", "list", "scalar"):
-        with pytest.raises(PolicyError, match=f"{name}.npz"):
-            load(tmp_path / f"{name}.npz")
+        raises(PolicyError, f"{name}.npz", load, tmp_path / f"{name}.npz")
     # Also a file of PyTorch, which is a ZIP archive as those of NumPy.
     for name in ("other", "list", "dict"):
         with pytest.raises(PolicyError) as error:
@@ -184,12 +179,10 @@ def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
         )
     with pytest.raises(FileNotFoundError):
         load(tmp_path / "nothing.npz")
-    with pytest.raises(ValueError, match=r"must be \.npz"):
-        made(envs).save(tmp_path / "policy.pt")
+    raises(ValueError, r"must be \.npz", lambda: made(envs).save(tmp_path / "policy.pt"))
     made(envs).save(tmp_path / "cut.npz")
     (tmp_path / "cut.npz").write_bytes((tmp_path / "cut.npz").read_bytes()[:-100])
-    with pytest.raises(PolicyError, match=r"cut\.npz"):
-        load(tmp_path / "cut.npz")
+    raises(PolicyError, r"cut\.npz", load, tmp_path / "cut.npz")
 
 
 def test_a_damaged_file_is_refused_by_name(envs, tmp_path):
@@ -243,16 +236,13 @@ def test_arrays_of_a_policy_are_of_real_numbers(envs, name, change):
     (weight, bias), *others = one.layers
     own = {"weights": ((change(weight), bias), *others), "biases": ((weight, change(bias)), *others)}
     own = {"layers": own[name]} if name in own else {name: change(getattr(one, name))}
-    with pytest.raises(PolicyError, match=rf"{name}.* is (MaskedArray|ndarray|list).*, must be an array of real numbers"):
-        replace(one, **own)
+    raises(PolicyError, rf"{name}.* is (MaskedArray|ndarray|list).*, must be an array of real numbers", replace, one, **own)
 
 
 def test_a_damaged_clip_in_a_file_is_named(envs, tmp_path):
-    one = made(envs)
-    one.save(tmp_path / "p.npz")
+    made(envs).save(tmp_path / "p.npz")
     with np.load(tmp_path / "p.npz") as archive:
         arrays = dict(archive)
     arrays["settings"] = np.array(json.dumps(json.loads(str(arrays["settings"])) | {"clip": -1.0}))
     np.savez(tmp_path / "p.npz", **arrays)
-    with pytest.raises(PolicyError, match=r"p\.npz: clip is -1\.0, must be a number above 0"):
-        load(tmp_path / "p.npz")
+    raises(PolicyError, r"p\.npz: clip is -1\.0, must be a number above 0", load, tmp_path / "p.npz")

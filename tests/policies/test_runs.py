@@ -13,6 +13,7 @@ from stepper.shared.files import locked
 
 STEPS = 10
 """Environment steps of an update of the stand-in's runs."""
+SETTINGS = {"env": "stepper/Reacher-v5", "num_envs": 64, "horizon": 64, "minibatch": 64}
 
 
 def stand_in():
@@ -73,9 +74,6 @@ def run_of(learner):
             return run
 
     return Run
-
-
-SETTINGS = {"env": "stepper/Reacher-v5", "num_envs": 64, "horizon": 64, "minibatch": 64}
 
 
 def test_the_first_checkpoint_is_written_after_the_first_update(ppo, tmp_path, capsys):

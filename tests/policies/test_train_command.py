@@ -9,10 +9,11 @@ from types import SimpleNamespace
 import gymnasium
 import numpy as np
 import pytest
+from checks import raises
 from stepper import policies
 from stepper.adapters.native import make_native
 from stepper.cli import main
-from stepper.policies import check_film, make, ppo_settings
+from stepper.policies import check_film, film, make, ppo_settings
 from stepper.shared.arguments import literal
 
 ROOT = Path(__file__).parents[2]
@@ -20,6 +21,7 @@ WITHOUT_TORCH = "import sys; sys.modules['torch'] = None; "
 COMMAND = "from stepper.cli import main; sys.argv = ['stepper', 'train', 'stepper/Hopper-v5', '--seed', '3']; main()"
 EXAMPLE = f"import runpy; runpy.run_path({str(ROOT / 'examples/train.py')!r}, run_name='__main__')"
 LEARNER = f"import runpy; runpy.run_path({str(ROOT / 'python/stepper/policies/ppo.py')!r}, run_name='__main__')"
+REACHER = "stepper/Reacher-v5"
 
 
 @pytest.mark.skipif(find_spec("typer") is None, reason="typer, which the command line needs, is not installed")
@@ -80,16 +82,11 @@ class Dark(gymnasium.Env):
 def test_a_film_that_cannot_be_drawn_is_refused_before_the_training(tmp_path):
     if "test/Dark-v0" not in gymnasium.registry:
         gymnasium.register("test/Dark-v0", entry_point=Dark)
-    with pytest.raises(RuntimeError, match="cannot draw here"):
-        check_film("test/Dark-v0", tmp_path / "film.mp4")
+    raises(RuntimeError, "cannot draw here", check_film, "test/Dark-v0", tmp_path / "film.mp4")
 
 
 def test_a_film_of_another_format_is_refused_before_the_training():
-    with pytest.raises(ValueError, match=r"the film's file is 'film\.gif', must end in \.mp4"):
-        check_film("stepper/HalfCheetah-v5", "film.gif")
-
-
-REACHER = "stepper/Reacher-v5"
+    raises(ValueError, r"the film's file is 'film\.gif', must end in \.mp4", check_film, "stepper/HalfCheetah-v5", "film.gif")
 
 
 def test_values_of_the_command_line_are_arguments_of_the_environment():
@@ -111,8 +108,7 @@ def test_values_of_the_command_line_are_arguments_of_the_environment():
     (["contact=hard"], "--values sets contact: use the option --contact instead"),
 ])  # fmt: skip
 def test_wrong_values_are_refused(values, message):
-    with pytest.raises(ValueError, match=message):
-        ppo_settings.settings_of(REACHER, {"values": values})
+    raises(ValueError, message, ppo_settings.settings_of, REACHER, {"values": values})
 
 
 def test_values_are_numbers_words_tuples_mappings_and_texts():
@@ -175,8 +171,7 @@ def test_evaluate_gives_values_to_both_environments(monkeypatch, capsys):
     ("tasks/reach_task.py:me/Reach-v0", "write reach_task:me/Reach-v0, with the id"),
 ])  # fmt: skip
 def test_a_file_in_place_of_an_environment_gets_its_remedy(env, remedy):
-    with pytest.raises(ValueError, match=f"is a file, must be the id of an environment: {remedy}"):
-        make(env)
+    raises(ValueError, f"is a file, must be the id of an environment: {remedy}", make, env)
 
 
 @pytest.mark.parametrize(("env", "hint"), [
@@ -192,3 +187,69 @@ def test_an_unknown_environment_gets_one_hint(env, hint):
         told = str(error.value)
         assert hint in told
         assert told.lower().count("did you mean") == (env != "xyz-v0")
+
+
+# Films of policies.
+
+
+class Pictures(gymnasium.Env):
+    """An environment of pictures that get brighter, which ends after five actions."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
+    observation_space, action_space = gymnasium.spaces.Box(0.0, 255.0, (1,)), gymnasium.spaces.Box(-1.0, 1.0, (1,))
+
+    def __init__(self, render_mode=None):
+        self.render_mode, self._count = render_mode, 0
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self._count = 0
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        self._count += 1
+        return np.full(1, self._count, np.float32), 0.0, self._count == 5, False, {}
+
+    def render(self):
+        return np.full((64, 64, 3), 40 * self._count, np.uint8)
+
+
+@pytest.mark.skipif(find_spec("moviepy") is None, reason="moviepy, which writes films, is not installed")
+def test_a_film_tells_how_far_it_is(tmp_path):
+    if "test/Pictures-v0" not in gymnasium.registry:
+        gymnasium.register("test/Pictures-v0", entry_point=Pictures, max_episode_steps=8)
+    told = []
+    for actions, count in ((3, 3), (300, 5)):
+        made = film(np.zeros_like, "test/Pictures-v0", tmp_path / "film.mp4", actions=actions, progress=lambda *given: told.append(given))
+        assert made == count
+    # The time limit of the environment is 8 actions, and the episode ends after 5.
+    assert told == [("film film.mp4", done) for done in (1 / 3, 2 / 3, 1.0, 1 / 8, 2 / 8, 3 / 8, 4 / 8, 1.0)]
+    assert (tmp_path / "film.mp4").stat().st_size > 0
+
+
+def test_the_command_evaluate_films_after_it_has_checked_that_it_can(tmp_path, monkeypatch, capsys):
+    """With stand-ins for the parts that render and run, because few machines have OpenGL."""
+    calls = []
+    policy = SimpleNamespace(environment={})
+    monkeypatch.setattr(policies, "load", lambda _: policy)
+    monkeypatch.setattr(policies, "differences", lambda *_: [])
+    monkeypatch.setattr(policies, "make", lambda *_, **__: None)
+    monkeypatch.setattr(policies, "describe", lambda _: {})
+    monkeypatch.setattr(policies, "check_film", lambda env, file, **settings: calls.append(("check", env, file, settings)))
+    monkeypatch.setattr(policies, "evaluate", lambda *_, **__: calls.append(("run",)) or "return 7")
+    monkeypatch.setattr(
+        policies, "film", lambda *given, actions, seed, progress, **settings: calls.append(("film", *given, actions, seed, settings))
+    )
+    file = tmp_path / "run.mp4"
+    words = ["evaluate", "policy.npz", "stepper/HalfCheetah-v5", "--film", str(file), "--seed", "3", "--contact", "hard"]
+    monkeypatch.setattr("sys.argv", ["stepper", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    settings = {"contact": "hard"}
+    assert calls == [
+        ("check", "stepper/HalfCheetah-v5", file, settings),
+        ("run",),
+        ("film", policy, "stepper/HalfCheetah-v5", file, 300, 3, settings),
+    ]
+    assert capsys.readouterr().out.splitlines() == ["return 7", f"wrote {file}"]

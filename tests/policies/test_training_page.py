@@ -44,8 +44,7 @@ def test_a_policy_fits_the_environment_that_it_names(file, monkeypatch):
             pytest.skip("robosuite, whose robot this is, is not installed: make study-libraries")
         monkeypatch.syspath_prepend(ROOT / "examples/studies")
         importlib.import_module("panda_task").register()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PolicyWarning)
+    with warnings.catch_warnings(action="ignore", category=PolicyWarning):
         env = gymnasium.make(policy.training["env"])
         policy.check(env)
     action = policy(env.reset(seed=0)[0])

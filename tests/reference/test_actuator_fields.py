@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 import stepper
 from actuators import KINDS, TREE, scene
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from models import forward, random_state, simulate
 from numerics import relative_error
 
@@ -22,6 +21,7 @@ ONE_OF_EACH = {
     "pid": 'pid joint="wrist" kp="20" kv="3" input="pos"',
 }
 SCENE = TREE.format(actuators="".join(f'<{made} name="{name}"/>' for name, made in ONE_OF_EACH.items()), sensors="")
+number = st.floats(-5.0, 5.0).map(lambda x: round(x, 3) + 0.0)
 
 
 def forces(sim, rest, state, act, ctrl):
@@ -78,9 +78,6 @@ def test_forces_after_a_change_are_those_of_mujoco(kind):
     check_forces(compiled, simulate(model.replace(**scaled)), rng)
 
 
-number = st.floats(-5.0, 5.0).map(lambda x: round(x, 3) + 0.0)
-
-
 @given(data=st.data())
 @settings(max_examples=60, deadline=None)
 def test_a_change_is_that_of_mujoco_or_an_error(data):
@@ -135,8 +132,7 @@ def test_a_term_that_the_model_lacks_is_added_by_replace_alone():
     for field in ("actuator_gainprm", "actuator_biasprm"):
         with pytest.raises(stepper.ModelError, match=rf'environment 0: actuator "general": {field} is .*, and the model has.*small number'):
             stepper.Stepper(model, 1).randomize({f"{field}[general][1]": -2.0})
-        changed = model.replace({f"{field}[general][1]": -2.0})
-        stepper.Stepper(changed, 1).randomize({f"{field}[general][1]": -3.0})
+        stepper.Stepper(model.replace({f"{field}[general][1]": -2.0}), 1).randomize({f"{field}[general][1]": -3.0})
 
 
 def test_numbers_that_mujoco_does_not_read_either_are_left_out():

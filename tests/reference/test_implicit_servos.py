@@ -9,11 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 from models import full_mass_matrix
 from mujoco_law.parity import prepare, states
-from stepper import Options
 
 # Relative to 1 + max |qvel|. Rounding is 1e-16 times what a factored mass matrix loses, 1e-12 in single steps here, and grows with motion.
 BOUND = 1e-9
@@ -107,6 +105,19 @@ SCENES = {
         3.0,
     ),
 }
+numbers = st.floats(-2, 2).map(lambda x: round(x, 3))
+positive = st.floats(0.05, 3).map(lambda x: round(x, 3))
+ranges = st.tuples(positive, positive).map(lambda ends: f"{-ends[0]} {ends[1]}")
+vectors = st.tuples(numbers, numbers, numbers).filter(lambda v: sum(x * x for x in v) > 0.05)
+axes = st.one_of(st.sampled_from([(1, 0, 0), (0, 1, 0), (0, 0, 1)]), vectors)
+FEET = """<mujoco><option cone="elliptic" impratio="100" timestep=".01"/><worldbody>
+  <geom type="plane" size="4 4 .1"/>
+  <body name="trunk" pos="0 0 .3"><freejoint/><geom type="box" size=".2 .1 .05" mass="5" contype="0"/>{legs}</body>
+  </worldbody></mujoco>"""
+LEG = """<body pos="{x} {y} 0"><joint axis="0 1 0" damping="2" armature=".01"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.2" mass="1" contype="0"/>
+  <body pos="0 0 -.2"><joint axis="0 1 0" damping="2" armature=".01"/>
+  <geom size=".023" pos="0 0 -.1" mass=".2" solimp=".015 1 .023" condim="6" friction=".8 .02 .01"/></body></body>"""
 
 
 def text(bodies, tendons="", actuators="", timestep=0.01):
@@ -121,7 +132,7 @@ def difference(source, integrator, ctrl, qvel=None, displacement=None):
     model = mujoco.MjModel.from_xml_string(source)
     prepare(model)
     model.opt.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}"))
-    data, options = mujoco.MjData(model), Options(contact="mujoco", integrator=integrator, tolerance=1e-13)
+    data, options = mujoco.MjData(model), stepper.Options(contact="mujoco", integrator=integrator, tolerance=1e-13)
     sim = stepper.Stepper(stepper.load(model, strict=False), options=options)
     data.ctrl[:] = ctrl
     data.qvel[:] = np.resize([0.3, -1.0, 0.7, 0.2], model.nv) if qvel is None else qvel
@@ -143,8 +154,7 @@ def difference(source, integrator, ctrl, qvel=None, displacement=None):
 @pytest.mark.parametrize("moves", [False, True])
 def test_servos_are_mujocos(name, integrator, moves):
     bodies, tendons, actuators, ctrl = SCENES[name]
-    source = text(bodies, tendons, actuators)
-    step, motion = difference(source, integrator, ctrl, None if moves else 0.0)
+    step, motion = difference(text(bodies, tendons, actuators), integrator, ctrl, None if moves else 0.0)
     assert step < BOUND and motion < BOUND
 
 
@@ -159,13 +169,6 @@ def test_the_derivative_across_branches_is_felt():
     arm = np.array([0.0, 0.5, 0.5, -0.7])
     whole = np.linalg.solve(full_mass_matrix(model, data) + 0.01 * 10 * np.outer(arm, arm), 0.01 * (data.qfrc_smooth))
     assert np.abs(whole - data.qvel).max() > 0.1 * np.abs(data.qvel).max()
-
-
-numbers = st.floats(-2, 2).map(lambda x: round(x, 3))
-positive = st.floats(0.05, 3).map(lambda x: round(x, 3))
-ranges = st.tuples(positive, positive).map(lambda ends: f"{-ends[0]} {ends[1]}")
-vectors = st.tuples(numbers, numbers, numbers).filter(lambda v: sum(x * x for x in v) > 0.05)
-axes = st.one_of(st.sampled_from([(1, 0, 0), (0, 1, 0), (0, 0, 1)]), vectors)
 
 
 def words(numbers):
@@ -247,27 +250,15 @@ def test_random_trees_with_random_servos_are_mujocos(integrator, source, seed):
     assert step < BOUND and motion < BOUND
 
 
-FEET = """<mujoco><option cone="elliptic" impratio="100" timestep=".01"/><worldbody>
-  <geom type="plane" size="4 4 .1"/>
-  <body name="trunk" pos="0 0 .3"><freejoint/><geom type="box" size=".2 .1 .05" mass="5" contype="0"/>{legs}</body>
-  </worldbody></mujoco>"""
-LEG = """<body pos="{x} {y} 0"><joint axis="0 1 0" damping="2" armature=".01"/>
-  <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.2" mass="1" contype="0"/>
-  <body pos="0 0 -.2"><joint axis="0 1 0" damping="2" armature=".01"/>
-  <geom size=".023" pos="0 0 -.1" mass=".2" solimp=".015 1 .023" condim="6" friction=".8 .02 .01"/></body></body>"""
-
-
 def test_mujoco_stops_before_its_own_solution_on_feet_of_nearly_rigid_friction():
-    """Feet of solimp 0.015 to 1 with impratio 100 and six rows, as Unilab's Go1 has them.
-
-    MuJoCo stops where the objective, some 1e3, no longer decreases by what its rounding lets it see. Stepper's velocity is that of
-    MuJoCo's problem, solved further by Newton's method.
-    """
+    """Feet of solimp 0.015 to 1 with impratio 100 and six rows, as Unilab's Go1 has them."""
+    # MuJoCo stops where the objective, some 1e3, no longer decreases by what its rounding lets it see. Stepper's velocity is that of
+    # MuJoCo's problem, solved further by Newton's method.
     legs = "".join(LEG.format(x=x, y=y) for x in (-0.2, 0.2) for y in (-0.1, 0.1))
     model = mujoco.MjModel.from_xml_string(FEET.format(legs=legs))
     prepare(model)
     found = states(model, 12, 3)
-    sim = stepper.Stepper(stepper.load(model, strict=False), 12, options=Options(contact="mujoco", tolerance=1e-13, iterations=100))
+    sim = stepper.Stepper(stepper.load(model, strict=False), 12, options=stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100))
     sim.set_state(qpos=found.qpos, qvel=found.qvel)
     sim.step()
     touching = 0

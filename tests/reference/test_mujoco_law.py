@@ -4,10 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every, raises
 from equalities import KINDS, LINKAGE
 from models import SOURCES
-from mujoco_law.parity import AGREES, compare, prepare, states
-from mujoco_law.parity import States as Found
+from mujoco_law.parity import AGREES, States as Found, compare, prepare, states
+from stepper.loading.mjcf import describe
 
 # The acceleration of both is that of a strictly convex problem, which both solve until rounding stops them: relative to 1 + max |qvel| the
 # velocities after a step differ by less than 1e-9, or than MuJoCo's own solvers do (Parity.agrees).
@@ -19,6 +20,11 @@ OTHER_POINTS = {"gymnasium/pusher": "plane and cylinder", "gymnasium/pusher_v5":
 
 
 EXACT = stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100)
+CROWD = """<mujoco><option cone="{cone}" timestep=".004"/><worldbody><geom type="plane" size="9 9 .1" friction=".6"/>
+  {bodies}<body name="plate" pos="0 0 .05"><freejoint/><geom type="box" size="1 1 .04" mass="9"/></body></worldbody></mujoco>"""
+TUMBLES = """<mujoco><option integrator="discrete" timestep=".01" gravity="0 0 {gravity}"/><worldbody><geom type="plane" size="9 9 .1"/>
+  <body name="stone" pos="0 0 .3"><freejoint/><geom type="box" size=".1 .2 .05" mass="2"/><site name="s" pos=".1 0 .1"/></body>
+  <body pos="2 0 1"><freejoint/><geom type="ellipsoid" size=".1 .05 .03" mass="1"/></body></worldbody>{more}</mujoco>"""
 
 
 def compiled(source, **options):
@@ -65,8 +71,7 @@ def assert_same_velocity(sim, model, found):
         assert np.abs(sim.qvel[env] - data.qvel).max() < AGREES * (1 + np.abs(found.qvel[env]).max())
 
 
-@pytest.mark.parametrize("sweeps", [0, 20])
-@pytest.mark.parametrize("name", sorted(set(SOURCES) - set(LEFT_OUT)))
+@every(sweeps=[0, 20], name=sorted(set(SOURCES) - set(LEFT_OUT)))
 def test_robots_of_others_step_as_in_mujoco(name, sweeps):
     """With and without noslip sweeps, which do the same in the same order."""
     model = compiled(SOURCES[name], noslip_iterations=sweeps)
@@ -75,9 +80,7 @@ def test_robots_of_others_step_as_in_mujoco(name, sweeps):
     assert found.same == 1.0 or name in OTHER_POINTS
 
 
-@pytest.mark.parametrize("sweeps", [0, 20])
-@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
-@pytest.mark.parametrize("integrator", ["euler", "implicitfast", "implicit", "discrete", "rk4"])
+@every(sweeps=[0, 20], cone=["pyramidal", "elliptic"], integrator=["euler", "implicitfast", "implicit", "discrete", "rk4"])
 def test_every_cone_with_every_integrator(cone, integrator, sweeps):
     cone, integrator = getattr(mujoco.mjtCone, f"mjCONE_{cone.upper()}"), getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     found = parity(compiled(SOURCES["dm_control/quadruped"], cone=int(cone), integrator=int(integrator), noslip_iterations=sweeps))
@@ -195,8 +198,7 @@ def scene(**parts):
 @pytest.mark.parametrize(("sweeps", "tolerance"), [(0, 0.0), (1, 0.0), (20, 1e-6), (20, 0.0)])
 @pytest.mark.parametrize("name", SCENES)
 def test_every_number_of_the_law_means_what_it_means_in_mujoco(name, sweeps, tolerance):
-    model = compiled(scene(**SCENES[name]), noslip_iterations=sweeps, noslip_tolerance=tolerance)
-    found = parity(model, 12 if sweeps else 20)
+    found = parity(compiled(scene(**SCENES[name]), noslip_iterations=sweeps, noslip_tolerance=tolerance), 12 if sweeps else 20)
     assert found.touching > 0.5
     assert found.same > 0.5
     assert found.agrees == 1.0
@@ -204,8 +206,7 @@ def test_every_number_of_the_law_means_what_it_means_in_mujoco(name, sweeps, tol
 
 @pytest.mark.parametrize("name", [name for name in KINDS if "mocap" not in name])
 def test_equalities_are_mujocos(name):
-    found = parity(compiled(LINKAGE.format(equality=KINDS[name])))
-    assert found.agrees == 1.0
+    assert parity(compiled(LINKAGE.format(equality=KINDS[name]))).agrees == 1.0
 
 
 def test_randomised_masses_keep_the_inverse_weights_of_the_model():
@@ -266,24 +267,14 @@ def test_a_model_without_inverse_weights_gets_those_of_mujocos_compiler():
     """Relative 1e-9: the same matrices, summed in another order; the compiler's own are in double precision."""
     source = SOURCES["dm_control/humanoid"]
     kept = stepper.load(str(source), strict=False)
-    code = stepper.Model.from_description(_without_weights(mujoco.MjModel.from_xml_path(str(source))), strict=False)
+    described = describe(mujoco.MjModel.from_xml_path(str(source)))
+    described["soft"]["inverse_weights"] = None
+    code = stepper.Model.from_description(described, strict=False)
     settings = stepper.Options(contact="mujoco")
     sims = [stepper.Stepper(model, options=settings) for model in (kept, code)]
     for sim in sims:
         sim.step(np.linspace(-1, 1, kept.nu), nstep=200)
     assert np.abs(sims[0].qpos - sims[1].qpos).max() < 1e-6
-
-
-def _without_weights(model):
-    from stepper.loading.mjcf import describe
-
-    described = describe(model)
-    described["soft"]["inverse_weights"] = None
-    return described
-
-
-CROWD = """<mujoco><option cone="{cone}" timestep=".004"/><worldbody><geom type="plane" size="9 9 .1" friction=".6"/>
-  {bodies}<body name="plate" pos="0 0 .05"><freejoint/><geom type="box" size="1 1 .04" mass="9"/></body></worldbody></mujoco>"""
 
 
 def _crowd(cone):
@@ -313,13 +304,7 @@ def test_bodies_on_a_plate_accelerate_as_mujocos(cone):
     ({"contact": "soft"}, 'contact is "soft", must be one of: hard, mujoco'),
 ])  # fmt: skip
 def test_what_the_law_does_not_have_is_named(options, words):
-    with pytest.raises(ValueError, match=words):
-        stepper.Stepper(stepper.load(scene()), options=stepper.Options(**({"contact": "mujoco"} | options)))
-
-
-TUMBLES = """<mujoco><option integrator="discrete" timestep=".01" gravity="0 0 {gravity}"/><worldbody><geom type="plane" size="9 9 .1"/>
-  <body name="stone" pos="0 0 .3"><freejoint/><geom type="box" size=".1 .2 .05" mass="2"/><site name="s" pos=".1 0 .1"/></body>
-  <body pos="2 0 1"><freejoint/><geom type="ellipsoid" size=".1 .05 .03" mass="1"/></body></worldbody>{more}</mujoco>"""
+    raises(ValueError, words, lambda: stepper.Stepper(stepper.load(scene()), options=stepper.Options(**({"contact": "mujoco"} | options))))
 
 
 @pytest.mark.parametrize("more", ["", '<actuator><position site="s" refsite="r" gear="1 .2 0 0 .1 0" kp="300" kv="4"/></actuator>'])

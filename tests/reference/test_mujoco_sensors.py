@@ -10,13 +10,45 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from models import SOURCES, forward, random_quaternion, random_state, simulate
+from checks import every, raises
+from models import SOURCES, forward, mjcf, random_quaternion, random_state, simulate
 from stepper.loading.mjcf.sensors import MISSING
 from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
 BOUND = 1e-9  # Asked for by issue 4.
 OBJECTS = ("body", "xbody", "geom", "site")
 FRAME = ("framepos", "framequat", "framexaxis", "frameyaxis", "framezaxis", "framelinvel", "frameangvel")
+ASSORTED = mjcf("assorted_sensors")
+
+CHOSEN = [
+    "assorted",
+    "gymnasium/humanoid", "gymnasium/ant", "gymnasium/pusher_v5", "gymnasium/reacher", "gymnasium/half_cheetah",
+    "dm_control/humanoid", "dm_control/dog", "dm_control/quadruped", "dm_control/manipulator", "dm_control/swimmer", "dm_control/cartpole",
+]  # fmt: skip
+LIMITED = """
+<mujoco><option timestep="0.001"/><worldbody><body><joint name="lift" type="slide" axis="0 0 1" limited="true" range="-.2 .3"/>
+  <geom size=".1" mass="2"/>
+  <body pos="1 0 0"><joint name="other" type="slide" axis="0 0 1"/><geom size=".1" mass="3"/></body></body></worldbody>
+<tendon><fixed name="rope" limited="true" range="-.5 .4"><joint joint="lift" coef="2"/><joint joint="other" coef="-1"/></fixed></tendon>
+<sensor><jointlimitpos joint="lift"/><jointlimitvel joint="lift"/><jointlimitfrc joint="lift"/>
+  <tendonlimitpos tendon="rope"/><tendonlimitvel tendon="rope"/><tendonlimitfrc tendon="rope"/></sensor></mujoco>"""
+HAND = """<mujoco><worldbody><body name="arm"><joint name="hinge"/><geom name="link" size=".1" pos=".3 0 0"/><site name="tip" pos=".4 0 0"/>
+  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator><sensor><clock name="now"/></sensor></mujoco>"""
+SHAPES = """
+<mujoco><worldbody>
+  <geom name="plane" type="plane" size="0 0 1" pos="0 0 -1" euler="10 5 0"/>
+  <body name="eye" pos="0 0 .5"><freejoint/><geom name="eye" size=".05" mass="1" contype="0" conaffinity="0"/>
+    <site name="eye" pos=".1 0 0" euler="10 0 0"/></body>
+  <body pos="1 0 0"><freejoint/><geom name="capsule" type="capsule" size=".2 .3" contype="0" conaffinity="0"/></body>
+  <body pos="0 1 0"><freejoint/><geom name="box" type="box" size=".3 .2 .1" contype="0" conaffinity="0"/></body>
+  <body pos="-1 0 0"><freejoint/><geom name="cylinder" type="cylinder" size=".2 .3" contype="0" conaffinity="0"/></body>
+  <body pos="0 -1 0"><freejoint/><geom name="ellipsoid" type="ellipsoid" size=".3 .2 .1" contype="0" conaffinity="0"/></body>
+  <body pos="0 0 1"><freejoint/><geom name="sphere" type="sphere" size=".2" contype="0" conaffinity="0"/></body>
+  <geom name="unseen" type="sphere" size="3" rgba="0 0 0 0" contype="0" conaffinity="0"/>
+</worldbody><sensor>
+  <rangefinder site="eye" data="dist dir origin point"/>
+  {proximity}
+</sensor></mujoco>"""
 
 
 def instrumented(name: str) -> mujoco.MjModel:  # noqa: PLR0912  (a list of sensors)
@@ -99,28 +131,6 @@ def readings(mujoco_model, model, data) -> tuple[np.ndarray, list[str]]:
     return np.concatenate(kept), words
 
 
-ASSORTED = """
-<mujoco><worldbody>
-  <body name="fixed" pos=".1 .2 .3" euler="10 20 30"><geom size=".1" mass=".5"/>
-    <body name="socket" pos="0 .1 .2"><joint name="ball" type="ball" pos=".01 .02 .03" stiffness="2" armature=".01"/>
-      <geom size=".1" pos=".1 0 0"/>
-      <body name="slider" pos=".3 0 0" euler="0 40 0"><joint name="slide" type="slide" axis="1 2 3" ref=".1" springref=".2" stiffness="5"/>
-        <joint name="hinge" axis="0 1 1" ref=".3"/><geom type="box" size=".1 .05 .02" pos="0 .1 0"/></body></body></body>
-  <body name="floater"><freejoint/><geom type="capsule" size=".05 .2" pos="0 .1 0"/>
-    <body name="fin" pos="0 .2 0"><joint name="fin" type="ball"/><geom size=".05" pos=".1 0 0"/></body></body>
-  <body name="hand" mocap="true" pos="0 0 2" euler="30 0 0"><geom size=".1"/></body>
-</worldbody>
-<tendon><fixed name="belt"><joint joint="slide" coef="2"/><joint joint="hinge" coef="-.5"/></fixed></tendon>
-<actuator><position joint="slide" kp="20" kv="1"/><general joint="hinge" gear="3" gainprm="5" biasprm="1 2 3" biastype="affine"/>
-  <motor tendon="belt" gear="2"/></actuator></mujoco>"""
-
-CHOSEN = [
-    "assorted",
-    "gymnasium/humanoid", "gymnasium/ant", "gymnasium/pusher_v5", "gymnasium/reacher", "gymnasium/half_cheetah",
-    "dm_control/humanoid", "dm_control/dog", "dm_control/quadruped", "dm_control/manipulator", "dm_control/swimmer", "dm_control/cartpole",
-]  # fmt: skip
-
-
 @pytest.mark.parametrize("name", CHOSEN)
 def test_every_smooth_sensor_reads_what_mujocos_does(name):
     compiled = instrumented(name)
@@ -197,15 +207,6 @@ def test_what_the_table_calls_not_simulated_is_left_out_with_its_reason():
     assert model.nsensordata == 3
 
 
-LIMITED = """
-<mujoco><option timestep="0.001"/><worldbody><body><joint name="lift" type="slide" axis="0 0 1" limited="true" range="-.2 .3"/>
-  <geom size=".1" mass="2"/>
-  <body pos="1 0 0"><joint name="other" type="slide" axis="0 0 1"/><geom size=".1" mass="3"/></body></body></worldbody>
-<tendon><fixed name="rope" limited="true" range="-.5 .4"><joint joint="lift" coef="2"/><joint joint="other" coef="-1"/></fixed></tendon>
-<sensor><jointlimitpos joint="lift"/><jointlimitvel joint="lift"/><jointlimitfrc joint="lift"/>
-  <tendonlimitpos tendon="rope"/><tendonlimitvel tendon="rope"/><tendonlimitfrc tendon="rope"/></sensor></mujoco>"""
-
-
 def test_limits_are_overlaps_as_mujocos_and_forces_as_statics_has_them():
     compiled = mujoco.MjModel.from_xml_string(LIMITED)
     sim, rng = simulate(stepper.load(compiled)), np.random.default_rng(2)
@@ -219,8 +220,7 @@ def test_limits_are_overlaps_as_mujocos_and_forces_as_statics_has_them():
     assert 50 < beyond < 350
     # At rest the second mass hangs on the rope, 3 g, which draws the first one down twice as much; that lies in its own limit, which
     # bears (2 + 3) g + 2 x 3 g.
-    sim = simulate(stepper.load(compiled), tolerance=1e-6)
-    sim.step(nstep=3000)
+    sim = simulate(stepper.load(compiled), tolerance=1e-6, steps=3000)
     assert sim.status == 0
     # Rows are solved to 1e-6 m/s in a step of 1 ms, for 2 kg and more: 1e-2 N.
     np.testing.assert_allclose(sim.sensordata_ideal[[2, 5]], [11 * 9.81, 3 * 9.81], atol=1e-2)
@@ -236,23 +236,6 @@ def test_rays_see_planes_without_end():
     np.testing.assert_allclose(stepper.Stepper(stepper.load(compiled)).sensordata_ideal, [1.0], atol=1e-12)
 
 
-SHAPES = """
-<mujoco><worldbody>
-  <geom name="plane" type="plane" size="0 0 1" pos="0 0 -1" euler="10 5 0"/>
-  <body name="eye" pos="0 0 .5"><freejoint/><geom name="eye" size=".05" mass="1" contype="0" conaffinity="0"/>
-    <site name="eye" pos=".1 0 0" euler="10 0 0"/></body>
-  <body pos="1 0 0"><freejoint/><geom name="capsule" type="capsule" size=".2 .3" contype="0" conaffinity="0"/></body>
-  <body pos="0 1 0"><freejoint/><geom name="box" type="box" size=".3 .2 .1" contype="0" conaffinity="0"/></body>
-  <body pos="-1 0 0"><freejoint/><geom name="cylinder" type="cylinder" size=".2 .3" contype="0" conaffinity="0"/></body>
-  <body pos="0 -1 0"><freejoint/><geom name="ellipsoid" type="ellipsoid" size=".3 .2 .1" contype="0" conaffinity="0"/></body>
-  <body pos="0 0 1"><freejoint/><geom name="sphere" type="sphere" size=".2" contype="0" conaffinity="0"/></body>
-  <geom name="unseen" type="sphere" size="3" rgba="0 0 0 0" contype="0" conaffinity="0"/>
-</worldbody><sensor>
-  <rangefinder site="eye" data="dist dir origin point"/>
-  {proximity}
-</sensor></mujoco>"""
-
-
 def proximities() -> mujoco.MjModel:
     """A scene with a ray and the distances of all pairs that the table has."""
     pairs = [("plane", s) for s in ("capsule", "box", "cylinder", "ellipsoid", "sphere")] + [("sphere", "capsule"), ("capsule", "plane"),
@@ -264,8 +247,7 @@ def proximities() -> mujoco.MjModel:
 
 def test_rays_and_distances_are_mujocos():
     compiled = proximities()
-    model = stepper.load(compiled)
-    sim, rng = simulate(model), np.random.default_rng(5)
+    sim, rng = simulate(stepper.load(compiled)), np.random.default_rng(5)
     hits = 0
     for _ in range(300):
         qpos = np.concatenate([np.r_[rng.uniform(-0.7, 0.7, 3), random_quaternion(rng)] for _ in range(compiled.nbody - 1)])
@@ -277,10 +259,7 @@ def test_rays_and_distances_are_mujocos():
     assert 50 < hits < 300
 
 
-@pytest.mark.parametrize("interp", ["zoh", "linear"])
-@pytest.mark.parametrize("samples", [0, 1, 2, 5])
-@pytest.mark.parametrize("interval", [0, 1, 1.5, 2.5, 3])
-@pytest.mark.parametrize("delay", [0, 0.3, 0.5, 1, 1.5, 3, 4])
+@every(interp=["zoh", "linear"], samples=[0, 1, 2, 5], interval=[0, 1, 1.5, 2.5, 3], delay=[0, 0.3, 0.5, 1, 1.5, 3, 4])
 def test_readings_are_as_late_as_mujocos(delay, interval, samples, interp):
     """Delays below a step, buffers that are too short for the delay, and intervals without a buffer. Times in steps."""
     # A power of two: sums of time steps have no rounding error, which could delay MuJoCo's samples by a step.
@@ -309,3 +288,78 @@ def test_readings_are_as_late_as_mujocos(delay, interval, samples, interp):
         sim.step()
     # At unit speed, a position in steps is the time of the sample. MuJoCo's reading after a step is that of the state before it.
     assert np.allclose(ours, theirs, atol=1e-9)
+
+
+# Sensors that are added to a loaded model read, bit for bit, what those of its file read.
+
+OBJECT_KINDS = mujoco.mjtObj
+NAMED = {
+    OBJECT_KINDS.mjOBJ_JOINT: "joint",
+    OBJECT_KINDS.mjOBJ_TENDON: "tendon",
+    OBJECT_KINDS.mjOBJ_ACTUATOR: "actuator",
+    OBJECT_KINDS.mjOBJ_SITE: "site",
+    OBJECT_KINDS.mjOBJ_XBODY: "body",
+    OBJECT_KINDS.mjOBJ_GEOM: "geom",
+}
+
+
+def written_again(m):
+    """Every sensor of a compiled model as a `SensorSpec`, by the word of its type; without those that have no word there."""
+    known = {**JOINTS, **TENDONS, **ACTUATORS, **SITES, **SUBTREES, **FRAMES, **SCENE}
+    readings = {}
+    for i in range(m.nsensor):
+        word = mujoco.mjtSensor(int(m.sensor_type[i])).name.removeprefix("mjSENS_").lower()
+        if word not in known:
+            continue
+        of = {}
+        for prefix, objtype, index in (
+            ("", m.sensor_objtype[i], m.sensor_objid[i]),
+            ("reference_", m.sensor_reftype[i], m.sensor_refid[i]),
+        ):
+            if index >= 0 and objtype != OBJECT_KINDS.mjOBJ_UNKNOWN and not (prefix and word not in FRAMES):
+                kind = OBJECT_KINDS(int(objtype))
+                name = mujoco.mj_id2name(m, OBJECT_KINDS.mjOBJ_BODY if kind == OBJECT_KINDS.mjOBJ_XBODY else kind, index)
+                what = "inertial" if kind == OBJECT_KINDS.mjOBJ_BODY and word in FRAMES else NAMED.get(kind, "body")
+                of[f"{prefix}{what}"] = name
+        readings[mujoco.mj_id2name(m, OBJECT_KINDS.mjOBJ_SENSOR, i)] = stepper.sensors.SensorSpec(type=word, **of)
+    return readings
+
+
+@pytest.mark.parametrize("name", ["assorted", "gymnasium/humanoid", "dm_control/quadruped", "dm_control/manipulator"])
+def test_what_is_added_reads_what_the_file_has(name):
+    m = instrumented(name)
+    model = stepper.load(m, strict=False)
+    readings = written_again(m)
+    readings = {name: reading for name, reading in readings.items() if name in model.sensor_names}
+    sim = stepper.Stepper(model.with_sensors({f"added {name}": reading for name, reading in readings.items()}), 4)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        sim.set_state(qvel=rng.normal(size=(4, model.nv)))
+        sim.step(rng.uniform(-1, 1, (4, model.nu)), nstep=3)
+        for sensor in readings:
+            file, added = (sim.read("sensordata_ideal", which) for which in (sensor, f"added {sensor}"))
+            np.testing.assert_array_equal(added, file, f"{sensor}: {readings[sensor]}")
+    assert len({reading.type for reading in readings.values()}) > 20
+
+
+@pytest.mark.parametrize(("reading", "said"), [
+    ({"type": "framepose", "site": "tip"}, "sensor 'new': there is no type 'framepose'; the types are: jointpos"),
+    ({"type": "framepos"}, "type framepos needs one of body, inertial, geom, site, and none is given"),
+    ({"type": "framepos", "site": "tip", "body": "arm"}, "type framepos needs one of body, inertial, geom, site, and site, body is given"),
+    ({"type": "gyro", "body": "arm"}, "type gyro needs site, and body is given"),
+    ({"type": "clock", "body": "arm"}, "type clock needs no element, and body is given"),
+    ({"type": "gyro", "site": "top"}, "there is no site 'top'; the names are: tip"),
+    ({"type": "jointpos", "joint": "hinge", "reference_site": "tip"}, "type jointpos has no reference, and reference_site is given"),
+    ({"type": "framelinacc", "site": "tip", "reference_body": "arm"}, "type framelinacc has no reference"),
+    ({"type": "framepos", "site": "tip", "reference_body": "arm", "reference_geom": "link"}, "type framepos has at most one reference"),
+    ({"type": "framepos", "site": "tip", "reference_body": "hand"}, "there is no body 'hand'; the names are: world, arm"),
+])  # fmt: skip
+def test_what_is_wrong_is_said(reading, said):
+    raises(ValueError, said, lambda: stepper.load(HAND).with_sensors({"new": stepper.sensors.SensorSpec(**reading)}))
+
+
+def test_what_is_added_has_errors_of_its_own():
+    model = stepper.load(HAND).with_sensors({"hand": stepper.sensors.SensorSpec(type="framepos", site="tip")})
+    sim = stepper.Stepper(model, 2, sensors=stepper.SensorModel({"hand": stepper.Transfer(bias=0.5)}))
+    np.testing.assert_array_equal(sim.read("sensordata_ideal", "hand"), [[0.4, 0, 0]] * 2)
+    np.testing.assert_array_equal(sim.read("sensordata", "hand"), [[0.9, 0.5, 0.5]] * 2)

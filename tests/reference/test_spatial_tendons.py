@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from models import forward, full_mass_matrix, random_state, simulate
 from mujoco_law.parity import compare, prepare, states
 from numerics import acceleration_of_short_steps, relative_error
@@ -62,6 +63,16 @@ ACTUATORS = {
     "bounded muscle": MUSCLE.format('forcerange="-5 0"'),
 }
 INTEGRATORS = ["Euler", "implicitfast", "implicit", "RK4", "discrete"]
+# MuJoCo allows an inertia of tendons that wrap around nothing.
+STRAIGHT = {
+    "one branch": '<site site="base"/><site site="tip"/>',
+    "pulley": '<site site="base"/><site site="tip"/><pulley divisor="2"/><site site="tip"/><site site="hull"/><site site="base"/>',
+    "branches": '<site site="hand"/><site site="tip"/><site site="load"/>',
+}
+
+
+INERTIA = dict.fromkeys(STRAIGHT, 40.0) | {"branches": 1.0}
+"""Inertia of the tendon, kg. Without entries between branches, MuJoCo's mass matrix is singular with 40 kg."""
 
 
 def scene(tendons: str, actuators: str = "", sensors: str = "", option: str = "") -> str:
@@ -124,33 +135,21 @@ def test_moment_arms_are_the_derivatives_of_lengths():
             mujoco.mj_integratePos(model, moved, v, sign)
             sim.set_state(moved, v)
             ends.append(np.array(sim.sensordata_ideal)[::2])
-        slopes = (ends[0] - ends[1]) / 2e-6
-        assert relative_error(rates, slopes) < 1e-8
+        assert relative_error(rates, (ends[0] - ends[1]) / 2e-6) < 1e-8
 
 
-@pytest.mark.parametrize("path", ["sites", "sphere with a side", "cylinder", "pulley"])
-@pytest.mark.parametrize("rows", ROWS)
+def agrees(source: str, count: int = 6) -> None:
+    """Check that steps from random states are MuJoCo's by its law."""
+    model = mujoco.MjModel.from_xml_string(source)
+    prepare(model)
+    assert compare(stepper.load(model), states(model, count, 0)).agrees == 1.0, source
+
+
+@every(path=["sites", "sphere with a side", "cylinder", "pulley"], rows=ROWS)
 def test_a_step_of_mujocos_law_is_mujocos(path, rows):
     """Springs, dampers, limits and dry friction: relative to 1 + max |qvel|, within 1e-9 or the difference of MuJoCo's own solvers."""
     for integrator in INTEGRATORS:
-        model = mujoco.MjModel.from_xml_string(
-            scene(f'<spatial name="t" {ROWS[rows]}>{PATHS[path]}</spatial>', option=f'integrator="{integrator}"')
-        )
-        prepare(model)
-        found = compare(stepper.load(model), states(model, 6, 0))
-        assert found.agrees == 1.0, integrator
-
-
-# MuJoCo allows an inertia of tendons that wrap around nothing.
-STRAIGHT = {
-    "one branch": '<site site="base"/><site site="tip"/>',
-    "pulley": '<site site="base"/><site site="tip"/><pulley divisor="2"/><site site="tip"/><site site="hull"/><site site="base"/>',
-    "branches": '<site site="hand"/><site site="tip"/><site site="load"/>',
-}
-
-
-INERTIA = dict.fromkeys(STRAIGHT, 40.0) | {"branches": 1.0}
-"""Inertia of the tendon, kg. Without entries between branches, MuJoCo's mass matrix is singular with 40 kg."""
+        agrees(scene(f'<spatial name="t" {ROWS[rows]}>{PATHS[path]}</spatial>', option=f'integrator="{integrator}"'))
 
 
 def heavy(path: str, more: str = "", option: str = "") -> str:
@@ -158,15 +157,11 @@ def heavy(path: str, more: str = "", option: str = "") -> str:
     return scene(f'<spatial name="t" armature="{INERTIA[path]}" {more}>{STRAIGHT[path]}</spatial>', option=option)
 
 
-@pytest.mark.parametrize("more", ["", 'stiffness="40" springlength=".1 .3" damping="3" limited="true" range=".2 .9" frictionloss="1"'])
-@pytest.mark.parametrize("path", STRAIGHT)
+@every(more=["", 'stiffness="40" springlength=".1 .3" damping="3" limited="true" range=".2 .9" frictionloss="1"'], path=STRAIGHT)
 def test_a_step_with_inertia_of_mujocos_law_is_mujocos(path, more):
     """As above. MuJoCo's mass matrix has no entries between branches, and so has the law's."""
     for integrator in INTEGRATORS:
-        model = mujoco.MjModel.from_xml_string(heavy(path, more, f'integrator="{integrator}"'))
-        prepare(model)
-        found = compare(stepper.load(model), states(model, 6, 0))
-        assert found.agrees == 1.0, integrator
+        agrees(heavy(path, more, f'integrator="{integrator}"'))
 
 
 @pytest.mark.parametrize("path", STRAIGHT)
@@ -192,8 +187,7 @@ def test_inertia_of_a_tendon_is_m_jtj(path):
         assert sim.energy()[1] == pytest.approx(kinetic, rel=BOUND)
 
 
-@pytest.mark.parametrize("integrator", ["euler", "midpoint"])
-@pytest.mark.parametrize("path", STRAIGHT)
+@every(integrator=["euler", "midpoint"], path=STRAIGHT)
 def test_a_step_with_inertia_tends_to_the_smooth_acceleration(path, integrator):
     """The inertia of a tendon is a row of the step: extrapolated to h = 0, the acceleration is that of the mass matrix with m J^T J."""
     source = heavy(path)
@@ -211,16 +205,11 @@ def test_inertia_of_a_tendon_around_a_geom_is_refused():
         model.replace(tendon_armature=[1.0])
 
 
-@pytest.mark.parametrize("kind", ACTUATORS)
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@every(kind=ACTUATORS, integrator=INTEGRATORS)
 def test_a_step_with_an_actuator_is_mujocos(kind, integrator):
     """As above, with the velocity derivative of muscles in the implicit rules."""
-    path = PATHS["sphere with a side"]
-    source = scene(f'<spatial name="t">{path}</spatial>', ACTUATORS[kind], option=f'integrator="{integrator}"')
-    model = mujoco.MjModel.from_xml_string(source)
-    prepare(model)
-    found = compare(stepper.load(model), states(model, 12, 0))
-    assert found.agrees == 1.0
+    path = f'<spatial name="t">{PATHS["sphere with a side"]}</spatial>'
+    agrees(scene(path, ACTUATORS[kind], option=f'integrator="{integrator}"'), count=12)
 
 
 @pytest.mark.parametrize("armature", [0.0, 0.5])
@@ -231,8 +220,7 @@ def test_energy_of_a_rubber_band_is_conserved(armature):
       <tendon><spatial stiffness="60" springlength=".1" armature="{}"><site site="a"/><site site="b"/></spatial></tendon></mujoco>"""
     source, errors = source.format(armature), []
     for h in (4e-3, 2e-3, 1e-3):
-        sim = simulate(source, timestep=h, integrator="midpoint")
-        sim.set_state(qvel=[0, 2.0, 1.0, 0, 0, 0])
+        sim = simulate(source, timestep=h, integrator="midpoint", qvel=[0, 2.0, 1.0, 0, 0, 0])
         start, worst = sum(sim.energy()), 0.0
         for _ in range(round(1.0 / h)):
             sim.step()
@@ -275,8 +263,7 @@ def test_a_rope_ties_two_bodies():
 
 def test_a_saved_model_keeps_paths_and_muscles(tmp_path):
     """The model from the file is equal, and steps to the same bits."""
-    source = scene(f'<spatial name="t">{PATHS["sphere"]}</spatial>', ACTUATORS["muscle"])
-    model = stepper.load(source)
+    model = stepper.load(scene(f'<spatial name="t">{PATHS["sphere"]}</spatial>', ACTUATORS["muscle"]))
     model.save(tmp_path / "m.stepper")
     again = stepper.load(tmp_path / "m.stepper")
     assert again == model
@@ -317,7 +304,6 @@ def test_frames_for_viewers_have_wrapped_tendons():
     """Frames of the viewers have the paths of every shown environment; a model without spatial tendons has none."""
     from stepper.viewer.frames import frame_of
 
-    sim = stepper.Stepper(stepper.load(scene(f'<spatial name="t">{PATHS["cylinder"]}</spatial>')), 4)
-    sim.step(nstep=3)
+    sim = simulate(scene(f'<spatial name="t">{PATHS["cylinder"]}</spatial>'), 4, steps=3)
     assert np.array_equal(frame_of(sim, np.array([1, 3])).tendons, sim.tendon_paths[[1, 3]])
     assert frame_of(stepper.Stepper(stepper.load("<mujoco/>")), np.array([0])).tendons.shape == (1, 0, 10, 3)

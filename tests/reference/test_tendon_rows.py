@@ -4,6 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from checks import every
+from contact_problem import equalities
+from equalities import KINDS, LINKAGE, rows_of
 from models import forward, full_mass_matrix, random_state, simulate
 from numerics import acceleration_of_short_steps, relative_error
 
@@ -41,27 +44,22 @@ def test_mass_matrix_and_smooth_acceleration_are_mujocos(name):
         assert sim.energy() == pytest.approx(data.energy, rel=1e-10)
 
 
-@pytest.mark.parametrize("integrator", ["euler", "midpoint"])
-@pytest.mark.parametrize("name", ROWS)
+@every(integrator=["euler", "midpoint"], name=ROWS)
 def test_a_step_tends_to_mujocos_acceleration(name, integrator):
     """The force is taken within the step: extrapolated to steps without a length, the acceleration is MuJoCo's."""
     source = TREE.format(tendon=f"<fixed {ROWS[name]}>{CHAIN if 'armature' in ROWS[name] else JOINTS}</fixed>")
     model, rng = mujoco.MjModel.from_xml_string(source), np.random.default_rng(0)
     for _ in range(5):
         state = random_state(model, rng)
-        found = acceleration_of_short_steps(source, state, integrator)
-        assert relative_error(found, forward(model, *state).qacc_smooth) < 1e-7
+        assert relative_error(acceleration_of_short_steps(source, state, integrator), forward(model, *state).qacc_smooth) < 1e-7
 
 
-@pytest.mark.parametrize("integrator", ["euler", "midpoint"])
-@pytest.mark.parametrize("stiffness", [1.0, 1e2, 1e6, 1e10])
+@every(integrator=["euler", "midpoint"], stiffness=[1.0, 1e2, 1e6, 1e10])
 def test_a_stiff_tendon_is_stable(stiffness, integrator):
     """Steps h with h sqrt(k / m) from 0.1 to far above 100: no growth of energy in 2000 steps without damping."""
-    source = TREE.format(tendon=f'<fixed stiffness="{stiffness}">{JOINTS}</fixed>')
-    model = mujoco.MjModel.from_xml_string(source)
+    model = mujoco.MjModel.from_xml_string(TREE.format(tendon=f'<fixed stiffness="{stiffness}">{JOINTS}</fixed>'))
     model.opt.gravity[:] = 0
-    sim = simulate(model, integrator=integrator, timestep=5e-3)
-    sim.set_state(np.zeros(4), [1.0, -2.0, 0.5, 1.0])
+    sim = simulate(model, integrator=integrator, timestep=5e-3, qpos=np.zeros(4), qvel=[1.0, -2.0, 0.5, 1.0])
     start = sum(sim.energy())
     for _ in range(100):
         sim.step(nstep=20)
@@ -79,9 +77,7 @@ def test_one_implicit_step_of_an_oscillator():
     x, v = 0.3, -2.0
     total = m + a
     for integrator in ("euler", "midpoint"):
-        sim = simulate(source, integrator=integrator, timestep=h)
-        sim.set_state([x], [v])
-        sim.step()
+        sim = simulate(source, integrator=integrator, timestep=h, qpos=[x], qvel=[v], steps=1)
         if integrator == "euler":
             expected = (total * v - h * k * x) / (total + h * d + h * h * k)
         else:  # between the trapezoidal rule, in which the mean force is the force of the mean, and Euler's from the middle on
@@ -100,8 +96,7 @@ def test_limits_of_a_tendon_stop_it_and_push_only():
     )
     model = mujoco.MjModel.from_xml_string(source)
     model.opt.gravity[:] = 0
-    sim = simulate(model, timestep=2e-3)
-    sim.set_state(qpos=np.zeros(4))
+    sim = simulate(model, timestep=2e-3, qpos=np.zeros(4))
     length = lambda: sim.qpos @ [1.5, -0.7, 2, 0.4]  # noqa: E731
     for force, end in ((3.0, 0.4), (-3.0, -0.2), (3.0, 0.4)):
         sim.step([force], nstep=8000)
@@ -120,8 +115,7 @@ def test_dry_friction_of_a_tendon_holds_and_slides():
         source = f"""<mujoco><option gravity="{9.81 * np.sin(slope)} 0 {-9.81 * np.cos(slope)}"/><worldbody>
           <body><joint name="x" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="{m}" diaginertia="1 1 1"/></body></worldbody>
           <tendon><fixed frictionloss="{f}"><joint joint="x" coef="1"/></fixed></tendon></mujoco>"""
-        sim = simulate(source, timestep=2e-3)
-        sim.step(nstep=500)
+        sim = simulate(source, timestep=2e-3, steps=500)
         rate = 0.0 if holds else 9.81 * np.sin(slope) - f / m
         assert sim.qvel[0] == pytest.approx(rate * sim.time, rel=1e-12, abs=1e-14)
         assert holds == (m * 9.81 * np.sin(slope) < f)
@@ -151,9 +145,50 @@ def test_a_ball_at_its_limit_rests_there():
     """Gravity holds a top-heavy ball joint against its limit: at rest its angle is the range's end, in MuJoCo's measure."""
     source = """<mujoco><worldbody><body pos="0 0 1"><joint type="ball" limited="true" range="0 40" damping=".2"/>
       <geom type="capsule" size=".03" fromto="0 0 0 0 0 .4" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
-    sim = simulate(source)
-    sim.set_state(qvel=[0.1, 0.2, 0.05])
-    sim.step(nstep=10_000)
+    sim = simulate(source, qvel=[0.1, 0.2, 0.05], steps=10_000)
     angle = 2 * np.arctan2(np.linalg.norm(sim.qpos[1:]), abs(sim.qpos[0]))
     assert angle == pytest.approx(np.radians(40), abs=2e-5)
     assert np.abs(sim.qvel).max() < 1e-6
+
+
+# Equalities of every kind against one step of the same mathematics in NumPy, with MuJoCo's mass matrix, forces and Jacobians.
+
+
+@every(h=[1e-3, 1e-2], kind=KINDS)
+def test_one_step_is_numpys(kind, h):
+    """Euler's rule from random states, with whatever error they have: M (v+ - v) = h f + J^T lambda with J v+ as demanded."""
+    source = LINKAGE.format(equality=KINDS[kind])
+    model, rng = mujoco.MjModel.from_xml_string(source), np.random.default_rng(3)
+    sim = simulate(source, integrator="euler", timestep=h, stabilization="baumgarte")
+    for _ in range(10):
+        qpos, qvel = random_state(model, rng, speed=1.0)
+        data = forward(model, qpos, qvel)
+        sim.set_state(qpos, qvel)
+        sim.step()
+        mass = full_mass_matrix(model, data) + h * np.diag(model.dof_damping)
+        free = qvel + h * np.linalg.solve(mass, data.qfrc_passive - data.qfrc_bias)
+        rows, asked = equalities(model, data, mass, qvel, sim.options, midpoint=False)
+        response = np.linalg.solve(mass, rows.T)
+        expected = free + response @ np.linalg.solve(rows @ response, asked - rows @ free)
+        scale = np.sqrt(expected @ mass @ expected)
+        error = sim.qvel - expected
+        # Rounding, times the condition of the rows in the metric of M (1e5 at the most here).
+        assert np.sqrt(error @ mass @ error) < 1e-10 * scale
+        assert sim.residual < 1e-10
+        # States are drawn in which equalities are not met.
+        assert not sim.status & ~stepper.Status.EQUALITY_VIOLATED
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_errors_go_to_zero_and_stay_there(kind):
+    """From reset, where some are torn by a metre, in motion that dampers bring to rest."""
+    model = mujoco.MjModel.from_xml_string(LINKAGE.format(equality=KINDS[kind]))
+    model.dof_damping[:] = 4.0
+    model.opt.gravity[:] = 0
+    for integrator in ("euler", "midpoint"):
+        for stabilization in ("baumgarte", "split"):
+            sim = simulate(model, integrator=integrator, stabilization=stabilization, timestep=5e-3)
+            sim.set_state(qvel=np.random.default_rng(5).normal(scale=0.1, size=model.nv))
+            sim.step(nstep=4000)
+            assert np.abs(rows_of(model, forward(model, sim.qpos, sim.qvel)).error).max() < 1e-9
+            assert np.abs(sim.qvel).max() < 1e-6

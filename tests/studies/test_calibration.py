@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checks import raises
 from stepper import lab
 from stepper.lab.calibration.fit import bootstrap, fit
 from stepper.lab.calibration.search import (
@@ -24,6 +25,7 @@ from stepper.lab.study.intervals import greatest_share, least_share
 
 MARGIN, SEEDS, WORLDS = 0.1, 40, 208
 SPACE = Space(np.zeros(6), np.ones(6), np.full(6, 0.5))
+MODEL = '<mujoco><worldbody><body><joint type="slide"/><geom size=".1"/></body></worldbody></mujoco>'
 
 
 def additive(x: Array) -> Array:
@@ -58,16 +60,13 @@ KNOWN = [(additive, {0, 1}), (interacting, {0, 1, 2}), (cliff, {0, 1})]
 @pytest.mark.parametrize(("outcome", "truth"), KNOWN, ids=lambda known: getattr(known, "__name__", ""))
 def test_the_search_finds_known_smallest_sets(outcome: Callable[[Array], Array], truth: set[int]) -> None:
     """The set is the known one in at least 95 % of seeds, even if the order of importance is wrong."""
-    found = [set(searched(outcome, seed).smallest()) for seed in range(SEEDS)]
-    assert found.count(truth) >= 0.95 * SEEDS
+    assert [set(searched(outcome, seed).smallest()) for seed in range(SEEDS)].count(truth) >= 0.95 * SEEDS
 
 
 @pytest.mark.parametrize(("outcome", "truth"), KNOWN, ids=lambda known: getattr(known, "__name__", ""))
 def test_certificates_hold_on_fresh_worlds(outcome: Callable[[Array], Array], truth: set[int]) -> None:
-    """Whenever a certificate of the found tolerances holds, at most 5 % of 20,000 fresh worlds exceed the margin, in 95 % of the seeds.
-
-    With 20,000 worlds the standard error of a fraction of 5 % is 0.15 %.
-    """
+    """Whenever a certificate of the found tolerances holds, at most 5 % of 20,000 fresh worlds exceed the margin, in 95 % of the seeds."""
+    # With 20,000 worlds the standard error of a fraction of 5 % is 0.15 %.
     right = tried = 0
     for seed in range(20):
         search = searched(outcome, seed)
@@ -82,10 +81,8 @@ def test_certificates_hold_on_fresh_worlds(outcome: Callable[[Array], Array], tr
 
 
 def test_tolerances_of_an_additive_outcome_are_the_widest() -> None:
-    """For the additive outcome, errors of 2 a and b must stay within what the two unmeasured parameters leave of the margin.
-
-    These add at most 0.04, so that 2 a + b <= 0.06 always passes, and 2 a + b > 0.14 always fails where the signs agree.
-    """
+    """For the additive outcome, errors of 2 a and b must stay within what the two unmeasured parameters leave of the margin."""
+    # These add at most 0.04, so that 2 a + b <= 0.06 always passes, and 2 a + b > 0.14 always fails where the signs agree.
     for seed in range(5):
         search = searched(additive, seed)
         tolerances = search.widest(search.smallest())
@@ -95,10 +92,8 @@ def test_tolerances_of_an_additive_outcome_are_the_widest() -> None:
 
 
 def test_a_certificate_that_should_fail_does() -> None:
-    """With a true fraction of 10 % of worlds above the margin, a certificate of 208 worlds holds by chance with a probability below 1 %.
-
-    In 40 seeds the probability of two or more such certificates is below 6 %; the seeds are fixed, and none occurs.
-    """
+    """With a true fraction of 10 % of worlds above the margin, a certificate of 208 worlds holds by chance with a probability below 1 %."""
+    # In 40 seeds the probability of two or more such certificates is below 6 %; the seeds are fixed, and none occurs.
     outcome = lambda x: (x[:, 0] < 0.1).astype(float)  # noqa: E731
     for seed in range(SEEDS):
         search = searched(outcome, seed)
@@ -123,15 +118,13 @@ def test_numbers_of_worlds_are_those_of_the_binomial_bound() -> None:
     assert greatest_share(worlds := 0, worlds_for(0, 3), confidence_of(3)) <= 0.05
     assert worlds == 0
     assert pytest.approx(least_share(20, 20), rel=1e-12) == 0.05 ** (1 / 20)
-    trial = Trial(np.zeros(1), 0, 59, np.arange(59.0))
-    assert trial.quantile(0.95) == 58.0
+    assert Trial(np.zeros(1), 0, 59, np.arange(59.0)).quantile(0.95) == 58.0
 
 
 def test_models_of_worlds_stay_within_the_ranges() -> None:
     """Measured values differ from the true ones by exactly the tolerance, or less at both ends; others are nominal."""
     worlds, signs = SPACE.draw(np.random.default_rng(0), 500)
-    tolerances = np.array([0.25, 0.0, UNMEASURED, 0.01, 0.5, UNMEASURED])
-    models = SPACE.model(worlds, signs, tolerances)
+    models = SPACE.model(worlds, signs, np.array([0.25, 0.0, UNMEASURED, 0.01, 0.5, UNMEASURED]))
     assert (models >= 0.0).all()
     assert (models <= 1.0).all()
     assert np.allclose(np.abs(models - worlds)[:, :2], [0.25, 0.0], atol=1e-15)
@@ -149,8 +142,7 @@ def test_fit_finds_the_bottom_of_a_rough_loss() -> None:
         found = fit(loss, np.zeros(2), np.ones(2), seed=seed)
         # The ripples have a period of 0.079; 0.12 covers the neighbours of the lowest ripple.
         assert np.abs(found.values - 0.3).max() < 0.12
-    with pytest.raises(ValueError, match="narrow the bounds"):
-        fit(lambda samples: np.full(len(samples), np.nan), np.zeros(2), np.ones(2))
+    raises(ValueError, "narrow the bounds", fit, lambda samples: np.full(len(samples), np.nan), np.zeros(2), np.ones(2))
 
 
 def test_a_fit_that_starts_at_given_values_is_never_worse() -> None:
@@ -176,9 +168,6 @@ def test_bootstrap_covers_the_mean() -> None:
     rng = np.random.default_rng(0)
     covered = [low <= 0.0 <= high for low, high in (bootstrap(rng.standard_normal(50), resamples=400) for _ in range(200))]
     assert 0.87 <= np.mean(covered) <= 1.0
-
-
-MODEL = '<mujoco><worldbody><body><joint type="slide"/><geom size=".1"/></body></worldbody></mujoco>'
 
 
 def toy(**changed: object) -> lab.Study:
@@ -216,8 +205,7 @@ def test_calibrate_a_study(tmp_path: Path) -> None:
     truth, signs = rng.uniform(size=(20_000, 2)), rng.choice([-1.0, 1.0], (20_000, 2))
     tolerance = {own.name: own.tolerance for own in found.parameters}
     errors = signs * [tolerance["slope"], tolerance["wind"]]
-    outside = (truth + errors < 0.0) | (truth + errors > 1.0)
-    model = truth + np.where(outside, -errors, errors)
+    model = truth + np.where((truth + errors < 0.0) | (truth + errors > 1.0), -errors, errors)
     # 0.05 is the claim. The standard error of the fraction of 20,000 worlds is 0.0015.
     assert (np.abs(share(*truth.T) - share(*model.T)) > 0.3 + 1e-9).mean() <= 0.05
     stored = json.loads((tmp_path / "toy/calibrate.json").read_text())
@@ -299,12 +287,10 @@ def test_wrong_arguments(tmp_path: Path, changed: dict[str, float], text: str) -
     """Errors name the argument and what it must be."""
     with pytest.raises(ValueError, match=text):
         lab.calibrate(toy(), tmp_path, **changed)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="fitted is 8"):
-        lab.calibrate_on_recordings(toy(), tmp_path, fitted=8, margin=0.1)
+    raises(ValueError, "fitted is 8", lambda: lab.calibrate_on_recordings(toy(), tmp_path, fitted=8, margin=0.1))
 
 
 def test_outcomes_that_jump_have_no_tolerance() -> None:
     """An outcome that is a hash of a parameter passes with no tolerance, and the error has a remedy."""
     search = searched(lambda x: (x[:, 0] * 1e7 * np.sqrt(2.0)) % 1.0, 0)
-    with pytest.raises(ValueError, match="jumps or is chaotic"):
-        search.widest([0])
+    raises(ValueError, "jumps or is chaotic", search.widest, [0])

@@ -1,11 +1,20 @@
-"""A study is checked when it is made: outcomes, parameters, and the names in them."""
+"""Definitions of studies: outcomes, parameters and names are checked, copies share a model, and policies and views of tasks are taken."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import stepper
+import stepper.policies
+from checks import raises
+from envs.test_terms import ROBOT, made
+from stepper.envs import BatchView
+from stepper.envs.quantities import base_height, base_linvel, gravity, joint_pos
 from stepper.lab import Outcome, Parameter, Study, chart, rank, sweep, tune
+from stepper.lab.study.batches import USUAL, begin, run_episodes, world_of
+from stepper.lab.study.controllers import digest_of
 
 ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0"/><geom name="rod" size=".02" pos=".3 0 0"/>
   <site name="tip" pos=".3 0 0"/></body></worldbody><actuator><position name="servo" joint="hinge" kp="5"/></actuator>
@@ -14,6 +23,20 @@ GIVEN = {
     "outcomes": Outcome(name="angle", measure="joint hinge", success="<= 0"),
     "parameters": {"mass": Parameter("body_mass[arm]", low=1, high=2)},
 }
+MJCF = "<mujoco><worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+STUDY = """
+model = "arm.xml"
+policy = "servo.npz"
+seconds = 0.2
+episodes = 2
+qpos_noise = 0.1
+[[outcomes]]
+name = "angle"
+measure = "joint hinge"
+"""
+HINGED = """<mujoco><option timestep=".002"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/><geom size=".05" pos=".2 0 0"/>
+  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator>
+  <sensor><jointpos name="angle" joint="hinge"/><jointvel name="rate" joint="hinge"/></sensor></mujoco>"""
 
 
 def words(measure):
@@ -112,8 +135,7 @@ def arm():
     (lambda out: tune(arm(), out, error="1 mm", horizon="1 s", coverage="0.9"), "coverage is '0.9', must be a number"),
 ])  # fmt: skip
 def test_arguments_of_another_type_are_named(tmp_path, call, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        call(tmp_path)
+    raises((TypeError, ValueError), message, call, tmp_path)
 
 
 def test_settings_of_mujoco_run():
@@ -137,11 +159,136 @@ def test_a_study_without_names_loads_nothing():
 ])  # fmt: skip
 def test_wrong_entries_of_files_are_named(tmp_path, text, message):
     (tmp_path / "arm.toml").write_text(f'model = """{ARM}"""\n{text}\n')
-    with pytest.raises(ValueError, match=rf"arm.toml: {message}"):
-        Study.from_file(tmp_path / "arm.toml")
+    raises(ValueError, rf"arm.toml: {message}", Study.from_file, tmp_path / "arm.toml")
 
 
 def test_a_model_is_no_study(tmp_path):
     (tmp_path / "arm.xml").write_text(ARM)
-    with pytest.raises(ValueError, match=r"arm.xml is no study: give a study's file, whose name ends in .toml or .py"):
-        Study.from_file(tmp_path / "arm.xml")
+    raises(ValueError, r"arm.xml is no study: give a study's file, whose name ends in .toml or .py", Study.from_file, tmp_path / "arm.xml")
+
+
+def test_a_study_and_its_copies_load_the_model_once():
+    loads = []
+
+    def model():
+        loads.append(1)
+        return stepper.load(MJCF)
+
+    mass = {"m": Parameter("body_mass[b]", low=1.0, high=2.0)}
+    study = Study(model=model, parameters=mass, outcomes=Outcome(name="z", measure="body b z"))
+    copies = [replace(study, seed=1), study.at({"m": 1.5}), replace(study, parameters={}, settings={"f32": {"precision": "f32"}})]
+    assert all(copy.loaded[0] == study.loaded[0] for copy in copies)
+    assert len(loads) == 1
+
+
+def test_another_model_is_loaded():
+    study = Study(model=MJCF, parameters={"m": Parameter("body_mass[b]", low=1.0, high=2.0)})
+    assert replace(study, model=MJCF.replace(".1", ".2")).loaded[0] != study.loaded[0]
+
+
+# Policies of studies: files of `stepper.policies`, functions and objects with a memory.
+
+
+def network(gain=-2.0):
+    """tanh(gain (angle - 0.5) - rate / 2): a servo."""
+    layer = (np.array([[gain], [-0.5]], np.float32), np.array([-0.5 * gain], np.float32))
+    last = (np.ones((1, 1), np.float32), np.zeros(1, np.float32))
+    one = np.ones(1)
+    return stepper.policies.Policy(
+        mean=np.zeros(2), std=np.ones(2), clip=10.0, layers=[layer, last], activation="tanh", low=-one, high=one, environment={}
+    )
+
+
+def test_a_policy_of_stepper_drives_a_study(tmp_path):
+    (tmp_path / "arm.xml").write_text(HINGED)
+    (tmp_path / "reach.toml").write_text(STUDY)
+    network().save(tmp_path / "servo.npz")
+    study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
+    found = stepper.lab.sweep(study, tmp_path / "out").sweep
+    other = stepper.lab.sweep(replace(study, controller=stepper.lab.PolicyController(network())), tmp_path / "other").sweep
+    assert [row["outcomes"] for row in found.table.rows] == [row["outcomes"] for row in other.table.rows]
+    # What the file holds is what rows follow from, not where it is.
+    (tmp_path / "copy").mkdir()
+    network().save(tmp_path / "copy/servo.npz")
+    again = stepper.lab.PolicyController(stepper.policies.load(tmp_path / "copy/servo.npz"))
+    changed = stepper.lab.PolicyController(network(-3.0))
+    assert digest_of(again) == digest_of(study.controller) != digest_of(changed)
+
+
+class Integrator:
+    """Controls that grow from one to the next."""
+
+    def begin(self, now):
+        self._sum = np.zeros((now.num_envs, 1))
+
+    def __call__(self, seen):
+        self._sum += 0.1 * (0.5 - seen[:, :1])
+        return self._sum
+
+
+def test_a_memory_is_of_one_batch(tmp_path):
+    policy = stepper.lab.PolicyController(Integrator())
+    assert angles(policy, tmp_path, 1) == angles(policy, tmp_path, 4)
+
+
+def test_a_class_of_a_file_is_told_of_starts(tmp_path):
+    (tmp_path / "arm.xml").write_text(HINGED)
+    (tmp_path / "memory.py").write_text("""
+class Count:
+    def begin(self, now):
+        self._count = 0
+
+    def __call__(self, seen):
+        self._count += 1
+        return 0.01 * self._count + 0.0 * seen[:, :1]
+""")
+    (tmp_path / "reach.toml").write_text(STUDY.replace("servo.npz", "memory.py:Count"))
+    study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
+    one, all_ = (stepper.lab.sweep(replace(study, batch=n), tmp_path / f"{n}").sweep.table.rows for n in (1, 2))
+    assert [row["outcomes"] for row in one] == [row["outcomes"] for row in all_]
+
+
+def world(engine, **given):
+    study = Study(model=ROBOT, outcomes=[Outcome(name="height", measure=base_height)], keyframe="stance", seconds=0.1, **given)
+    found = world_of(study, USUAL, [{}, {}], engine=engine)
+    begin(study, found, [0, 1])
+    return study, found
+
+
+@pytest.mark.parametrize("engine", ["stepper", "mujoco"])
+def test_quantities_of_a_robot_take_the_view_of_a_study(engine):
+    """They equal those of a task in the same state bit for bit, because positions and velocities are the same numbers."""
+    _, found = world(engine)
+    assert isinstance(found, BatchView)
+    np.testing.assert_allclose(joint_pos(found), 0.0, atol=1e-15)  # the stance, rounded once
+    found.advance(np.zeros((2, 2)), 5)
+    envs = made(2)
+    envs.reset(seed=0)
+    envs.set_state(qpos=found.qpos, qvel=found.qvel)
+    for quantity in (base_height, base_linvel, gravity, joint_pos):
+        np.testing.assert_array_equal(quantity(found), quantity(envs.now))
+    assert base_linvel(found) is base_linvel(found)
+    before = base_linvel(found)
+    found.advance(None, 1)
+    assert not np.array_equal(base_linvel(found), before)
+
+
+def test_a_study_measures_the_height_of_a_base():
+    """The trunk of 7 kg stays between 0.1 and 1 m for 0.1 s, because the servos hold the stance at 0.35 m."""
+    study, _ = world("stepper")
+    (row,) = run_episodes(study, USUAL, [{}], [0])
+    assert 0.1 < row["outcomes"]["height"] < 1.0
+
+
+def angles(drive: Any, folder: Path, batch: int = 64) -> list[float]:
+    """Angle of the arm after each of four episodes from starts of their own, with a folder for every size of a batch."""
+    study = stepper.lab.Study(
+        model=HINGED,
+        controller=drive,
+        seconds=0.4,
+        episodes=4,
+        batch=batch,
+        qpos_noise=0.3,
+        outcomes=stepper.lab.Outcome(name="angle", measure="joint hinge"),
+    )
+    return [row["outcomes"]["angle"] for row in stepper.lab.sweep(study, folder / f"batches of {batch}").sweep.table.rows]

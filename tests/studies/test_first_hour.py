@@ -1,6 +1,7 @@
 """Studies as newcomers write them: modules side by side, functions named by text, misspelt names."""
 
 import csv
+import json
 import re
 from dataclasses import replace
 from functools import partial
@@ -8,16 +9,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checks import raises
 from stepper.cli import app, main
+from stepper.cli.app import COMMANDS, application
 from stepper.lab import Outcome, Parameter, PolicyController, Study, sweep
+from stepper.lab.demo import Plan, demo
 from stepper.lab.study.batches import USUAL, running, world_of
 from stepper.lab.study.controllers import digest_of, load_file
 from stepper.policies import evaluate
+from study_keys import PARTS, attributes, keys
+from typer.testing import CliRunner
 
 FURNITURE = """<mujoco><worldbody>
   <body name="shelf" pos="0 0 2"><geom type="box" size=".1 .1 .1" mass="3"/></body>
   <body name="ball" pos="0 0 1"><freejoint/><geom size=".05" mass="0.5"/></body>
 </worldbody></mujoco>"""
+PENDULUM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" damping=".1"/><geom size=".02" pos=".3 0 0" mass=".1"/>
+  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator></mujoco>"""
+FUNCTIONS = {
+    "controller is drive(now, dt), must take 1 argument, now: write def drive(now)": {"controller": lambda now, dt: 0.0},
+    "controller is drive(), must take 1 argument, now: write def drive(now)": {"controller": lambda: 0.0},
+    "start is drive(now), must take 2 arguments, now, rngs: write def drive(now, rngs)": {"start": lambda now: None},
+    "model is drive(name), must take no arguments: write def drive()": {"model": lambda name: PENDULUM},
+}
+ROOT = Path(__file__).parents[2]
 
 
 def study(**given: object) -> Study:
@@ -26,8 +41,7 @@ def study(**given: object) -> Study:
 
 
 def test_a_start_that_is_text_is_refused_at_once():
-    with pytest.raises(TypeError, match="only in TOML files"):
-        study(start="cup.py:start")
+    raises(TypeError, "only in TOML files", study, start="cup.py:start")
 
 
 def test_a_study_imports_a_module_of_its_folder(tmp_path: Path):
@@ -48,10 +62,6 @@ def test_a_change_of_a_module_beside_a_study_changes_its_digest(tmp_path: Path):
     assert digest_of(drive) == found
     deeper.write_text("KP = 2.0\n")
     assert digest_of(drive) != found
-
-
-PENDULUM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" damping=".1"/><geom size=".02" pos=".3 0 0" mass=".1"/>
-  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator></mujoco>"""
 
 
 def jerk(now):
@@ -215,31 +225,19 @@ def test_an_exception_in_the_controller_of_a_toml_file_names_its_line(reach, cap
     assert failed(capsys, monkeypatch, "sweep", "reach.toml").startswith("control.py, line 4, in control: ValueError: ")
 
 
-FUNCTIONS = {
-    "controller is drive(now, dt), must take 1 argument, now: write def drive(now)": {"controller": lambda now, dt: 0.0},
-    "controller is drive(), must take 1 argument, now: write def drive(now)": {"controller": lambda: 0.0},
-    "start is drive(now), must take 2 arguments, now, rngs: write def drive(now, rngs)": {"start": lambda now: None},
-    "model is drive(name), must take no arguments: write def drive()": {"model": lambda name: PENDULUM},
-}
-
-
 @pytest.mark.parametrize("message", FUNCTIONS)
 def test_a_function_of_a_study_with_other_arguments_is_named_with_its_signature(message):
     (function,) = FUNCTIONS[message].values()
     function.__name__ = "drive"
-    with pytest.raises(TypeError, match=re.escape(message)):
-        Study(**{"model": PENDULUM} | FUNCTIONS[message])
+    raises(TypeError, re.escape(message), Study, **{"model": PENDULUM} | FUNCTIONS[message])
 
 
 def test_a_function_of_an_outcome_or_a_policy_with_other_arguments_is_named():
     with pytest.raises(TypeError, match=r"outcome 'a': measure is <lambda>\(\), must take 1 argument, now: write lambda now: ..."):
         Outcome(name="a", measure=lambda: 0)
-    with pytest.raises(TypeError, match="outcome 'a': measure is 3, must be a function of now"):
-        Outcome(name="a", measure=3)
-    with pytest.raises(TypeError, match=r"act is <lambda>\(a, b\), must take 1 argument, observations"):
-        PolicyController(lambda a, b: a)
-    with pytest.raises(TypeError, match=r"policy is <lambda>\(\), must take 1 argument, observations"):
-        evaluate(lambda: 0, "stepper/InvertedPendulum-v5")
+    raises(TypeError, "outcome 'a': measure is 3, must be a function of now", Outcome, name="a", measure=3)
+    raises(TypeError, r"act is <lambda>\(a, b\), must take 1 argument, observations", PolicyController, lambda a, b: a)
+    raises(TypeError, r"policy is <lambda>\(\), must take 1 argument, observations", evaluate, lambda: 0, "stepper/InvertedPendulum-v5")
 
 
 @pytest.mark.parametrize(("start", "message"), [
@@ -248,8 +246,7 @@ def test_a_function_of_an_outcome_or_a_policy_with_other_arguments_is_named():
     (lambda now, rngs: None, r"start returned NoneType of shape \(\), must return"),
 ])  # fmt: skip
 def test_a_wrong_result_of_start_is_named(start, message):
-    with pytest.raises(ValueError, match=message):
-        jerked(start=start, episodes=2).episode()
+    raises(ValueError, message, lambda: jerked(start=start, episodes=2).episode())
 
 
 def test_the_error_for_a_period_shorter_than_the_time_step_names_possible_ones():
@@ -272,8 +269,7 @@ def test_controls_of_another_shape_name_the_controller_and_the_remedy(reach, cap
 def test_environments_of_a_batch_share_the_options_of_the_step():
     steps = {"step": Parameter("options.timestep", values=(0.001, 0.002))}
     message = "parameter 'step' is 0.001 in environment 0 and 0.002 in environment 2: it is an option of the step, which the environments"
-    with pytest.raises(ValueError, match=message):
-        world_of(jerked(parameters=steps), USUAL, [{"step": 0.001}, {"step": 0.001}, {"step": 0.002}])
+    raises(ValueError, message, lambda: world_of(jerked(parameters=steps), USUAL, [{"step": 0.001}, {"step": 0.001}, {"step": 0.002}]))
 
 
 def test_an_exception_without_a_file_of_the_user_keeps_its_traceback(monkeypatch):
@@ -295,3 +291,33 @@ def test_the_command_sweeps_two_parameters_at_other_values_of_the_others(reach, 
     # Two episodes at the nominal point and at five values of each.
     assert len(rows) == 2 * (1 + 5 + 5)
     assert len({row["parameters.lost"] for row in rows}) == len({row["parameters.body_mass[arm]"] for row in rows}) == 6
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_paths_in_help_exist(name):
+    told = CliRunner().invoke(application(), [name, "--help"], env={"COLUMNS": "4000", "TERM": "dumb"})
+    assert told.exit_code == 0, told.output
+    paths = set(re.findall(r"(?<![\w/])((?:examples|docs|benches|python|tests)/[\w./-]*\w)", told.output))
+    assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize("kind", [kind for _, kind in PARTS])
+def test_each_key_has_a_description(kind):
+    assert [field.name for field in keys(kind)] == list(attributes(kind))
+
+
+pytest.importorskip("dm_control")
+
+
+def test_the_demo_prints_the_table_of_all_engines(tmp_path, capsys):
+    demo(Plan(num_envs=8, steps=2, rest=1, chunk=1), tmp_path)
+    lines = capsys.readouterr().out.splitlines()
+    assert [cell.strip() for cell in lines[0].split("|")[2:-1]] == [
+        "stepper f64",
+        "stepper f32",
+        "MuJoCo implicitfast, elliptic",
+        "MuJoCo defaults",
+    ]
+    assert next(line for line in lines if line.startswith("| environments")).split("|")[2:-1] == [" 8 ", " 8 ", " 2 ", " 2 "]
+    figures = json.loads((tmp_path / "demo.json").read_text())
+    assert figures["engines"]["stepper f64"]["solver_statistics"]["rest"]["env_steps"] == 8

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from stepper.lab.study.journal import JOURNAL, Journal, JournalError, rows_of
 
 ROWS = [{"key": str(k), "x": x} for k, x in enumerate([0.1, math.inf, math.nan, 1e-300])]
@@ -23,6 +22,9 @@ from stepper.lab.study.journal import Journal, rows_of
 signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a shell starts the tests in the background
 path = pathlib.Path(sys.argv[1])
 """
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(), lambda own: st.lists(own) | st.dictionaries(st.text(), own)
+)
 
 
 def another(program, path, **given):
@@ -44,11 +46,6 @@ def path(tmp_path):
 def test_a_journal_has_the_rows_of_an_earlier_run(path):
     with Journal(path, "push") as journal:
         assert repr(list(journal.rows.values())) == repr(ROWS)
-
-
-values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(), lambda own: st.lists(own) | st.dictionaries(st.text(), own)
-)
 
 
 @settings(max_examples=15, deadline=None)

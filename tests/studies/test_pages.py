@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from stepper.cli.app import application
 from stepper.lab.study.document import Document, Section, cell
 from stepper.lab.study.draw import WIDEST, figure_of
@@ -24,6 +23,7 @@ from stepper.shared.progress import show_progress
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BLOCK = """<mujoco model="block and plane"><option timestep="0.004"/><worldbody><geom type="plane" size="3 3 1" friction=".3"/>
 <body name="block" pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass="1" friction=".3"/></body></worldbody></mujoco>"""
+words = st.text("abcdefghij klmno", min_size=1, max_size=60).filter(lambda text: text.strip() not in ("", "stepper"))
 
 
 def start(now, _):
@@ -52,9 +52,6 @@ def level(setting, parameter, value):
     return Level(setting, parameter, value, 1, int(slide <= 0.2), 1, (0.0, 1.0), slide, math.nan, (0.0, math.nan), 0, 0)
 
 
-words = st.text("abcdefghij klmno", min_size=1, max_size=60).filter(lambda text: text.strip() not in ("", "stepper"))
-
-
 @settings(max_examples=15, deadline=None)
 @given(st.lists(words, min_size=1, max_size=7, unique=True), st.lists(words, max_size=12, unique=True), st.data())
 def test_points_stand_at_their_values_and_pictures_fit_a_page(parameters, names, data):
@@ -65,8 +62,7 @@ def test_points_stand_at_their_values_and_pictures_fit_a_page(parameters, names,
     tried = {cell: (data.draw(values), data.draw(values)) for cell in every[:6]}
     levels, between = ([level(*cell, value) for cell, pair in tried.items() for value in pair[k]] for k in (0, 1))
     cliffs = [Cliff(*cell, 0.25, 0.26, 0.0, 1.0) for cell in tried]
-    sweep = Sweep(own, tuple(levels), tuple(cliffs), Table([]), (), tuple(between))
-    figure = figure_of(sweep)
+    figure = figure_of(Sweep(own, tuple(levels), tuple(cliffs), Table([]), (), tuple(between)))
     # Panels of outcomes are below those of shares.
     lines = {line.get_gid(): line for panel in figure.axes for line in panel.lines if line.get_gid()}
     assert lines
@@ -335,10 +331,9 @@ def cliffs_table(text):
 
 def test_parameters_without_a_cliff_are_listed_with_their_range(tmp_path):
     """Episodes with a number below "share" succeed, whatever moves: 4 of 4 at the nominal point."""
-
-    def below(now):
-        return np.where(now.episodes < now.parameters["share"], 1.0, -1.0)
-
+    below = stepper.lab.Outcome(
+        name="below", measure=lambda now: np.where(now.episodes < now.parameters["share"], 1.0, -1.0), success="> 0"
+    )
     parameters = {
         "share": stepper.lab.Parameter("controller", nominal=4, low=0, high=4),
         "most": stepper.lab.Parameter("geom_friction[*][0]", low=0.5, high=1.0),
@@ -348,7 +343,7 @@ def test_parameters_without_a_cliff_are_listed_with_their_range(tmp_path):
     study = stepper.lab.Study(
         model=BLOCK,
         parameters=parameters,
-        outcomes=stepper.lab.Outcome(name="below", measure=below, success="> 0"),
+        outcomes=below,
         settings={"MuJoCo": {"engine": "mujoco"}},
         episodes=4,
         seconds=0.008,

@@ -52,8 +52,7 @@ def test_a_success_is_ranked_by_its_share_and_nothing_is_run_twice(tmp_path):
     assert (first.thirds[0], first.thirds[2]) == (0.0, 1.0)
     assert first.intervals[0][1] > 0.0
     journal = rows_of(tmp_path / "known" / JOURNAL)
-    again = stepper.lab.rank(study, tmp_path, samples=32)
-    assert again.ranks == found.ranks
+    assert stepper.lab.rank(study, tmp_path, samples=32).ranks == found.ranks
     assert rows_of(tmp_path / "known" / JOURNAL) == journal
     for name in ("rank.html", "rank.md", "rank.png", "rank_table.csv", "rank_table.npz"):
         assert (tmp_path / "known" / name).stat().st_size > 500

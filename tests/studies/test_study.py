@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from checks import raises
 from stepper.cli import main
 from stepper.cli.options import progress_kept_in
 from stepper.lab import Outcome, Parameter, PolicyController, Study
@@ -38,6 +39,23 @@ ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" da
   <actuator><position name="servo" joint="hinge" kp="5" kv=".5"/></actuator>
   <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
 G, MASS, PUSH = 9.81, 0.3, 2.0
+ANGLE = Outcome(name="angle", measure="joint hinge")
+CHILD = """
+import sys
+sys.path.insert(0, sys.argv[2])
+import test_study, stepper
+from stepper.lab.study.journal import Journal
+study = test_study.tray(batch=4)
+append = Journal.append
+def told(self, rows):
+    append(self, rows)
+    print("rows", flush=True)
+    sys.stdin.readline()
+Journal.append = told
+from stepper.lab import rank, report, sweep
+{"sweep": sweep, "report": report, "rank": lambda *given: rank(*given, samples=8)}[sys.argv[3]](study, sys.argv[1])
+"""
+COMMANDS = {"sweep": stepper.lab.sweep, "report": stepper.lab.report, "rank": functools.partial(stepper.lab.rank, samples=8)}
 
 
 def swept(study, out):
@@ -48,6 +66,10 @@ def swept(study, out):
 
 def push(now):
     now.xfrc_applied[:, 1, 0] = now.parameters["push"]
+
+
+def to_the_middle(now):
+    return 0.5 - now.read("sensordata", "angle")
 
 
 def scaled(gain, now):
@@ -79,8 +101,8 @@ def test_cliffs_are_where_coulomb_has_them(tmp_path):
     ends = {cliff.parameter: cliff for cliff in found.cliffs}
     # x = a t^2 / 2 reaches 1e-5 m in 0.4 s with a = 1.25e-4 m/s^2: 1.3e-5 of mu and 4e-5 N, within a thousandth of each range.
     for name, exact in (("push", MASS * G), ("friction", PUSH / (MASS * G)), ("mass", PUSH / (MASS * G))):
-        low, high = study_range(name)
-        assert ends[name].high - ends[name].low <= 1e-3 * (high - low)
+        varied = tray().parameters[name]
+        assert ends[name].high - ends[name].low <= 1e-3 * (varied.high - varied.low)
         assert ends[name].low - 1e-4 <= exact <= ends[name].high + 1e-4
     nominal = found.levels_of("")[0]
     assert (nominal.successes, nominal.episodes, nominal.unsolved) == (3, 3, 0)
@@ -100,8 +122,7 @@ def test_episodes_that_repeat_one_another_are_no_trials(tmp_path):
 
 
 def test_a_page_without_a_search_for_cliffs_says_so(tmp_path):
-    study = tray()
-    found = stepper.lab.sweep(study, tmp_path, cliffs=False)
+    found = stepper.lab.sweep(tray(), tmp_path, cliffs=False)
     shares = [level.share for level in found.sweep.levels_of("friction")]
     assert min(shares) < 0.5 < max(shares)
     assert "Not searched: cliffs=False, or --no-cliffs." in str(found)
@@ -114,8 +135,7 @@ def test_cliffs_of_values_in_any_order_and_of_any_width(tmp_path):
     study = tray(parameters=push_alone | {"friction": friction}, episodes=1)
     with Results(study, tmp_path) as results:
         for wrong in (0.0, -1e-3, 1.0, math.nan):
-            with pytest.raises(ValueError, match=r"resolution is .*, must be between 0 and 1"):
-                run_sweep(study, results.journal, resolution=wrong)
+            raises(ValueError, r"resolution is .*, must be between 0 and 1", run_sweep, study, results.journal, resolution=wrong)
         (cliff,) = run_sweep(study, results.journal, parameters=["friction"]).cliffs
         assert (cliff.below, cliff.above) == (0.0, 1.0)
         assert 0 < cliff.high - cliff.low <= 1e-3
@@ -123,11 +143,6 @@ def test_cliffs_of_values_in_any_order_and_of_any_width(tmp_path):
         # Narrower than a bracket can be: it ends at neighbouring numbers.
         (cliff,) = run_sweep(study, results.journal, parameters=["friction"], resolution=1e-300).cliffs
         assert cliff.high == np.nextafter(cliff.low, 2.0)
-
-
-def study_range(name):
-    parameter = tray().parameters[name]
-    return parameter.low, parameter.high
 
 
 def test_an_environment_of_a_batch_is_the_model_with_its_numbers(tmp_path):
@@ -209,10 +224,7 @@ def test_settings_delays_and_errors_of_sensors_vary():
         "delay": Parameter("actuator.delay", low=0.0, high=0.02),
     }
 
-    def servo(now):
-        return 0.5 - now.read("sensordata", "angle")
-
-    study = Study(model=ARM, controller=servo, parameters=parameters, outcomes=Outcome(name="angle", measure="joint hinge"), episodes=4)
+    study = Study(model=ARM, controller=to_the_middle, parameters=parameters, outcomes=ANGLE, episodes=4)
     found = world_of(study, "stepper", [{"step": 0.01, "noise": 0.1, "delay": 0.02}] * 2)
     assert found.timestep == 0.01
     assert found.sim.sensors.named["angle"].noise_std.tolist() == [0.1, 0.1]
@@ -224,7 +236,7 @@ def test_mujoco_beside(tmp_path):
     study = Study(
         model=ARM,
         controller=lambda now: np.full((now.num_envs, 1), 0.4),
-        outcomes=[Outcome(name="angle", measure="joint hinge"), Outcome(name="z", measure="site tip z", reduce="min")],
+        outcomes=[ANGLE, Outcome(name="z", measure="site tip z", reduce="min")],
         parameters={"mass": Parameter("body_mass", operation="scale", low=0.5, high=1.5)},
         settings={"MuJoCo": {"engine": "mujoco"}, "f32": {"precision": "f32"}},
         options=stepper.Options(timestep=0.001),
@@ -245,7 +257,7 @@ def still(**changed):
     given = {
         "model": ARM,
         "controller": lambda now: np.full((now.num_envs, 1), 0.4),
-        "outcomes": Outcome(name="angle", measure="joint hinge"),
+        "outcomes": ANGLE,
         "episodes": 1,
         "seconds": 0.1,
     }
@@ -280,24 +292,6 @@ def test_nominal_values_that_mujoco_lacks_are_not_asked_of_it(tmp_path):
     assert values["stepper"].keys() == {"bounce", "room", "rule"}
     assert "MuJoCo cannot run" not in str(found)
     assert any("bounce with MuJoCo" in reason for reason in found.sweep.skipped)
-
-
-CHILD = """
-import sys
-sys.path.insert(0, sys.argv[2])
-import test_study, stepper
-from stepper.lab.study.journal import Journal
-study = test_study.tray(batch=4)
-append = Journal.append
-def told(self, rows):
-    append(self, rows)
-    print("rows", flush=True)
-    sys.stdin.readline()
-Journal.append = told
-from stepper.lab import rank, report, sweep
-{"sweep": sweep, "report": report, "rank": lambda *given: rank(*given, samples=8)}[sys.argv[3]](study, sys.argv[1])
-"""
-COMMANDS = {"sweep": stepper.lab.sweep, "report": stepper.lab.report, "rank": functools.partial(stepper.lab.rank, samples=8)}
 
 
 def child(folder, command):
@@ -357,17 +351,10 @@ def test_nothing_is_run_twice_and_what_changes_is_run_anew(tmp_path):
 
 
 def servo_with_noise(**changed):
-    given = {
-        "model": ARM,
-        "name": "servo",
-        "sensors": stepper.SensorModel(default=stepper.Transfer(noise_std=0.1)),
-        "controller": lambda now: 0.5 - now.read("sensordata", "angle"),
-        "outcomes": Outcome(name="angle", measure="joint hinge"),
-        "parameters": {"damping": Parameter("dof_damping", operation="scale", low=0.5, high=1.5)},
-        "episodes": 5,
-        "seconds": 0.2,
-    }
-    return Study(**(given | changed))
+    sensors = stepper.SensorModel(default=stepper.Transfer(noise_std=0.1))
+    parameters = {"damping": Parameter("dof_damping", operation="scale", low=0.5, high=1.5)}
+    servo = {"name": "servo", "sensors": sensors, "controller": to_the_middle, "parameters": parameters, "episodes": 5, "seconds": 0.2}
+    return still(**(servo | changed))
 
 
 @pytest.mark.parametrize("made", [tray, servo_with_noise])
@@ -473,8 +460,7 @@ def test_whatever_a_drive_holds_counts(drives):
 
 def test_what_has_no_digest_is_named_with_the_remedy():
     held = threading.Lock()
-    with pytest.raises(TypeError, match=r"Gain has no digest.*cannot pickle '_thread\.lock'.* attribute `digest`"):
-        digest_of(Gain({"a": held}))
+    raises(TypeError, r"Gain has no digest.*cannot pickle '_thread\.lock'.* attribute `digest`", lambda: digest_of(Gain({"a": held})))
     told = Gain({"a": held})
     told.digest = "of the lock"
     other = Gain({"a": held})
@@ -483,10 +469,9 @@ def test_what_has_no_digest_is_named_with_the_remedy():
 
 
 def test_functions_policies_and_random_controls(tmp_path):
-    outcome = Outcome(name="angle", measure="joint hinge")
     played = []
     for k, drive in enumerate((lambda now: np.full(1, 0.3), PolicyController(lambda seen: 0.5 - seen), "random", None)):
-        study = Study(model=ARM, controller=drive, outcomes=outcome, episodes=2, seconds=0.3)
+        study = Study(model=ARM, controller=drive, outcomes=ANGLE, episodes=2, seconds=0.3)
         with Results(study, tmp_path / str(k)) as results:
             played.append([row["outcomes"]["angle"] for row in run_points(study, [Point({})], results.journal)])
     sim = stepper.Stepper(stepper.load(ARM))
@@ -538,15 +523,8 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
     page = (tmp_path / "out/servo/report.html").read_text()
     assert "<img" in page
     assert "http" not in page.replace("http-equiv", "")
-    for title in (
-        "State variables",
-        "Observation map",
-        "Contacts that decide",
-        "Perturbation table",
-        "Cliffs",
-        "Transfer gap",
-        "Causes of failures",
-    ):
+    titles = "State variables, Observation map, Contacts that decide, Perturbation table, Cliffs, Transfer gap, Causes of failures"
+    for title in titles.split(", "):
         assert f"<h2>{title}</h2>" in page
     assert "noise_std 0.01" in page
     assert "MuJoCo cannot run this study: it has no sensor errors" in page
@@ -570,9 +548,7 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
 def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
     new, _, said = message.partition("|")
     assert wrong in STUDY
-    file = write_study(tmp_path, STUDY.replace(wrong, new))
-    with pytest.raises(ValueError, match=said):
-        stepper.lab.sweep(file, tmp_path / "out")
+    raises(ValueError, said, stepper.lab.sweep, write_study(tmp_path, STUDY.replace(wrong, new)), tmp_path / "out")
 
 
 def test_a_parameter_that_fits_nothing_is_named(tmp_path):
@@ -597,17 +573,14 @@ def test_a_parameter_that_fits_nothing_is_named(tmp_path):
     ("actuator.gearbox.kp", "a drive has no 'gearbox', use one of: motor, servo"),
 ])  # fmt: skip
 def test_a_number_that_a_sensor_or_drive_lacks_is_named(selector, said):
-    with pytest.raises(ValueError, match=f"parameter 'p': .*{said}"):
-        random_force(parameters={"p": Parameter(selector, low=0, high=1)})
+    raises(ValueError, f"parameter 'p': .*{said}", lambda: random_force(parameters={"p": Parameter(selector, low=0, high=1)}))
 
 
 def test_a_choice_among_words_takes_values():
     with pytest.raises(ValueError, match="low is 'hard', must be a number: a choice among words takes values"):
         Parameter("options.contact", low="hard", high="mujoco")
-    with pytest.raises(ValueError, match="which is a choice among words: give values, not low and high"):
-        Parameter("options.contact", low=0, high=1)
-    with pytest.raises(ValueError, match="low is nan, must be a number"):
-        Parameter("controller", low=math.nan, high=1.0)
+    raises(ValueError, "which is a choice among words: give values, not low and high", Parameter, "options.contact", low=0, high=1)
+    raises(ValueError, "low is nan, must be a number", Parameter, "controller", low=math.nan, high=1.0)
 
 
 def test_a_drive_that_reads_another_parameter_is_told_which_there_are():
@@ -631,8 +604,7 @@ def test_a_selector_with_a_range_is_a_parameter_of_a_sweep(tmp_path):
     assert [row["parameters"].get("body_mass[object]") for row in other] == [None, 0.5, 0.75, 1.0, 1.25, 1.5]
     with pytest.raises(ValueError, match=r"no parameter 'mas'; did you mean mass\? there are: mass; or give a selector with its range"):
         stepper.lab.sweep(own, tmp_path, parameters=["mas"])
-    with pytest.raises(ValueError, match=r"the range is '2', must be two numbers"):
-        stepper.lab.sweep(own, tmp_path, parameters=["gravity[2]=2"])
+    raises(ValueError, r"the range is '2', must be two numbers", stepper.lab.sweep, own, tmp_path, parameters=["gravity[2]=2"])
 
 
 @pytest.mark.parametrize(("texts", "names"), [
@@ -660,10 +632,8 @@ def test_a_study_at_other_values_by_selector():
     moved = study.at({"mass": 1.5, "geom_friction[*][0]": 0.3})
     assert moved.nominal == {"mass": 1.5, "geom_friction[*][0]": 0.3}
     assert moved.episode()["outcomes"] == row["outcomes"] != study.episode()["outcomes"]
-    with pytest.raises(ValueError, match="there is no parameter 'frction'"):
-        study.at({"frction": 0.3})
-    with pytest.raises(ValueError, match="must be a finite number"):
-        study.at({"gravity[2]": "low"})
+    raises(ValueError, "there is no parameter 'frction'", study.at, {"frction": 0.3})
+    raises(ValueError, "must be a finite number", study.at, {"gravity[2]": "low"})
 
 
 def test_intervals():
@@ -687,14 +657,9 @@ def blind(now):
 
 
 def judged(tmp_path, **changed):
-    given = {
-        "model": ARM,
-        "controller": lambda now: np.full((now.num_envs, 1), 0.5),
-        "outcomes": Outcome(name="angle", measure="joint hinge", success="<= 0.6", margin=1e-6),
-        "episodes": 3,
-        "seconds": 0.5,
-    }
-    found = stepper.lab.report(Study(**(given | changed)), tmp_path)
+    angle = replace(ANGLE, success="<= 0.6", margin=1e-6)
+    reached = {"controller": functools.partial(scaled, 0.5), "outcomes": angle, "episodes": 3, "seconds": 0.5}
+    found = stepper.lab.report(still(**(reached | changed)), tmp_path)
     table = found.sweep.table
     # The table has the same words, in the rows of the verdicts alone.
     named = {(row["key"], cause) for row, cause in zip(table.rows, table["cause"].tolist(), strict=True) if cause}
@@ -717,35 +682,19 @@ def test_whose_a_failure_is(tmp_path):
 def test_a_time_step_that_decides_is_physics(tmp_path):
     """A free fall by semi-implicit Euler falls g t h / 2 too far: 2.45 mm in 0.1 s at 5 ms, half of it at half the step."""
     fall = 0.5 * G * 0.1**2
-    found = stepper.lab.report(
-        Study(
-            model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 1"'),
-            name="fall",
-            outcomes=Outcome(name="z", measure="body object z", reduce="change", success=f">= {-fall - 0.0018}"),
-            options=stepper.Options(integrator="euler"),
-            episodes=2,
-            seconds=0.1,
-            control=0.02,
-        ),
-        tmp_path,
-    )
+    change = Outcome(name="z", measure="body object z", reduce="change", success=f">= {-fall - 0.0018}")
+    model, options = TRAY.replace('pos="0 0 .02"', 'pos="0 0 1"'), stepper.Options(integrator="euler")
+    study = Study(model=model, name="fall", outcomes=change, options=options, episodes=2, seconds=0.1, control=0.02)
+    found = stepper.lab.report(study, tmp_path)
     assert {(v.row["setting"], v.cause) for v in found.verdicts} >= {("stepper", "physics")}
 
 
 def test_softness_is_judged_against_hard_contact_with_nominal_values(tmp_path):
     """A box that must bounce: from 0.1 m with a restitution of 0.8 it is 6 cm up again after 0.25 s; MuJoCo's law has none."""
-    found = stepper.lab.report(
-        Study(
-            model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 .12"'),
-            name="bounce",
-            outcomes=Outcome(name="z", measure="body object z", success=">= 0.05"),
-            parameters={"bounce": Parameter("geom_restitution", values=(0.7, 0.9), nominal=0.8)},
-            episodes=1,
-            seconds=0.25,
-            control=0.025,
-        ),
-        tmp_path,
-    )
+    model, height = TRAY.replace('pos="0 0 .02"', 'pos="0 0 .12"'), Outcome(name="z", measure="body object z", success=">= 0.05")
+    parameters = {"bounce": Parameter("geom_restitution", values=(0.7, 0.9), nominal=0.8)}
+    study = Study(model=model, name="bounce", outcomes=height, parameters=parameters, episodes=1, seconds=0.25, control=0.025)
+    found = stepper.lab.report(study, tmp_path)
     assert found.sweep.levels_of("")[0].successes == 1
     assert {v.rule for v in found.verdicts if v.row["setting"] == "MuJoCo's law"} == {LAW}
 
@@ -798,8 +747,7 @@ def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path,
     again = stepper.recording.verify(tmp_path / "recorded")
     assert again
     assert again.steps == study.num_control_steps
-    other = study.episode({"gain": 1.9}, 2, seed=1)
-    assert other["outcomes"] != row["outcomes"]
+    assert study.episode({"gain": 1.9}, 2, seed=1)["outcomes"] != row["outcomes"]
     # Looked at step by step, twice over.
     steps = Episodes(study, {"gain": 1.9}, [2, 1]).repeated_steps()
     for _ in range(2):
@@ -818,11 +766,9 @@ def test_what_is_no_episode_is_named(tmp_path):
         ({}, {"number": -1}, "episode is -1, must be 0 or more"),
         ({}, {"setting": "MuJoCo", "record": tmp_path / "r"}, "run in MuJoCo, which cannot be viewed or recorded"),
     ):
-        with pytest.raises(ValueError, match=said):
-            study.episode(values, **given)
+        raises(ValueError, said, study.episode, values, **given)
     assert study.episode({"push": 2.0}, setting="MuJoCo")["settings"]["engine"] == "mujoco"
-    with pytest.raises(ValueError, match="give the study more episodes"):
-        random_force().episode({}, 3)
+    raises(ValueError, "give the study more episodes", lambda: random_force().episode({}, 3))
 
 
 class Counting:
@@ -899,8 +845,7 @@ def test_the_command_records_an_episode(tmp_path, monkeypatch, capsys):
     arguments = ("view", file, "--values", "goal=0.5", "--episode", "2", "--seed", "4", "--record", folder)
     assert stepper_command(monkeypatch, *arguments) == 0
     row = Study.from_file(file).episode({"goal": 0.5}, 2, seed=4)
-    told = f"episode 2: reached {row['outcomes']['reached']:.6g}: a success"
-    assert told in capsys.readouterr().out
+    assert f"episode 2: reached {row['outcomes']['reached']:.6g}: a success" in capsys.readouterr().out
     assert stepper_command(monkeypatch, "replay", folder) == 0
     for given, said in (
         (("--values", "gaol=0.5"), "did you mean goal?"),

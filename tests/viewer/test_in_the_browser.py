@@ -6,22 +6,17 @@ import time
 import numpy as np
 import pytest
 import stepper
+from models import mjcf
 from stepper.viewer import Player, View
 from stepper.viewer.window import Window
 
-SCENE = """<mujoco><asset>
-  <mesh name="wedge" vertex="-.2 -.2 -.2  .2 -.2 -.2  -.2 .2 -.2  .2 .2 -.2  0 0 .2"/>
-</asset><worldbody>
-  <geom name="floor" type="plane" size="0 0 .1" pos="0 0 -.6" rgba=".9 .9 .95 1"/>
-  <body pos="-.9 0 .2"><freejoint/><geom size=".2" rgba="1 0 0 1"/></body>
-  <body pos="-.3 0 .2"><freejoint/><geom type="box" size=".15 .15 .15" rgba="0 .8 0 1"/></body>
-  <body pos=".3 0 .2" euler="90 0 0"><freejoint/><geom type="capsule" size=".15 .15" rgba="0 0 1 1"/></body>
-  <body pos=".9 0 .2"><freejoint/><geom type="cylinder" size=".15 .2" rgba="1 0 1 1"/></body>
-  <body pos="-.3 0 .8"><freejoint/><geom type="ellipsoid" size=".2 .15 .25" rgba="0 .8 .8 1"/></body>
-  <body pos=".3 0 .8"><freejoint/><geom type="mesh" mesh="wedge" rgba=".9 .5 0 1"/></body>
-</worldbody></mujoco>"""
+SCENE = mjcf("browser")
 HUES = {1: (1, 0, 0), 2: (0, 0.8, 0), 3: (0, 0, 1), 4: (1, 0, 1), 5: (0, 0.8, 0.8), 6: (0.9, 0.5, 0)}
 """Colours by body."""
+ROPE = """<mujoco><worldbody><site name="hook" pos="0 0 1"/><geom name="drum" type="cylinder" size=".2 .1" pos=".3 0 .7" euler="90 0 0"/>
+  <body pos=".6 0 .3"><freejoint/><geom size=".05" mass="1"/><site name="load"/></body></worldbody>
+  <tendon><spatial name="rope" limited="true" range="0 1.2"><site site="hook"/><geom geom="drum"/><site site="load"/></spatial></tendon>
+</mujoco>"""
 
 
 def pixels(window, points, size=(720, 480)):
@@ -149,12 +144,6 @@ def test_shapes_have_the_sizes_of_their_environments(count):
         sim.randomize()
         view.show()
         assert widths() == before
-
-
-ROPE = """<mujoco><worldbody><site name="hook" pos="0 0 1"/><geom name="drum" type="cylinder" size=".2 .1" pos=".3 0 .7" euler="90 0 0"/>
-  <body pos=".6 0 .3"><freejoint/><geom size=".05" mass="1"/><site name="load"/></body></worldbody>
-  <tendon><spatial name="rope" limited="true" range="0 1.2"><site site="hook"/><geom geom="drum"/><site site="load"/></spatial></tendon>
-</mujoco>"""
 
 
 def test_tendons_are_drawn_along_their_wrapped_paths():

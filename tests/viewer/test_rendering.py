@@ -1,10 +1,12 @@
 """Pictures of environments by MuJoCo's renderer: Gymnasium's own, pixel for pixel, and films."""
 
+import film
 import gymnasium
 import imageio.v3 as imageio
 import numpy as np
 import pytest
 import stepper
+from checks import every
 from gymnasium.utils.env_checker import check_env
 from stepper.envs import TASKS, StepperEnv, StepperVectorEnv
 from stepper.viewer import Renderer
@@ -29,8 +31,7 @@ def gymnasiums(name, qpos, qvel, **settings):
     return picture
 
 
-@pytest.mark.parametrize("name", sorted(TASKS))
-@pytest.mark.parametrize("camera", ["of the file", "free"])
+@every(name=sorted(TASKS), camera=["of the file", "free"])
 def test_pictures_are_gymnasiums(name, camera):
     if camera == "of the file" and name not in TRACKED:
         pytest.skip("the file has no camera")
@@ -108,8 +109,7 @@ def test_what_an_environment_has_of_its_own_is_seen():
     np.testing.assert_array_equal(renderer.render(sim, 0), first)
 
 
-@pytest.mark.parametrize("kind", ["box", "sphere", "cylinder"])
-@pytest.mark.parametrize("light", ["", '<light pos="0 0 3"/>'])
+@every(kind=["box", "sphere", "cylinder"], light=["", '<light pos="0 0 3"/>'])
 def test_a_scene_without_a_light_gets_one(kind, light):
     """Its picture is as bright as that of a scene with a light, and its bodies throw shadows."""
     source = f'''<mujoco><worldbody>{light}<geom type="plane" size="2 2 .1"/><body pos="0 0 .3"><freejoint/>
@@ -138,3 +138,15 @@ def test_gymnasium_films_it(tmp_path):
 
 def test_gymnasiums_checker_accepts_what_it_draws():
     check_env(gymnasium.make("stepper/Hopper-v5", render_mode="rgb_array").unwrapped)
+
+
+def test_its_policies_are_there():
+    assert [name for name in film.ROBOTS if not (film.POLICIES / f"{name}.npz").exists()] == []
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_its_pictures_move():
+    name, camera = film.ROBOTS["half_cheetah"]
+    first, second = film.pictures(film.POLICIES / "half_cheetah.npz", name, camera, seconds=2 / film.RATE)
+    assert first.shape == (film.HEIGHT, film.WIDTH, 3)
+    assert np.any(first != second)

@@ -10,8 +10,7 @@ import numpy as np
 
 from stepper._stepper import Stepper
 from stepper.derivatives.perturbations import STATE, check_parameters
-from stepper.derivatives.rollout import Rollout
-from stepper.derivatives.rollout import rollout as make
+from stepper.derivatives.rollout import Rollout, rollout as make
 from stepper.shared.machine import require
 
 jax = require("jax", "for stepper.adapters.jax_rollout")

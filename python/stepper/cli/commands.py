@@ -13,8 +13,7 @@ from stepper import policies, sysid
 from stepper._options import Options
 from stepper.cli.options import RECORDING, Arguments, Out, arguments_of
 from stepper.doctor import diagnose
-from stepper.lab.demo import Plan
-from stepper.lab.demo import demo as run_demo
+from stepper.lab.demo import Plan, demo as run_demo
 from stepper.loading import load
 from stepper.policies import ppo_settings
 from stepper.policies.evaluation import FILMED

@@ -252,6 +252,48 @@ def test_friction_and_rotors_are_the_joints():
     assert abs(sims[0].sensordata_ideal[0] - sims[1].sensordata_ideal[0]) <= 0.03 * (1 + 1e-9)
 
 
+@every(integrator=[*INTEGRATORS, "rk4"], gear=[1.0, 2.0])
+def test_friction_of_a_gear_falls_with_the_speed(gear, integrator):
+    """J w' = -gear (F + S exp(-(gear w / V)^2)): first order, because a step takes the friction at the velocity before it."""
+    friction, extra, speed, start, seconds = 0.03, 0.06, 0.5, 0.8, 0.2
+
+    def slowed(w):
+        return -gear * (friction + extra * np.exp(-((gear * w / speed) ** 2))) / J
+
+    w, dt = start, seconds / 4000
+    for _ in range(4000):
+        w += dt * slowed(w + dt / 2 * slowed(w))
+    drive = Drive(friction=friction, stribeck_friction=extra, stribeck_velocity=speed)
+    errors = []
+    for h in (4e-3, 2e-3):
+        sim = wheel(drive, actuator=f'<motor name="m" joint="axle" gear="{gear}"/>', integrator=integrator, h=h)
+        sim.set_state(qvel=[start])
+        sim.step([0.0], round(seconds / h))
+        errors.append(abs(sim.qvel[0] - w))
+    # A step's error is h^2/2 w'', with |w''| <= |w'| times the steepest slope of the curve, 0.86 gear^2 S / (V J).
+    most = 0.5 * seconds * 4e-3 * gear * (friction + extra) / J * 0.86 * gear**2 * extra / (speed * J)
+    assert 1.8 * errors[1] < errors[0] < most
+    assert errors[0] < 2.2 * errors[1]
+
+
+@every(precision=["f64", "f32"], integrator=[*INTEGRATORS, "rk4"])
+def test_a_gear_breaks_away_above_its_friction_at_rest(integrator, precision):
+    """A torque below F + S leaves the joint at rest, to the bit, and one above it moves it."""
+    drive = Drive(friction=0.1, stribeck_friction=0.2, stribeck_velocity=0.5)
+    sim = wheel(drive, integrator=integrator, num_envs=2, precision=precision)
+    sim.step([[0.299], [0.301]], 100)
+    assert sim.qvel[0, 0] == 0.0
+    # The friction falls as soon as the joint moves, so that it is faster than the torque of 0.001 N m alone makes it.
+    assert sim.qvel[1, 0] > 0.001 * 100 * H / J
+    assert sim.qfrc_actuator[0, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_friction_that_falls_needs_its_speed():
+    """An error names the missing number."""
+    with pytest.raises(ValueError, match="stribeck_velocity is 0"):
+        wheel(Drive(stribeck_friction=0.1))
+
+
 def test_limits_hold():
     sim = wheel(Drive(limits=(-0.5, 0.25)))
     for command, expected in ((9.0, 0.25), (-9.0, -0.5), (0.1, 0.1)):

@@ -238,7 +238,7 @@ pub(crate) const CORRECTION_ITERATIONS: f64 = 10.0;
 /// many.
 ///
 /// Evidence, with an earlier Newton method: with 5 a gripper that begins within its palm stays there, with 6 it opens
-/// (test_impossible_demands.py). Of 120 jammed pairs of arms, 8 and 50 iterations leave the same overlaps after a second, within 0.1 %.
+/// (test_energy_gain.py). Of 120 jammed pairs of arms, 8 and 50 iterations leave the same overlaps after a second, within 0.1 %.
 pub(crate) const CORRECTION_NEWTON_STEPS: f64 = 8.0;
 
 /// Largest speed of a position correction, as a multiple of `max_correction_speed`. The speed divided by [`CORRECTION_ARM`] is the largest

@@ -4,6 +4,7 @@ The environment variable STEPPER_DATA names the folder that has servo_bam/servo_
 with three gains come first, those with the fourth gain last:
 
     STEPPER_DATA=data stepper calibrate benches/studies/servo_bam.py --recordings 12 --margin 0.005
+    STEPPER_DATA=data stepper chart benches/studies/servo_bam.py --angle --quick --horizon "0.5 s"
 """
 
 import os
@@ -117,6 +118,8 @@ def servo(folder: Path, last: int = HELD_OUT) -> stepper.lab.Study:
         control=PERIOD,
         episodes=len(data.gain),
         batch=512,
+        # The encoder has 4096 steps per turn.
+        recordings=stepper.lab.Recordings(data.q[:, 1:, None], 2.0 * np.pi / 4096.0 / np.sqrt(12.0)),
     )
 
 

@@ -62,6 +62,9 @@ def figures() -> dict[str, str]:
     found["reality.pairs"] = pair_table(read_csv("reality_pairs.csv"))
     found["calibration.certificates"] = certificate_table(read_csv("calibration.csv"))
     found["readme.cube"] = readme_cube(read_csv("reality.csv"))
+    found["published.grasp"] = grasp_table([*read_csv("published_grasp.csv"), *read_csv("published_grasp_published_scene.csv")])
+    found["published.piles"] = plain_table(read_csv("published_piles_small.csv"), PILES)
+    found["published.go1"] = plain_table(read_csv("published_go1.csv"), GO1)
     return found
 
 
@@ -224,6 +227,39 @@ def readme_cube(rows: list[dict[str, str]]) -> str:
         fine = next(row for row in own if row["timestep_s"] == STEPS[-1])
         cells.append((float(fine["median"]), f"{engine} {float(fine['median']):.3f} ({float(fine['mean']):.3f})"))
     return "; ".join(text for _, text in sorted(cells))
+
+
+PILES = {
+    "scene": "pile", "bodies": "bodies", "engine": "engine", "steps": "steps", "first_ms": "first step, ms", "ms_per_step": "ms per step",
+    "total_ms": "in total, ms", "contacts": "contacts at the end", "largest_sinking_m": "deepest fall, m",
+}  # fmt: skip
+GO1 = {"engine": "engine", "steps_per_core_s": "steps per core second", "height_m": "mean height at the end, m"}
+"""Columns of the published tables, rerun: name in the result file, and on the page."""
+
+
+def plain_table(rows: list[dict[str, str]], columns: dict[str, str]) -> str:
+    """Some columns of a result file; numbers have three digits, counts all."""
+
+    def cell(text: str) -> str:
+        if not re.fullmatch(r"-?[\d.]+(e[+-]\d+)?", text):
+            return text
+        return f"{int(text):,}" if text.isdigit() else f"{float(f'{float(text):.3g}'):,g}"
+
+    lines = ["| " + " | ".join(columns.values()) + " |", "|---" * len(columns) + "|"]
+    lines += ["| " + " | ".join(cell(row[name]) for name in columns) + " |" for row in rows]
+    return "\n".join(lines)
+
+
+def grasp_table(rows: list[dict[str, str]]) -> str:
+    """Drop of the block, mm, by scene and engine, at each factor of the critical friction."""
+    factors = list(dict.fromkeys(row["factor"] for row in rows))
+    lines = ["| scene | engine | grip, N | " + " | ".join(f"{float(factor):.2f}" for factor in factors) + " |"]
+    lines.append("|---|---|---:" + "|---:" * len(factors) + "|")
+    for scene, engine in dict.fromkeys((row["scene"], row["engine"]) for row in rows):
+        own = [row for row in rows if (row["scene"], row["engine"]) == (scene, engine)]
+        cells = [scene, engine, f"{float(own[0]['force_N']):.2f}", *(f"{abs(float(row['drop_mm'])):.1f}" for row in own)]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
 def with_figures(text: str, values: dict[str, str], place: str) -> str:

@@ -8,7 +8,7 @@ tune; `calibration` has calibrate. `demo` compares stepper with MuJoCo.
 docs/reference/studies.md explains studies.
 """
 
-from stepper.lab.accuracy.chart import Chart, chart
+from stepper.lab.accuracy.chart import Chart, Recordings, chart
 from stepper.lab.accuracy.measure import Dot
 from stepper.lab.accuracy.tune import Candidate, Tuning, tune
 from stepper.lab.calibration.calibrate import Calibration, MeasuredParameter, calibrate
@@ -39,6 +39,7 @@ __all__ = [
     "Rank",
     "Ranking",
     "RecordedCalibration",
+    "Recordings",
     "Report",
     "Statistics",
     "Study",

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.accuracy.candidates import lines, timesteps
+from stepper.lab.accuracy.candidates import Line, lines, timesteps
 from stepper.lab.accuracy.costs import BATCH, costs
 from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import CAUSES, TARGET, ChartBasis, Dot, Point, chart_reference, front, measure
@@ -32,6 +32,34 @@ from stepper.shared.machine import one_core, provenance
 from stepper.shared.progress import ProgressCallback
 
 Array = NDArray[np.float64]
+_RECORDED = "Error and the part from the model are distances from the recordings; the floor is what their noise alone makes."
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """Measured motions of a real system, one for each episode of a study.
+
+    Attributes:
+        qpos: Measured positions at the ends of the control periods, (episodes, control periods, nq), m and rad.
+        noise: Standard deviation of the measured positions, a number or (nq,), m and rad.
+    """
+
+    qpos: Array
+    noise: float | Array
+
+    def section(self, study: Study) -> Section:
+        """Section of a report with the distances of a study's runs from the recordings, split by cause, in m and in rad."""
+        rows, numbers = [], range(min(study.episodes, len(self.qpos)))
+        own = Line("stepper", "the study's own", {}, study.options.contact)
+        peers = [line for line in lines(study, quick=True) if line.engine != "stepper"]
+        timestep = study.options.timestep or float(study.loaded[0].timestep)
+        for unit in TARGET:
+            basis = ChartBasis(study, numbers, *chart_reference(study, numbers, study.seconds, unit, 4), 4)
+            for point in measure(basis, [own, *peers], [timestep], lambda _what, _done: None)[0]:
+                parts = (*point.errors.values(), basis.reference.floor)
+                rows.append([point.line.label, unit, *(float(np.median(part)) for part in parts)])
+        words = [f"Largest distances of bodies, geoms and sites, and largest angles of bodies; medians over episodes. {_RECORDED}"]
+        return Section("Recordings", words, ("settings", "unit", "error", *(f"from {word}" for word in CAUSES.values()), "floor"), rows)
 
 
 @dataclass(frozen=True)
@@ -160,6 +188,7 @@ def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float], kept: dict[
         solver=middle["solver"],
         step=middle["step"],
         model=middle["model"],
+        floor=float(np.median(basis.reference.floor)),
         us_single_env=cost[0],
         batch=cost[1],
         depth=float(trace.depth.max()),
@@ -207,13 +236,14 @@ def _sections(found: Chart, laws: Mapping[str, Reference], invariants: Invariant
     """Sections of the document of a chart."""
     dots, study, unit = found.dots, found.study, found.distance.unit
     best = set(map(id, [*front(dots, "us_single_env"), *front(dots, "batch")]))
-    parts = [f"from {word}" for word in CAUSES.values()]
+    parts = [*(f"from {word}" for word in CAUSES.values()), *(["floor"] if study.recordings else [])]
     head = ("", "settings", "time step, ms", f"error, {unit}", *parts, "cause", "alone, us", "batch, us", "penetration, mm")
     outcome = study.success_outcome or next(iter(study.all_outcomes), None)
     more = ("residual, m/s", *(() if outcome is None else (f"mean {outcome.name}", "successes")), "notes")
 
     def row(dot: Dot) -> list[Any]:
-        numbers = (dot.error, dot.solver, dot.step, dot.model, dot.cause, dot.us_single_env, dot.batch, 1e3 * dot.depth, dot.residual)
+        parts = (dot.solver, dot.step, dot.model, *([dot.floor] if study.recordings else []))
+        numbers = (dot.error, *parts, dot.cause, dot.us_single_env, dot.batch, 1e3 * dot.depth, dot.residual)
         outcomes = () if outcome is None else (dot.outcome, dot.share)
         return ["*" if id(dot) in best else "", dot.label, 1e3 * dot.timestep, *numbers, *outcomes, "; ".join(dot.notes)]
 
@@ -248,6 +278,7 @@ def _words(found: Chart, laws: Mapping[str, Reference]) -> list[str]:
         "distance of that run from the converged run with its law of contact. model: distance of that converged run from the reference "
         "(softness, friction cone). The column cause has the one with the largest part; docs/reference/studies.md has remedies. "
         "The reference has hard contact, unless the study's options have MuJoCo's law."
+        + (f" {_RECORDED}" if found.study.recordings else "")
         + (f" Uncertainty of the converged runs, {unit} (median): {'; '.join(others)}." if others else ""),
     ]
     if stopped:

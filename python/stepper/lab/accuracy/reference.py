@@ -12,6 +12,7 @@ rule diverges with stiff damping of light links. The implicit rule, also of firs
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from collections.abc import Callable, Sequence
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.lab.accuracy.traces import Distance, Trace, run
+from stepper.lab.accuracy.traces import Distance, Trace, posed, run
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.study import Study
 
@@ -64,6 +65,8 @@ class Reference:
         known: Time up to which the last two runs of an episode agree to the target, (episodes,), s.
         rule: Name of the rule of first order, such as "Euler's rule".
         without: Names of integrators of first order that diverged or took too long.
+        recorded: Measured motion that errors are measured from in place of `trace`; None without recordings.
+        floor: Error that the noise of the recordings alone causes, (episodes,), m or rad; NaN without recordings.
     """
 
     runs: tuple[Trace, ...]
@@ -76,6 +79,18 @@ class Reference:
     known: Array
     rule: str = _SECOND_METHODS["euler"]
     without: tuple[str, ...] = ()
+    recorded: Trace | None = None
+    floor: Array = dataclasses.field(default_factory=lambda: np.full(1, np.nan))
+
+    @property
+    def against(self) -> Trace:
+        """Motion that errors are measured from: the recordings, or otherwise the converged run."""
+        return self.trace if self.recorded is None else self.recorded
+
+    @property
+    def margin(self) -> Array:
+        """Uncertainty of that motion, (episodes,), m or rad: the recordings' floor, or otherwise the uncertainty of the converged run."""
+        return self.uncertainty if self.recorded is None else self.floor
 
     @property
     def trace(self) -> Trace:
@@ -97,7 +112,9 @@ class Reference:
         """Description of the reference as a sentence: time step, observed order, second method and uncertainty."""
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
+        recorded = f"recordings, whose noise makes errors of {np.median(self.floor):.1e} (median), beside a converged run"
         sentences = [
+            "" if self.recorded is None else recorded,
             f"time steps halved to {1e6 * self.timestep:.4g} us",
             f"observed order {np.median(orders):.1f}" if len(orders) else "",
         ]
@@ -188,6 +205,24 @@ def converge(
     if progress:
         progress(1.0)
     return replace(_assessed(runs, second, distance, target), rule=rule, without=tuple(without))
+
+
+def with_recordings(study: Study, episodes: Sequence[int], reference: Reference, distance: Distance) -> Reference:
+    """Reference with the study's recordings and the floor of their noise; unchanged if the study has none.
+
+    Raises:
+        ValueError: The recordings have another shape, or are too few.
+    """
+    if study.recordings is None:
+        return reference
+    every = np.asarray(study.recordings.qpos, float)
+    least = (max(episodes) + 1, study.num_control_steps, study.loaded[0].nq)
+    if every.ndim != 3 or every.shape[2] != least[2] or every.shape < least[:1] or every.shape[1] < least[1]:
+        raise ValueError(f"recordings have the shape {every.shape}, must be at least {least}: episodes, control periods, nq")
+    qpos = every[list(episodes)]
+    noise = study.recordings.noise * np.random.default_rng([study.seed, 1]).standard_normal(qpos.shape)
+    plain, noisy = (posed(study, own, reference.trace) for own in (qpos, qpos + noise))
+    return replace(reference, recorded=plain, floor=distance(plain, noisy))
 
 
 def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], study: Study) -> list[Trace] | None:

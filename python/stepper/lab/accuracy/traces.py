@@ -11,7 +11,7 @@ import math
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -176,6 +176,18 @@ class TraceRecorder:
             spent=spent,
             stopped=bool(count < controls and self.finite.any()),
         )
+
+
+def posed(study: Study, qpos: Array, like: Trace) -> Trace:
+    """Trace with the poses of given positions, (episodes, control periods, nq), m and rad, at the times of another trace."""
+    world = world_of(study, USUAL, [study.nominal] * len(qpos), sensors=None)
+    assert isinstance(world, StepperWorld)
+    shown = []
+    for row in np.moveaxis(qpos, 1, 0)[: len(like.time)]:
+        world.sim.set_state(row)
+        shown.append((_points(world), world.xquat.copy()))
+    points, xquat = map(np.array, zip(*shown, strict=True))
+    return replace(like, time=like.time[: len(shown)], points=points, xquat=xquat, finite=np.ones(len(qpos), np.bool_), stopped=False)
 
 
 def runs(

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, Protocol, get_args, get_type_hints, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,17 @@ class _Source:
             return load(source if compiled is None else compiled, strict=False), compiled
 
 
+@runtime_checkable
+class Measured(Protocol):
+    """Measured motions of a real system, `stepper.lab.Recordings`, as a study uses them."""
+
+    qpos: NDArray[np.float64]
+    noise: float | NDArray[np.float64]
+
+    def section(self, study: Study) -> Any:
+        """Section of the report with the distances of the study's runs from the recordings."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Study:
     """Simulation experiment: episodes of a model with a controller, measured outcomes and uncertain parameters.
@@ -105,6 +116,7 @@ class Study:
         batch: Largest number of episodes that are stepped together. With a sensor model all episodes of a point are stepped together,
             because sensor errors depend on the index in a batch.
         threads: Number of threads that step environments; 0 uses all cores.
+        recordings: Measured motions of the episodes, in their order, which then are the reference of `chart`, `tune` and `report`.
     """
 
     model: Any
@@ -127,6 +139,7 @@ class Study:
     actuators: ActuatorModel | None = None
     batch: int = 256
     threads: int = 1
+    recordings: Measured | None = None
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def _check_functions(self) -> None:
@@ -189,6 +202,8 @@ class Study:
             check_mapping(f"settings {name!r}", setting, '{"integrator": "euler"}')
         if not isinstance(self.parameters, Mapping):
             raise TypeError(f"parameters is {self.parameters!r}, must be a dict of stepper.lab.Parameter by name")
+        if not isinstance(self.recordings, Measured | None):
+            raise TypeError("recordings must be stepper.lab.Recordings(qpos, noise) or None, so give them in a study in Python")
         for name, kind in (("options", Options), ("sensors", SensorModel), ("actuators", ActuatorModel)):
             value = getattr(self, name)
             if not isinstance(value, kind) and not (value is None and name != "options"):

@@ -12,7 +12,7 @@ import itertools
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -161,7 +161,7 @@ def hulls(layers: int) -> str:
     return pile('type="mesh" mesh="hull"', places, f'<asset><mesh name="hull" vertex="{numbers(points.ravel())}"/></asset>')
 
 
-def pile(geom: str, places: list[tuple[float, ...]], assets: str = "") -> str:
+def pile(geom: str, places: Sequence[tuple[float, ...]], assets: str = "") -> str:
     """MJCF of equal free bodies on a floor."""
     bodies = "".join(f'<body pos="{numbers(place)}"><freejoint/><geom {geom}/></body>' for place in places)
     return f"""<mujoco><option gravity="0 0 {-PILE_GRAVITY}"/><size memory="8G"/>
@@ -177,7 +177,7 @@ def piles(named: str, *, small: bool) -> Iterator[Row]:
         small: Whether to build the piles of Box3D's debug build.
     """
     fast = stepper.Options(integrator="euler", stabilization="baumgarte", tolerance=1e-3)
-    engines = [
+    engines: list[Stepper | Mujoco] = [
         Stepper("stepper, fast", fast),
         Stepper("stepper"),
         Mujoco("MuJoCo", MujocoEngine("defaults", DEFAULTS)),

@@ -1,9 +1,10 @@
 """Study of real servos that swing a pendulum (Rhoban BAM): which parameters of motor and gear must be fitted to predict the position.
 
 The environment variable STEPPER_DATA names the folder that has servo_bam/servo_bam.csv and recordings.csv. Recordings of the servo XL330
-with three gains come first, those with the fourth gain last:
+with three gains come first, those with the fourth gain last. Of the STS3250, STEPPER_HELD_OUT names the trajectory that comes last:
 
     STEPPER_DATA=data stepper calibrate benches/studies/servo_bam.py --recordings 12 --margin 0.005
+    STEPPER_DATA=data STEPPER_MOTOR=sts3250 STEPPER_HELD_OUT=sin_sin stepper calibrate benches/studies/servo_bam.py --recordings 3 --margin 0.005
     STEPPER_DATA=data stepper chart benches/studies/servo_bam.py --angle --quick --horizon "0.5 s"
 """
 
@@ -23,8 +24,8 @@ PERIOD, SECONDS = 0.002, 5.5
 """Time step and control period, s; length of the part of a recording that is predicted, s."""
 FIRMWARE = 4096.0 / (2.0 * np.pi) / (256.0 * 885.0)
 """Duty cycle of the motor per unit of gain and rad of error, in the firmware of the XL330."""
-HELD_OUT = 800
-"""Gain whose recordings are held out."""
+HELD_OUT = "800"
+"""Gain of the XL330 whose recordings are held out by default."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +51,11 @@ class Recordings:
     names: tuple[str, ...]
 
 
-def recordings(folder: Path, motor: str, last: int | None = None) -> Recordings:
-    """Recordings of a motor, those with the gain `last` at the end."""
+def recordings(folder: Path, motor: str, last: str | None = None) -> Recordings:
+    """Recordings of a motor, those with the gain or trajectory `last` at the end."""
     head, *about = read_csv(folder / "servo_bam/recordings.csv", "table of recordings")
     rows = [dict(zip(head, row, strict=True)) for row in about if row[head.index("motor")] == motor]
-    rows.sort(key=lambda row: int(row["kp_firmware"]) == last)
+    rows.sort(key=lambda row: last in (row["kp_firmware"], row["trajectory"]))
     names, *lines = read_csv(folder / "servo_bam/servo_bam.csv", "table of samples")
     table = np.array(lines, float)
     times = np.arange(round(SECONDS / PERIOD) + 1) * PERIOD
@@ -75,9 +76,36 @@ def recordings(folder: Path, motor: str, last: int | None = None) -> Recordings:
     )
 
 
-def servo(folder: Path, last: int = HELD_OUT) -> stepper.lab.Study:
-    """Study of the XL330, whose last four recordings have the gain `last`."""
-    data = recordings(folder, "xl330", last)
+MOTORS: dict[str, dict[str, Any]] = {
+    "xl330": {
+        "mass": (0.49, 0.1),
+        "torque constant": (0.387, 0.2, 0.6),
+        "resistance": (4.02, 2.0, 8.0),
+        "armature": (0.0018, 0.0005, 0.005),
+        "dry friction": (0.0128, 0.0, 0.06),
+        "viscous friction": (0.00366, 0.0, 0.02),
+        "Stribeck friction": (0.0, 0.0, 0.06),
+        "source": "half to twice BAM's m1",
+    },
+    "sts3250": {
+        "mass": (1.13, 0.12),
+        "torque constant": (1.5, 0.7, 3.0),
+        "resistance": (3.7, 1.5, 8.0),
+        "armature": (0.01, 0.001, 0.04),
+        "dry friction": (0.06, 0.0, 0.3),
+        "viscous friction": (0.06, 0.0, 0.2),
+        "Stribeck friction": (0.0, 0.0, 0.3),
+        "duty": (0.166, 0.05, 0.5),
+        "source": "half to twice the data sheet",
+    },
+}
+"""Mass, kg, and its distance from the axis, m, of each motor's pendulum; nominal values and ranges of its parameters, with their source."""
+
+
+def servo(folder: Path, motor: str = "xl330", last: str = HELD_OUT) -> stepper.lab.Study:
+    """Study of a motor, whose recordings with the gain or trajectory `last` come last."""
+    data, numbers = recordings(folder, motor, last), MOTORS[motor]
+    mass, length = numbers["mass"]
 
     def start(now: Any, _: Any) -> tuple[Array, Array]:
         return data.q[now.episodes, 0][:, None], data.speed[now.episodes][:, None]
@@ -89,7 +117,8 @@ def servo(folder: Path, last: int = HELD_OUT) -> stepper.lab.Study:
         """
         which, k = now.episodes, round(float(now.time[0]) / PERIOD)
         q, speed, kt = now.qpos[:, 0], now.qvel[:, 0], now.parameters["torque constant"]
-        duty = np.clip(data.gain[which] * (data.goal[which, k] - q) * FIRMWARE, -1.0, 1.0)
+        then = np.maximum(k - np.rint(now.parameters["command delay"] / PERIOD).astype(int), 0)
+        duty = np.clip(data.gain[which] * (data.goal[which, then] - q) * now.parameters.get("duty", FIRMWARE), -1.0, 1.0)
         current = (duty * data.volts[which, k] - kt * speed) / now.parameters["resistance"]
         return np.asarray(data.on[which, k] * kt * current)[:, None]
 
@@ -97,23 +126,34 @@ def servo(folder: Path, last: int = HELD_OUT) -> stepper.lab.Study:
         k = min(round(float(now.time[0]) / PERIOD), data.q.shape[1] - 1)
         return np.asarray(np.abs(now.qpos[:, 0] - data.q[now.episodes, k]))
 
+    def parameter(name: str, target: str, unit: str) -> Parameter:
+        nominal, low, high = numbers[name]
+        return Parameter(target, nominal=nominal, low=low, high=high, unit=unit, source=numbers["source"])
+
+    parameters = {
+        "command delay": Parameter("controller", nominal=0.0, low=0.0, high=0.05, unit="s", source="BAM"),
+        "torque constant": parameter("torque constant", "controller", "N m/A"),
+        "resistance": parameter("resistance", "controller", "ohm"),
+        "armature": parameter("armature", "dof_armature[hinge]", "kg m2"),
+        "dry friction": parameter("dry friction", "dof_frictionloss[hinge]", "N m"),
+        "viscous friction": parameter("viscous friction", "dof_damping[hinge]", "N m s"),
+        "gear efficiency": Parameter("actuator.motor.efficiency", nominal=1.0, low=0.6, high=1.0, source="gears of metal"),
+        "Stribeck friction": parameter("Stribeck friction", "actuator.stribeck_friction", "N m"),
+        "Stribeck velocity": Parameter("actuator.stribeck_velocity", nominal=0.2, low=0.02, high=1.0, unit="rad/s", source="BAM"),
+    }
+    if "duty" in numbers:
+        parameters["duty"] = parameter("duty", "controller", "1/rad")
+    drive = stepper.Drive(motor=stepper.actuators.DCMotor(), stribeck_velocity=0.2)
     return stepper.lab.Study(
-        name="servo_bam",
-        model="""<mujoco><option timestep="0.002"/><worldbody><body><joint name="hinge" axis="0 1 0"/>
-          <inertial pos="0 0 -.1" mass=".49" diaginertia="1e-6 1e-6 1e-6"/></body></worldbody>
+        name=f"servo_bam_{motor}",
+        model=f"""<mujoco><option timestep="0.002"/><worldbody><body><joint name="hinge" axis="0 1 0"/>
+          <inertial pos="0 0 -{length}" mass="{mass}" diaginertia="1e-6 1e-6 1e-6"/></body></worldbody>
           <actuator><motor name="servo" joint="hinge"/></actuator></mujoco>""",
         controller=torque,
         start=start,
         outcomes=Outcome(name="error", measure=error, reduce="mean", unit="rad"),
-        parameters={
-            "torque constant": Parameter("controller", nominal=0.387, low=0.2, high=0.6, unit="N m/A", source="half to twice BAM's m1"),
-            "resistance": Parameter("controller", nominal=4.02, low=2.0, high=8.0, unit="ohm", source="half to twice BAM's m1"),
-            "armature": Parameter("dof_armature[hinge]", nominal=0.0018, low=0.0005, high=0.005, unit="kg m2", source="BAM's m1, wide"),
-            "dry friction": Parameter("dof_frictionloss[hinge]", nominal=0.0128, low=0.0, high=0.06, unit="N m", source="BAM's m1, wide"),
-            "viscous friction": Parameter("dof_damping[hinge]", nominal=0.00366, low=0.0, high=0.02, unit="N m s", source="BAM's m1, wide"),
-            "gear efficiency": Parameter("actuator.motor.efficiency", nominal=1.0, low=0.6, high=1.0, source="planetary gears of metal"),
-        },
-        actuators=stepper.ActuatorModel({"servo": stepper.Drive(motor=stepper.actuators.DCMotor(efficiency=1.0))}),
+        parameters=parameters,
+        actuators=stepper.ActuatorModel({"servo": drive}),
         seconds=SECONDS,
         control=PERIOD,
         episodes=len(data.gain),
@@ -124,4 +164,4 @@ def servo(folder: Path, last: int = HELD_OUT) -> stepper.lab.Study:
 
 
 if "STEPPER_DATA" in os.environ:
-    study = servo(Path(os.environ["STEPPER_DATA"]))
+    study = servo(Path(os.environ["STEPPER_DATA"]), os.environ.get("STEPPER_MOTOR", "xl330"), os.environ.get("STEPPER_HELD_OUT", HELD_OUT))

@@ -26,7 +26,7 @@ from stepper.lab.study.sweep import measured
 from stepper.shared.arguments import check_number, check_whole
 from stepper.shared.progress import ProgressCallback
 
-_SAMPLES, _ROUNDS = 16, 5
+_SAMPLES, _ROUNDS = 32, 12
 """Number of samples per round of a fit, and number of rounds."""
 
 

@@ -365,10 +365,10 @@ def test_two_steps_are_the_product_of_one_and_one(seed, robot):
     both, first = sim.linearize(ctrl=ctrl, nstep=2), sim.linearize(ctrl=ctrl)
     sim.step(ctrl)
     second = sim.linearize()
-    # Noise of the entries of either times the size of the other's.
-    scale = np.abs(both.A).max()
-    np.testing.assert_allclose(both.A, second.A @ first.A, atol=1e-6 * scale)
-    np.testing.assert_allclose(both.B, second.A @ first.B + second.B, atol=1e-6 * max(1.0, np.abs(both.B).max()))
+    # The terms of a product may cancel, and each errs in proportion to its size: by 5e-6 in the worst of 700 draws of the fish.
+    for found, before, own in ((both.A, first.A, 0.0), (both.B, first.B, second.B)):
+        size = max(1.0, (np.abs(second.A) @ np.abs(before)).max())
+        np.testing.assert_allclose(found, second.A @ before + own, atol=1e-5 * size)
     sim.step()
     np.testing.assert_allclose(both.qvel, sim.qvel)
     # Nothing depends on where a robot floats.

@@ -295,7 +295,8 @@ def test_nominal_values_that_mujoco_lacks_are_not_asked_of_it(tmp_path):
 
 
 def child(folder, command):
-    path = os.pathsep.join([str(Path(stepper.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    helpers = Path(__file__).parents[1] / "helpers"
+    path = os.pathsep.join([str(Path(stepper.__file__).parents[1]), str(helpers), os.environ.get("PYTHONPATH", "")])
     arguments = [sys.executable, "-c", CHILD, str(folder), str(Path(__file__).parent), command]
     return subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": path})
 

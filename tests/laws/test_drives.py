@@ -290,7 +290,7 @@ def test_a_gear_breaks_away_above_its_friction_at_rest(integrator, precision):
 
 def test_friction_that_falls_needs_its_speed():
     """An error names the missing number."""
-    with pytest.raises(ValueError, match="stribeck_velocity is 0"):
+    with pytest.raises(ValueError, match="stribeck_velocity is 0, must be at least 1e-9"):
         wheel(Drive(stribeck_friction=0.1))
 
 

@@ -66,6 +66,9 @@ pub struct Motor {
     pub voltage: bool,
 }
 
+/// Smallest allowed speed at which additional friction has decreased to 1/e. Numbers of 32 bits can divide by its square.
+const LEAST_STRIBECK_VELOCITY: f64 = 1e-9;
+
 /// Longest allowed delay of an actuator, in steps.
 const LONGEST: f64 = 100_000.0;
 
@@ -132,14 +135,10 @@ impl ActuatorSpec {
         servo_has_memory || [&self.delay, &self.delay_steps, &self.lag].into_iter().any(|numbers| any_nonzero(numbers))
     }
 
-    /// Whether the actuator has dry friction, in any environment.
-    pub fn is_dry(&self) -> bool {
-        any_nonzero(&self.friction) || any_nonzero(&self.stribeck_friction)
-    }
-
     /// Whether dry friction or the gear's efficiency causes losses.
     pub fn loses(&self) -> bool {
-        self.is_dry() || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
+        let is_dry = any_nonzero(&self.friction) || any_nonzero(&self.stribeck_friction);
+        is_dry || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
     /// Combines a model with the specs of its actuators. `specs` has one entry for each actuator, where `None` means an ideal actuator.
@@ -252,8 +251,9 @@ impl ActuatorSpec {
             if low > high {
                 return Err(DeviceError::Limits { low, high });
             }
-            if each(&self.stribeck_friction, env) > 0.0 && each(&self.stribeck_velocity, env) == 0.0 {
-                return Err(DeviceError::StribeckWithoutVelocity);
+            let found = each(&self.stribeck_velocity, env);
+            if each(&self.stribeck_friction, env) > 0.0 && found < LEAST_STRIBECK_VELOCITY {
+                return Err(DeviceError::StribeckVelocity { found });
             }
             let steps = self.steps(env, h);
             if steps > LONGEST {

@@ -89,11 +89,16 @@ pub enum DeviceError {
     #[error("servo is set, but the actuator acts on a site, which has no length to measure; use an actuator on a joint or tendon")]
     ServoOnSite,
     /// Dry friction or gear losses of an actuator that does not act on a joint.
-    #[error("friction or efficiency is set, but the actuator acts on a tendon or site, and both need a joint; leave them out")]
+    #[error(
+        "friction, stribeck_friction or efficiency is set, but the actuator acts on a tendon or site, and they need a joint; leave them out"
+    )]
     LossesWithoutJoint,
     /// Friction that decreases with the speed, without the speed at which it does.
-    #[error("stribeck_friction is set and stribeck_velocity is 0; give the speed at which the additional friction has decreased to 1/e")]
-    StribeckWithoutVelocity,
+    #[error("stribeck_velocity is {found}, must be at least 1e-9 with stribeck_friction: the speed at which that has decreased to 1/e")]
+    StribeckVelocity {
+        /// Given speed.
+        found: f64,
+    },
     /// Rotor inertia that is not finite after multiplication by the squared gears.
     #[error("rotor_inertia {inertia} times the squared gears {gear:e} and {motor_gear:e} is not finite; give smaller gears")]
     InfiniteInertia {

@@ -182,7 +182,11 @@ fn check_fit(spec: &ActuatorSpec, compiled: &ActuatorSpec, n: usize, num_envs: u
             }
         }
     }
-    let friction = if spec.is_dry() { "friction" } else { "efficiency" };
+    let friction = match (any_nonzero(&spec.friction), any_nonzero(&spec.stribeck_friction)) {
+        (true, _) => "friction",
+        (false, true) => "stribeck_friction",
+        (false, false) => "efficiency",
+    };
     for (name, here, there) in [
         ("lag", any_nonzero(&spec.lag), any_nonzero(&compiled.lag)),
         ("limits", spec.is_limited(), compiled.is_limited()),

@@ -40,7 +40,7 @@ pub struct SeparationCache {
 }
 
 impl SeparationCache {
-    /// Empty cache for `lanes` lanes. It has no space for entries if the scene has no pairs with a separating plane.
+    /// Empty cache for `lanes` lanes. It has no space for entries if the scene has no pair of hulls or of a box and a hull.
     pub fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
         let is = |g: usize, kind: fn(&Solid) -> bool| compiled.geoms[g].solid.as_ref().is_some_and(kind);
         let has_plane = |[a, b]: [usize; 2]| is(b, Solid::is_hull) && (is(a, Solid::is_hull) || is(a, Solid::is_box));
@@ -52,7 +52,7 @@ impl SeparationCache {
         Self { places, count: vec![0; lanes], held: vec![NONE; places * lanes] }
     }
 
-    /// Whether the cache has no space for entries, because the scene has no such pairs.
+    /// Whether the cache has no space for entries, because the scene has no pair of hulls or of a box and a hull.
     #[inline(always)]
     pub(crate) fn is_unused(&self) -> bool {
         self.places == 0
@@ -67,8 +67,8 @@ impl SeparationCache {
 
     /// Separating plane of the pair with index `pair` in lane `lane`; `None` if the cache does not have it.
     ///
-    /// The search begins at the entry `last`, which becomes that of the pair. Pairs are tested in the order of the entries, so that it is
-    /// short.
+    /// The search begins at the entry `last`, goes on with the first entry after the last one, and sets `last` to the entry of the pair. The
+    /// narrow phase tests pairs in the order of the entries, so that this entry or the next one is usually the right one.
     #[inline(always)]
     pub(crate) fn of(&self, lane: usize, pair: usize, last: &mut usize) -> Option<&SeparatingPlane> {
         let entries = &self.held[self.used(lane)];

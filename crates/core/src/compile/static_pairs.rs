@@ -9,8 +9,10 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs, PairTable};
 
-/// Smallest number of static geoms for which the tree is searched, unless the model has dynamic pairs. Fewer static geoms are tested like
-/// moving ones.
+/// Smallest number of static geoms for which the tree is searched. With a single one, such as the base of an arm, its pairs are not static
+/// pairs but tested like those of moving geoms. Dynamic pairs are not in the list of pairs, so that they always need the tree.
+///
+/// Evidence: a Panda takes 0.96 of the time, a Shadow hand 0.98.
 const MIN_STATIC_GEOMS: usize = 2;
 
 /// Mark for a missing index: of a row of the table of pairs, of a pair in it, of a member of the dynamic pairs, or of a leaf's geom.
@@ -57,7 +59,7 @@ impl TreeNode {
 }
 
 /// Static pairs: pairs of a moving geom and a geom that is fixed to the world, both bounded and convex (no planes, height fields or
-/// concave meshes). Each is also in the compiled model's list of pairs, or one of its dynamic pairs.
+/// concave meshes), if there are enough static geoms. Each is also in the compiled model's list of pairs, or one of its dynamic pairs.
 #[derive(Clone, Debug, Default)]
 pub struct StaticPairs {
     /// Geoms of static pairs that are fixed to the world.

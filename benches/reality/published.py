@@ -23,7 +23,7 @@ from atlas.engines import DEFAULTS, Mujoco, Stepper
 from atlas.mjcf import numbers
 from atlas.world import Array, TooSlowError, World
 from stepper.lab.engines import MujocoBatch, MujocoEngine, StepperBatch
-from stepper.shared.files import write_csv
+from stepper.shared.files import existing, write_csv
 
 from reality.report import BENCHMARKS
 
@@ -277,6 +277,8 @@ def main() -> None:
     given = parser.parse_args()
     if given.table == "go1" and given.scene is None:
         parser.error("no scene: give motrixsim's go1/scene.xml with --scene (git clone https://github.com/Motphys/motrixsim-docs)")
+    if given.scene is not None:
+        existing(given.scene, "scene")
     warnings.simplefilter("ignore", stepper.ModelWarning)
     tables = {
         "grasp": lambda: grasp(given.scene),
@@ -287,6 +289,8 @@ def main() -> None:
     for row in tables[given.table]():
         rows.append({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
         print("; ".join(f"{name} {value}" for name, value in rows[-1].items()), flush=True)
+    if not rows:
+        parser.error(f"no pile and engine is called {given.named!r}")
     suffix = "_published_scene" if given.table == "grasp" and given.scene else "_small" if given.small else ""
     print(write_csv(given.out / f"published_{given.table}{suffix}.csv", [rows[0], *(row.values() for row in rows)]))
 

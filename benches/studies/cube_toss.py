@@ -1,7 +1,7 @@
 """Study of real tosses of a cube: which parameters must be fitted to predict the pose.
 
-The environment variable STEPPER_DATA names the folder that has cube_toss/cube_toss.npz. A third of the tosses with even numbers come first, then those with
-odd numbers:
+The environment variable STEPPER_DATA names the folder that has cube_toss/cube_toss.npz. A third of the tosses with even numbers come
+first, then those with odd numbers:
 
     PYTHONPATH=benches STEPPER_DATA=data stepper calibrate benches/studies/cube_toss.py --recordings 92 --margin 0.01
 """

@@ -4,7 +4,8 @@ The environment variable STEPPER_DATA names the folder that has servo_bam/servo_
 with three gains come first, those with the fourth gain last. Of the STS3250, STEPPER_HELD_OUT names the trajectory that comes last:
 
     STEPPER_DATA=data stepper calibrate benches/studies/servo_bam.py --recordings 12 --margin 0.005
-    STEPPER_DATA=data STEPPER_MOTOR=sts3250 STEPPER_HELD_OUT=sin_sin stepper calibrate benches/studies/servo_bam.py --recordings 3 --margin 0.005
+    export STEPPER_MOTOR=sts3250 STEPPER_HELD_OUT=sin_sin
+    STEPPER_DATA=data stepper calibrate benches/studies/servo_bam.py --recordings 3 --margin 0.005
     STEPPER_DATA=data stepper chart benches/studies/servo_bam.py --angle --quick --horizon "0.5 s"
 """
 
@@ -85,7 +86,7 @@ MOTORS: dict[str, dict[str, Any]] = {
         "dry friction": (0.0128, 0.0, 0.06),
         "viscous friction": (0.00366, 0.0, 0.02),
         "Stribeck friction": (0.0, 0.0, 0.06),
-        "source": "half to twice BAM's m1",
+        "source": "wide, around BAM's m1",
     },
     "sts3250": {
         "mass": (1.13, 0.12),
@@ -96,7 +97,7 @@ MOTORS: dict[str, dict[str, Any]] = {
         "viscous friction": (0.06, 0.0, 0.2),
         "Stribeck friction": (0.0, 0.0, 0.3),
         "duty": (0.166, 0.05, 0.5),
-        "source": "half to twice the data sheet",
+        "source": "wide, around the data sheet",
     },
 }
 """Mass, kg, and its distance from the axis, m, of each motor's pendulum; nominal values and ranges of its parameters, with their source."""

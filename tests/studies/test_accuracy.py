@@ -467,6 +467,8 @@ def test_parameters_of_the_nominal_point_are_in_force():
     push[1] = 0.5
     mass = mujoco.MjModel.from_xml_string(SPACE.format(more="")).body_mass.sum()
     np.testing.assert_allclose(Invariants(own).measure(moved(run(own, range(1)), qvel=push))[MOMENTUM], mass, rtol=1e-9)
+
+
 def filmed(damping, **changed):
     """Pendulum, and recordings of one with a damping of 0.02 N m s/rad, with a noise of 1 mrad."""
     model = PENDULUM.format(child="").replace('axis="0 1 0"', 'axis="0 1 0" damping="{}"')
@@ -525,7 +527,13 @@ def test_a_chart_measures_errors_from_the_recordings(tmp_path):
 
 def test_recordings_of_another_shape_are_refused(tmp_path):
     study = pendulum(recordings=stepper.lab.Recordings(np.zeros((2, 7, 1)), 1e-3))
-    with pytest.raises(ValueError, match=r"must be at least \(2, 25, 1\)"):
+    with pytest.raises(ValueError, match="must have at least 2 episodes and 25 control periods, and nq = 1 numbers"):
         stepper.lab.chart(study, tmp_path, episodes=2, quick=True)
     with pytest.raises(TypeError, match="recordings must be"):
         pendulum(recordings=np.zeros((2, 25, 1)))
+    missing = np.zeros((2, 25, 1))
+    missing[1, 3] = np.nan
+    found = (missing, 0.0, r"episode 1, period 3, qpos\[0\]")
+    for qpos, noise, words in (found, (missing[0], 0.0, "must be"), (missing[:1], -1e-3, "noise")):
+        with pytest.raises(ValueError, match=words):
+            stepper.lab.Recordings(qpos, noise)

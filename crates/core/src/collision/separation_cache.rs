@@ -67,7 +67,7 @@ impl SeparationCache {
 
     /// Separating plane of the pair with index `pair` in lane `lane`; `None` if the cache does not have it.
     ///
-    /// The search begins at the entry `last`, goes on with the first entry after the last one, and sets `last` to the entry of the pair. The
+    /// The search begins at the entry `last`, continues at the first entry after the end, and sets `last` to the entry of the pair. The
     /// narrow phase tests pairs in the order of the entries, so that this entry or the next one is usually the right one.
     #[inline(always)]
     pub(crate) fn of(&self, lane: usize, pair: usize, last: &mut usize) -> Option<&SeparatingPlane> {

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._arrays import array_of
 from stepper.lab.accuracy.candidates import Line, lines, timesteps
 from stepper.lab.accuracy.costs import BATCH, costs
 from stepper.lab.accuracy.invariants import Invariants
@@ -40,16 +41,30 @@ class Recordings:
     """Measured motions of a real system, one for each episode of a study.
 
     Attributes:
-        qpos: Measured positions at the ends of the control periods, (episodes, control periods, nq), m and rad.
+        qpos: Measured positions at the ends of the control periods, (episodes, control periods, nq), m and rad. The position at the start
+            of an episode is not among them. More episodes and periods than the study has are not used.
         noise: Standard deviation of the measured positions, a number or (nq,), m and rad.
+
+    Raises:
+        ValueError: An array of another shape, a number that is not finite, or a negative deviation.
     """
 
     qpos: Array
     noise: float | Array
 
+    def __post_init__(self) -> None:
+        qpos, noise = array_of("qpos of recordings", self.qpos), array_of("noise of recordings", self.noise)
+        if qpos.ndim != 3:
+            raise ValueError(f"qpos of recordings has the shape {qpos.shape}, must be (episodes, control periods, nq)")
+        if len(bad := np.argwhere(~np.isfinite(qpos))):
+            episode, period, k = bad[0]
+            raise ValueError(f"qpos of recordings has a number that is not finite: episode {episode}, period {period}, qpos[{k}]")
+        if noise.shape not in ((), qpos.shape[2:]) or not (np.isfinite(noise) & (noise >= 0.0)).all():
+            raise ValueError(f"noise of recordings is {self.noise}, must be a finite number of at least 0, or one per qpos")
+
     def section(self, study: Study) -> Section:
         """Section of a report with the distances of a study's runs from the recordings, split by cause, in m and in rad."""
-        rows, numbers = [], range(min(study.episodes, len(self.qpos)))
+        rows, numbers = [], range(study.episodes)
         own = Line("stepper", "the study's own", {}, study.options.contact)
         peers = [line for line in lines(study, quick=True) if line.engine != "stepper"]
         timestep = study.options.timestep or float(study.loaded[0].timestep)

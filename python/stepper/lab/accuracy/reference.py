@@ -103,7 +103,7 @@ class Reference:
         return self.trace.timestep
 
     def with_distance(self, distance: Distance) -> Reference:
-        """Reference with the same runs, and the uncertainty for another definition of errors or another horizon."""
+        """Reference with the same runs, without recordings, and the uncertainty for another definition of errors or another horizon."""
         found = _assessed(self.runs, self.second, distance, self.target)
         return replace(found, rule=self.rule, without=self.without)
 
@@ -216,10 +216,13 @@ def with_recordings(study: Study, episodes: Sequence[int], reference: Reference,
     if study.recordings is None:
         return reference
     every = np.asarray(study.recordings.qpos, float)
-    least = (max(episodes) + 1, study.num_control_steps, study.loaded[0].nq)
-    if every.ndim != 3 or every.shape[2] != least[2] or every.shape < least[:1] or every.shape[1] < least[1]:
-        raise ValueError(f"recordings have the shape {every.shape}, must be at least {least}: episodes, control periods, nq")
-    qpos = every[list(episodes)]
+    number, periods, nq = max(episodes) + 1, study.num_control_steps, study.loaded[0].nq
+    if every.shape[0] < number or every.shape[1] < periods or every.shape[2] != nq:
+        raise ValueError(
+            f"recordings have the shape {every.shape}, must have at least {number} episodes and {periods} control periods, "
+            f"and nq = {nq} numbers"
+        )
+    qpos = every[list(episodes), :periods]
     noise = study.recordings.noise * np.random.default_rng([study.seed, 1]).standard_normal(qpos.shape)
     plain, noisy = (posed(study, own, reference.trace) for own in (qpos, qpos + noise))
     return replace(reference, recorded=plain, floor=distance(plain, noisy))

@@ -127,7 +127,7 @@ training: build
 	$(BIN)/python -m pip install --quiet --group train
 	$(BIN)/python -m pip install --quiet --no-deps mjlab
 	$(BIN)/python -m pytest tests/examples/test_train.py tests/examples/test_train_stairs.py tests/examples/test_gradients.py \
-		tests/envs/test_go1.py tests/envs/test_go1.py tests/envs/test_rough.py tests/policies/test_training_page.py
+		tests/envs/test_go1.py tests/envs/test_rough.py tests/policies/test_training_page.py
 
 # Engines against real motions, in the folder DATA: docs/benchmarks/reality.md. Downloads Bullet and Drake. REALITY=--update-docs writes the results.
 reality: build $(VENV)/atlas.stamp $(VENV)/reality.stamp

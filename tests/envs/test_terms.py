@@ -224,6 +224,16 @@ def test_a_cart_is_pushed_along_its_slide():
     assert np.abs(changes[:9]).max() < 0.1
 
 
+@pytest.mark.parametrize(("field", "value", "said"), [
+    ("every", 5.0, "two numbers"), ("every", (8, 3), "lower number first"), ("every", (-3, -1), "above 0"), ("x", 1.0, "two numbers"),
+    ("yaw", (1, -1), "lower number first"), ("standing", -3, "from 0 to 1"), ("forward", 3.0, "from 0 to 1"),
+])  # fmt: skip
+def test_commands_that_cannot_be_drawn_are_refused(field, value, said):
+    """The error names the field and what it must be."""
+    with pytest.raises((TypeError, ValueError), match=f"{field} of VelocityCommand .*{said}"):
+        VelocityCommand(**{field: value})
+
+
 def test_commands_are_those_of_the_observation_that_the_action_follows():
     """The reward of an action uses the command that its policy saw, because commands are drawn again after the reward."""
     seen = []

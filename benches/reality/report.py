@@ -129,5 +129,11 @@ def _pairs(rows: Sequence[Row], engines: Sequence[TossEngine], data: Path, exper
                 errors[engine.name] = np.nanmean(error[:, : experiment.samples], axis=1)
         for first, second in itertools.combinations(errors, 2):
             more = errors[first] - errors[second]
-            about = {"data_set": experiment.name, "nuisances": nuisances, "engine": first, "other": second, "tosses": len(more)}
+            about: dict[str, object] = {
+                "data_set": experiment.name,
+                "nuisances": nuisances,
+                "engine": first,
+                "other": second,
+                "tosses": len(more),
+            }
             yield about | dict(zip(("more", "low", "high"), (f"{value:.4f}" for value in (more.mean(), *bootstrap(more))), strict=True))

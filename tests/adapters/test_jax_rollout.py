@@ -57,4 +57,10 @@ def test_wrong_calls_say_what_to_do():
         raises(TypeError, r"ctrl has dtype .*float32 or float64", made, np.zeros((2, 2, 3), dtype), *state, mass)
     raises(TypeError, "takes 5 arrays, ctrl, qpos, qvel, act, body_mass; 4 were given", made, np.zeros((2, 2, 3)), *state)
     raises(ValueError, r"^parameters: there is no field 'body_mas'; did you mean body_mass", rollout, sim, parameters=("body_mas",))
-    raises(TypeError, r"^parameters is 'body_mass', must be a sequence of names, as \('body_mass',\)", rollout, sim, parameters="body_mass")
+    raises(
+        TypeError,
+        r"^parameters is 'body_mass', must be a sequence of names, for example \('body_mass',\)",
+        rollout,
+        sim,
+        parameters="body_mass",
+    )

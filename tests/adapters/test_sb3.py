@@ -156,7 +156,7 @@ def test_a_seed_of_the_constructor_is_that_of_seed():
 
 def test_names_of_make_vec_env_and_another_mode_are_named():
     raises(TypeError, "takes no 'n_envs'; did you mean num_envs", StepperVecEnv, "stepper/Hopper-v5", n_envs=3)
-    with pytest.raises(TypeError, match=r"the task is an object of type gymnasium.*: give the name of the environment"):
+    with pytest.raises(TypeError, match=r"the task is a value of type TimeLimit, must be .* the name of one"):
         StepperVecEnv(gymnasium.make("stepper/Hopper-v5"))
     with pytest.raises(ValueError, match="autoreset_mode is NEXT_STEP, must be SAME_STEP for Stable-Baselines3: leave it out"):
         StepperVecEnv("stepper/Hopper-v5", autoreset_mode="NEXT_STEP")

@@ -59,10 +59,10 @@ def test_an_environment_whose_episode_is_over_waits_for_the_others():
 def test_a_step_of_an_episode_that_is_over_is_named():
     env = StepperTorchRLEnv("stepper/Hopper-v5", NUM_ENVS, max_episode_steps=1)
     state = env.rand_step(env.reset())
-    raises(RuntimeError, "are over: reset them", lambda: env.step(env.rand_action(state["next"])))
+    raises(RuntimeError, "have ended: reset them", lambda: env.step(env.rand_action(state["next"])))
     state = env.reset()
     state["_step"] = torch.tensor([[True], [True], [False], [True]])
-    raises(RuntimeError, r"environments \[2\] are left out", lambda: env.step(env.rand_action(state)))
+    raises(RuntimeError, r"excludes the environments \[2\], whose episodes have not ended", lambda: env.step(env.rand_action(state)))
 
 
 def test_its_collector_and_transforms_take_it():

@@ -130,7 +130,7 @@ class Comparison:
             return np.asarray(np.abs(world.mean(axis=1) - model.mean(axis=1)))
         return np.asarray(np.abs(world - model).mean(axis=1))
 
-    def _values(self, row: Array) -> dict[str, float]:
+    def _values(self, row: Array) -> dict[str, float | str]:
         """Values of the parameters by name; a NaN keeps the model's number, and parameters that do not vary are nominal."""
         return nominal_of(self._study, self._setting) | {
             name: float(value) for name, value in zip(self._names, row, strict=True) if not math.isnan(value)

@@ -78,8 +78,13 @@ class _Source:
 class Measured(Protocol):
     """Measured motions of a real system, `stepper.lab.Recordings`, as a study uses them."""
 
-    qpos: NDArray[np.float64]
-    noise: float | NDArray[np.float64]
+    @property
+    def qpos(self) -> NDArray[np.float64]:
+        """Measured positions, (episodes, control periods, nq), m and rad."""
+
+    @property
+    def noise(self) -> float | NDArray[np.float64]:
+        """Standard deviation of the measured positions, a number or (nq,), m and rad."""
 
     def section(self, study: Study) -> Any:
         """Section of the report with the distances of the study's runs from the recordings."""

@@ -44,8 +44,8 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Subtracts the friction losses of actuator dynamics in a step from the actuator forces.
     ///
-    /// `v` is the velocity at which the losses were computed. They follow from the impulses of the dry friction rows, which `scalar_impulse` has after those of the limits. `h` is the time
-    /// step, s.
+    /// The losses follow from the impulses of the dry friction rows, which `scalar_impulse` has after those of the limits. `v` is the
+    /// velocity at which the losses were computed, and `h` the time step, s.
     pub fn subtract_losses(
         &mut self,
         compiled: &LaneModel<R>,

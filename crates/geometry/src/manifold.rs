@@ -133,18 +133,24 @@ impl Clipper {
         let views = views(pair, &axes);
         let distance = found.separation - pair.rounding_radii();
         let tilts = pair.flats(n, corners).map(|m| m.map_or(f64::INFINITY, |m| 1.0 - dot(m, n)));
-        if tilts.iter().any(|t| *t <= FLAT) {
+        let is_flat = tilts.iter().any(|t| *t <= FLAT);
+        if is_flat {
             self.fill(pair, &views, corners);
             self.faces(pair, &axes, usize::from(tilts[0] > FLAT), reach, out);
         } else if !self.level_faces(pair, &axes, tilts, facing, reach, out) {
             self.lines(pair, &views, &axes, corners, reach, out);
         }
-        if out.points.is_empty() && distance <= reach.max_distance {
+        // A normal of a face replaces a direction that is better by rounding. The closest corner may then be outside the face by a little, and
+        // the point at which its edge is clipped farther away.
+        let [x, y] = found.points;
+        let equal = EQUAL_DEPTH * pair.size;
+        let is_lost = is_flat && norm(sub(y, x)) <= found.separation + equal && out.deepest() > distance + equal;
+        if (out.points.is_empty() || is_lost) && distance <= reach.max_distance {
             // Halfway between the surfaces, on the line through the middle of the closest points.
-            let [x, y] = found.points;
             let middle = scale(add(x, y), 0.5);
             let pos = add_scaled(middle, n, dot(n, pair.a.support_at(corners[0], n)) + pair.a.radius() + 0.5 * distance - dot(n, middle));
-            out.points.push(Point { pos, normal: n, distance, feature: UNNAMED, stays_over_face: false });
+            let at = out.points.partition_point(|p| p.feature < UNNAMED);
+            out.points.insert(at, Point { pos, normal: n, distance, feature: UNNAMED, stays_over_face: false });
         }
     }
 

@@ -140,8 +140,8 @@ impl Clipper {
         } else if !self.level_faces(pair, &axes, tilts, facing, reach, out) {
             self.lines(pair, &views, &axes, corners, reach, out);
         }
-        // A normal of a face replaces a direction that is better by rounding. The closest corner may then be outside the face by a little, and
-        // the point at which its edge is clipped farther away.
+        // A normal of a face replaces a direction that is better by rounding. The closest corner may then be outside the face by a little,
+        // and the point at which its edge is clipped farther away.
         let [x, y] = found.points;
         let equal = EQUAL_DEPTH * pair.size;
         let is_lost = is_flat && norm(sub(y, x)) <= found.separation + equal && out.deepest() > distance + equal;

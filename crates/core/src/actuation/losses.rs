@@ -1,6 +1,6 @@
 //! Friction losses of actuator dynamics: dry friction, and losses of the gear in proportion to the force.
 
-use stepper_real::{Real, kernel};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::affine_force::ActuatorDynamics;
 use crate::actuation::forces::{ActuatorForces, ImplicitServos};
@@ -86,9 +86,12 @@ fn losses<R: Real>(numbers: &ActuatorDynamics<R>, arm: R, force: R, v: R) -> [R;
     let (driving, driven) = (R::one() - numbers.efficiency, R::one() / numbers.efficiency - R::one());
     let (along, against) = (torque.abs() * driving, torque.abs() * driven);
     let forwards = torque.gt(R::zero());
-    let ratio = arm * v / numbers.stribeck_velocity;
     let falls = numbers.stribeck_friction.gt(R::zero());
-    let at_speed = R::select(falls, numbers.stribeck_friction * (-(ratio * ratio)).exp(), R::zero());
+    let mut at_speed = R::zero();
+    if falls.any() {
+        let ratio = arm * v / numbers.stribeck_velocity;
+        at_speed = R::select(falls, numbers.stribeck_friction * (-(ratio * ratio)).exp(), at_speed);
+    }
     let own = arm.abs() * (numbers.friction + at_speed);
     [own + R::select(forwards, along, against), own + R::select(forwards, against, along)]
 }

@@ -10,7 +10,6 @@ use crate::collision::broad_phase::Broad;
 use crate::collision::contact_reduction::ContactReduction;
 use crate::collision::contact_set::Contacts;
 use crate::collision::joint_path::across_symmetry;
-use crate::collision::packed_pairs::PackedPairs;
 use crate::collision::separation_cache::SeparationCache;
 use crate::collision::static_search::{StaticSearch, merge};
 use crate::compile::{ADHESION_REACH, CompiledPair, Kernel, LaneModel, ModelStructure};
@@ -41,10 +40,6 @@ pub struct CollisionWorkspace<R: Real> {
     may_tunnel: Vec<bool>,
     /// Lanes in which the contacts of each mechanism are unreliable, because its geoms have moved too far since the beginning of the step.
     pub(crate) unreliable: Vec<R::Mask>,
-    /// Near dynamic pairs: index of the pair in the compiled model, lanes in which its bounding balls overlap, and the pair.
-    pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
-    /// Packed pairs: near pairs of a ball or capsule with a box, of which several share a SIMD register.
-    pub(crate) packed: PackedPairs<R::Scalar>,
     /// Workspace of the narrow phase.
     pub(crate) narrow_phase: NarrowWorkspace,
     pub(crate) reduction: ContactReduction,
@@ -132,8 +127,6 @@ impl<R: Real> CollisionWorkspace<R> {
             near_count: 0,
             broad: Broad::default(),
             unreliable: vec![R::Mask::splat(false); compiled.mechanisms.count],
-            dynamic: vec![],
-            packed: PackedPairs::default(),
             reduction: ContactReduction::default(),
             narrow_phase: NarrowWorkspace::new(compiled, R::LANES),
         };
@@ -377,25 +370,31 @@ pub(crate) struct Scene<'a, R: Real> {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Finds the contacts of a pair in the lanes `near`, and adds them to `contacts`. The contact points of packed pairs were computed
-    /// before ([`Scene::test_packed`]); here they are only added.
+    /// Finds the contacts of a pair in the lanes `near`, and adds them to `contacts`.
     ///
     /// With `checks_passing`, returns the lanes in which the contacts are unreliable, because the geoms have moved too far since the
-    /// beginning of the step.
+    /// beginning of the step. It adds these lanes to the entries of the two mechanisms in `unreliable`. Otherwise returns no lanes.
     #[inline(always)]
     pub(crate) fn collide(
         &self,
         index: usize,
         pair: &CompiledPair<R::Scalar>,
         near: R::Mask,
-        packed: &mut PackedPairs<R::Scalar>,
         workspace: &mut NarrowWorkspace,
         contacts: &mut Contacts<R>,
-    ) -> Option<R::Mask> {
-        if !self.take_packed(index, pair, near, packed, contacts) {
-            self.test_pair(index, pair, near, workspace, contacts);
+        unreliable: &mut [R::Mask],
+    ) -> R::Mask {
+        self.test_pair(index, pair, near, workspace, contacts);
+        if !self.checks_passing {
+            return R::Mask::splat(false);
         }
-        if self.checks_passing { self.may_have_tunnelled(index, pair, near, &mut workspace.narrow, contacts) } else { None }
+        let lanes = self.may_have_tunnelled(index, pair, near, &mut workspace.narrow, contacts);
+        if lanes.any() {
+            for mechanism in self.compiled.mechanisms_of(pair.geoms) {
+                unreliable[mechanism] = unreliable[mechanism].or(lanes);
+            }
+        }
+        lanes
     }
 
     /// Lanes in which the two geoms of a dynamic pair can touch within two steps, by their bounding balls.
@@ -408,7 +407,7 @@ impl<R: Real> Scene<'_, R> {
     }
 
     /// Lanes of `near` in which the contacts of a pair are unreliable, because one geom may have passed through the other (tunnelled) since
-    /// the beginning of the step. `None` if the geoms are too slow for that.
+    /// the beginning of the step.
     ///
     /// In these lanes, the geoms have moved farther relative to each other than the tunnelling distance of the pair
     /// ([`LaneModel::tunnelling_distance`]). In addition, they overlap, may have passed through each other, or one is a surface of
@@ -421,27 +420,22 @@ impl<R: Real> Scene<'_, R> {
         near: R::Mask,
         narrow: &mut Narrow,
         contacts: &Contacts<R>,
-    ) -> Option<R::Mask> {
+    ) -> R::Mask {
         let [a, b] = pair.geoms;
         let distance = self.compiled.tunnelling_distance(pair.geoms);
         let far = near.and((self.poses.passing_displacement[a] + self.poses.passing_displacement[b]).gt(distance));
         if far.none() {
-            return None;
+            return far;
         }
-        // Two geoms that move together, such as the limbs of a falling robot, have a small relative displacement. They cannot have passed
-        // each other.
-        let of_b = self.relative_displacement(a, b);
-        let far = far.and(of_b.gt(distance));
+        let (far, displacement) = self.exceeding_displacement(pair.geoms, far, distance);
         if far.none() {
-            return None;
+            return far;
         }
-        let displacement = of_b.min(self.relative_displacement(b, a));
-        let far = far.and(displacement.gt(distance));
         // If the geoms passed through each other, their gap now is at most their displacement minus the part of it during which they
         // overlapped. The test assumes that this part is two tunnelling distances long, and misses grazing hits, for which it is shorter.
         let most = (displacement - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
-        Some(far.and(passed.or(self.hits_surface(index, pair, far, contacts))))
+        far.and(passed.or(self.hits_surface(index, pair, far, contacts)))
     }
 
     /// Lower bound of the distance between the two geoms of a pair in the lanes `lanes`, m. If one geom is a surface, the result is at most
@@ -456,10 +450,23 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
+    /// Lanes of `lanes` in which the relative displacement of two geoms during `passing_time` exceeds `least`, m, and the displacement
+    /// there, m. Two geoms that move together, such as the limbs of a falling robot, have a small relative displacement.
+    #[inline(always)]
+    pub(crate) fn exceeding_displacement(&self, [a, b]: [usize; 2], lanes: R::Mask, least: R) -> (R::Mask, R) {
+        let of_b = self.relative_displacement(a, b);
+        let far = lanes.and(of_b.gt(least));
+        if far.none() {
+            return (far, of_b);
+        }
+        let displacement = of_b.min(self.relative_displacement(b, a));
+        (far.and(displacement.gt(least)), displacement)
+    }
+
     /// Upper bound of the displacement of the surface of geom `b` along its normal, relative to geom `a`, during `passing_time`, m. Neither
     /// geom may be a plane, whose displacement has no bound.
     #[inline(always)]
-    pub(crate) fn relative_displacement(&self, a: usize, b: usize) -> R {
+    fn relative_displacement(&self, a: usize, b: usize) -> R {
         let (motion_of_b, motion_of_a) = (
             self.motion_at(&self.poses.passing_velocity, b, self.poses.pos[b]),
             self.motion_at(&self.poses.passing_velocity, a, self.poses.pos[b]),

@@ -1,5 +1,5 @@
 //! Narrow phase: computes the contact points of pairs of geoms, and adds them to the contacts. Pairs of simple shapes are computed in SIMD
-//! lanes, others one lane after the other. `packed_phase.rs` computes packed pairs.
+//! lanes, others one lane after the other.
 
 use std::borrow::Cow;
 
@@ -122,7 +122,7 @@ impl<R: Real> Scene<'_, R> {
     ///
     /// `clearance` is the distance of the ball's centre from the border of the face, m, see [`face_clearance`].
     #[inline(always)]
-    pub(crate) fn stays_over_face(&self, pair: &CompiledPair<R::Scalar>, point: &ContactPoint<R>, clearance: R) -> R::Mask {
+    fn stays_over_face(&self, pair: &CompiledPair<R::Scalar>, point: &ContactPoint<R>, clearance: R) -> R::Mask {
         let [_, velocity] = self.relative_motion(pair.geoms, self.poses.pos[pair.geoms[0]]);
         let along = dot(velocity, point.normal);
         let displacement = (dot(velocity, velocity) - along * along).max(R::zero()).sqrt() * (self.h + self.h);

@@ -111,8 +111,8 @@ impl<R: Real> PathEnds<'_, R> {
         if suspected.any() { passed.or(self.test_path(pair.geoms, suspected, narrow)) } else { passed }
     }
 
-    /// Lanes in which the relative displacement of the pair exceeds its gap and the displacement that it needs to pass
-    /// ([`min_displacement`]). The result is valid in the lanes `lanes`.
+    /// Lanes of `lanes` in which the relative displacement of the pair exceeds its gap and the displacement that it needs to pass
+    /// ([`min_displacement`]).
     ///
     /// This excludes limbs that move together, which have a small relative displacement.
     #[inline(always)]
@@ -120,12 +120,12 @@ impl<R: Real> PathEnds<'_, R> {
         let (scene, [a, b]) = (&self.scene, pair.geoms);
         let needed = min_displacement(scene.compiled, pair);
         let deviations = scene.poses.arc_deviation(scene.compiled, a, scene.h) + scene.poses.arc_deviation(scene.compiled, b, scene.h);
-        let of_b = scene.relative_displacement(a, b);
-        if lanes.and((of_b + deviations).gt(needed)).none() {
-            return R::Mask::splat(false);
+        let (far, displacement) = scene.exceeding_displacement(pair.geoms, lanes, needed - deviations);
+        if far.none() {
+            return far;
         }
-        let displacement = of_b.min(scene.relative_displacement(b, a)) + deviations;
-        displacement.gt(needed.max(scene.gap(pair, lanes, displacement, narrow)))
+        let displacement = displacement + deviations;
+        far.and(displacement.gt(scene.gap(pair, far, displacement, narrow)))
     }
 
     /// Lanes of `suspected` in which the geoms `a` and `b` may pass through each other on their paths. The function tests lane after lane,

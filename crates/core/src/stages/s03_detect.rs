@@ -102,7 +102,7 @@ fn find_contacts<R: Real>(
     collision: &mut CollisionWorkspace<R>,
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
-    let CollisionWorkspace { poses, slack, near, near_count, broad, dynamic, packed, narrow_phase, unreliable, .. } = collision;
+    let CollisionWorkspace { poses, slack, near, near_count, broad, narrow_phase, unreliable, .. } = collision;
     let (near, slack) = (&near[..*near_count], *slack);
     // A plane is infinite, so that nothing passes through it.
     let can_be_passed = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
@@ -113,48 +113,21 @@ fn find_contacts<R: Real>(
     }
     kernel!(R, || {
         let scene = Scene { compiled, kinematics, poses, h, slack, passing_time: time_before, checks_passing };
-        // Pairs of a ball or capsule with a box that are near in few lanes are packed: several share a SIMD register, in which
-        // `test_packed` computes their contact points. `collide` later adds these points, so that contacts are in the order of the pairs.
-        packed.clear();
+        let mut any = R::Mask::splat(false);
         for &(index, lanes) in near {
-            packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);
+            let pair = &compiled.pairs[index as usize];
+            any = any.or(scene.collide(index as usize, pair, R::Mask::from_bits(lanes), narrow_phase, contacts, unreliable));
         }
         // The broad phase has tested dynamic pairs by slightly enlarged bounding balls or by boxes. `can_touch` tests the balls themselves.
-        dynamic.clear();
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             for &(index, lanes) in &broad.pairs {
                 let Some(pair) = dynamic_pairs.pair(index as usize) else { continue };
                 let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
                 if lanes.any() {
-                    packed.add::<R>(index as usize, &pair, lanes.bits());
-                    dynamic.push((index as usize, lanes, pair));
+                    any = any.or(scene.collide(index as usize, &pair, lanes, narrow_phase, contacts, unreliable));
                 }
-            }
-        }
-        scene.test_packed(packed);
-        let mut any = R::Mask::splat(false);
-        for &(index, lanes) in near {
-            let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-            let pair = &compiled.pairs[index];
-            if let Some(lanes) = scene.collide(index, pair, lanes, packed, narrow_phase, contacts) {
-                any = any.or(lanes);
-                mark(compiled, pair.geoms, lanes, unreliable);
-            }
-        }
-        for (index, lanes, pair) in &*dynamic {
-            if let Some(lanes) = scene.collide(*index, pair, *lanes, packed, narrow_phase, contacts) {
-                any = any.or(lanes);
-                mark(compiled, pair.geoms, lanes, unreliable);
             }
         }
         any
     })
-}
-
-/// Marks the mechanisms of two geoms as unreliable in the lanes `lanes`.
-#[inline(always)]
-fn mark<R: Real>(compiled: &LaneModel<R>, geoms: [usize; 2], lanes: R::Mask, unreliable: &mut [R::Mask]) {
-    for mechanism in compiled.mechanisms_of(geoms) {
-        unreliable[mechanism] = unreliable[mechanism].or(lanes);
-    }
 }

@@ -25,8 +25,6 @@ pub(crate) struct Buffers<R: Real> {
     pub(crate) whole: [Vec<R>; 3],
     /// Separation of the configuration after two halves of the interval from that after a step over it, nv.
     pub(crate) separation: Vec<R>,
-    /// Lanes in which each kinematic tree has springs, dampers or servos that extrapolation would excite.
-    pub(crate) stiff: Vec<R::Mask>,
     /// Lanes in which the interval of each kinematic tree is not extrapolated.
     pub(crate) rough: Vec<R::Mask>,
     /// Buffer for a configuration.
@@ -153,7 +151,6 @@ impl<R: Real> Buffers<R> {
             start: new(),
             whole: motion(),
             separation: state.v.clone(),
-            stiff: lanes(counts[2]),
             rough: lanes(counts[2]),
             configuration: state.q.clone(),
             middle: new(),

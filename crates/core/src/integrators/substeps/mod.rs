@@ -26,9 +26,10 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::select_into;
 use crate::integrators::evaluate::evaluation::Substep;
 use crate::integrators::evaluate::first_impact::shortest_flight;
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::substeps::buffers::Buffers;
-use crate::integrators::substeps::step_doubling::{extrapolate, find_stiff_trees, separate};
+use crate::integrators::substeps::step_doubling::{add_vibrating_trees, extrapolate, separate};
 use crate::integrators::substeps::untouched::{note_impacts, spread, step_untouched};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
@@ -103,10 +104,6 @@ pub(crate) fn step_in_parts<R: Real>(
     // Time during which the impulses of the state acted, s.
     let mut impulse_time = R::of(h);
     buffers.begin(s, impulse_time);
-    if options.error.is_some() {
-        find_stiff_trees(compiled, options, &mut buffers.stiff);
-        buffers.rough.copy_from_slice(&buffers.stiff);
-    }
     let mut intervals = [Interval { begin: 0, length: TICKS, phase: Phase::Whole, broken: false }; MAX_LANES];
     let mut progress = [Progress::default(); MAX_LANES];
     // Lanes (bits) that have not reached the end, and lanes that keep the state before the step.
@@ -123,7 +120,7 @@ pub(crate) fn step_in_parts<R: Real>(
         buffers.note_worst(&s.velocity.worst, made.residual, R::Mask::from_bits(active));
         buffers.note_saturated(compiled, s, R::Mask::from_bits(active));
         if options.error.is_some() {
-            buffers.note_rough(compiled, s, R::Mask::from_bits(active));
+            buffers.note_rough(compiled, options, s, R::Mask::from_bits(active));
         }
         let lanes = [active, keeping];
         let completed = end_parts(compiled, s, &mut buffers, options, (&intervals, &mut progress), lanes, &mut impulse_time);
@@ -134,7 +131,7 @@ pub(crate) fn step_in_parts<R: Real>(
             |phase| R::Mask::from_bits(each_of(completed).filter(|&l| intervals[l].phase == phase).fold(0, |bits, l| bits | 1 << l));
         let [wholes, firsts, seconds] = [Phase::Whole, Phase::First, Phase::Second].map(in_phase);
         let broken = parts.lanes(Status::NON_FINITE);
-        let Buffers { start, whole, separation, rough, stiff, middle, end, total: sums, summed, configuration, .. } = &mut *buffers;
+        let Buffers { start, whole, separation, rough, middle, end, total: sums, summed, configuration, .. } = &mut *buffers;
         // Lanes whose interval is accepted, and lanes whose step is complete.
         let (mut accepted, mut done) = (0, 0);
         let distance = match options.error {
@@ -174,7 +171,7 @@ pub(crate) fn step_in_parts<R: Real>(
                     );
                 }
                 let taken = R::Mask::from_bits(accepted);
-                rough.iter_mut().zip(&*stiff).for_each(|(rough, &stiff)| *rough = rough.and_not(taken).or(stiff.and(taken)));
+                rough.iter_mut().for_each(|rough| *rough = rough.and_not(taken));
                 distance
             }
         };
@@ -265,6 +262,7 @@ impl<R: Real> Buffers<R> {
         self.start.store((&s.state, &s.velocity.scalar_impulse), h, all);
         self.total.clear(all);
         self.touched.fill(R::Mask::splat(false));
+        self.rough.fill(R::Mask::splat(false));
         self.saturated.fill(R::Mask::splat(false));
         (self.worst.0.lanes, self.worst.1) = (R::Mask::splat(false), R::zero());
         self.was_used = true;
@@ -272,10 +270,13 @@ impl<R: Real> Buffers<R> {
     }
 
     /// Notes the kinematic trees whose last part cannot be extrapolated, in the lanes `lanes`. Constraints acted on them, their motion was
-    /// too fast, or they were evaluated at the beginning. An impact concerns all trees of its lane.
-    fn note_rough(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: R::Mask) {
+    /// too fast, they were evaluated at the beginning, or their vibrations would grow. An impact concerns all trees of its lane.
+    fn note_rough(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &Workspace<R>, lanes: R::Mask) {
         s.problem.add_constrained_trees(compiled, lanes, &mut self.rough);
-        let Substep { is_impact, .. } = s.evaluation.substep;
+        let Workspace { state, inputs, evaluation, free_motion, alive, .. } = s;
+        let Substep { is_impact, .. } = evaluation.substep;
+        let context = StepContext { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
+        add_vibrating_trees(context, free_motion, lanes.and_not(is_impact), &mut self.rough);
         for (rough, &mechanism) in self.rough.iter_mut().zip(&compiled.mechanisms.of_tree) {
             let other = s.free_motion.unresolved[mechanism].or(s.evaluation.times.moved_lanes(mechanism)).or(is_impact);
             *rough = rough.or(other.and(lanes));

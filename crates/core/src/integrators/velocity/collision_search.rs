@@ -5,15 +5,13 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::CollisionWorkspace;
-use crate::collision::packed_pairs::{Item, gather_scalars};
-use crate::collision::packed_sweep::{PackedSweep, can_be_packed};
 use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch, Turning};
-use crate::compile::{CompiledPair, Kernel, LaneModel};
+use crate::compile::LaneModel;
 use crate::constraints::ConstraintProblem;
 use crate::constraints::contact::approaching::resting_speed;
 use crate::constraints::evaluation_times::EvaluationTimes;
 use crate::dynamics::kinematics::Kinematics;
-use crate::math::lanes::{MAX_LANES, each_of};
+use crate::math::lanes::each_of;
 use crate::options::StepSettings;
 use crate::tuning::SIMULTANEOUS_FRACTION;
 
@@ -37,23 +35,6 @@ pub(crate) struct CollisionSearch<R: Real> {
     pairs: Vec<CandidatePair<R>>,
     /// Generalized velocity after the step with the predicted impulses, nv.
     pub(crate) v_by_predicted_impulses: Vec<R>,
-    /// Paths of candidate pairs in single lanes, which are tested together in the lanes of one SIMD register.
-    packed: Vec<PackedPath<R::Scalar>>,
-}
-
-/// Path of a candidate pair in one lane. Paths with the same kernel share a SIMD register in the tests.
-#[derive(Clone, Copy, Debug)]
-struct PackedPath<S> {
-    /// Index of the candidate pair in [`CollisionSearch::pairs`].
-    candidate: usize,
-    /// Kernel that computes the distance of the pair.
-    kernel: Kernel,
-    item: Item<S>,
-    gap: Gap<S>,
-    /// Overlap on the path up to which the pair counts as not colliding, m.
-    tolerance: S,
-    /// Time on the path at which the distance is evaluated next, s.
-    time: S,
 }
 
 /// Candidate pair: a pair of geoms with a deferred contact that may collide, see [`CollisionSearch::rates`].
@@ -85,32 +66,12 @@ struct CandidatePair<R: Real> {
 }
 
 impl<R: Real> CandidatePair<R> {
-    /// Whether the paths of the pair can be tested in lanes of a shared register ([`PackedSweep`]), which needs straight paths.
-    #[inline(always)]
-    fn can_be_packed(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> bool {
-        can_be_packed(compiled, pair, self.lanes.bits()) && self.turning.lanes.none()
-    }
-
     /// Stores the touch of the pair that the search found on its path. If its overlap exceeds the tolerance by at most `error`, m, the
     /// collision counts as doubtful.
     #[inline(always)]
     fn store_touch(&mut self, touch: &Touch<R>, error: R) {
         (self.lanes, self.time, self.distance_at_time) = (touch.lanes, touch.time, self.tolerance - touch.overlap);
         self.doubtful = touch.lanes.and(touch.overlap.le(self.tolerance + error));
-    }
-
-    /// Stores the touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::store_touch`], but the values are in the lane
-    /// `packed_lane` of `touch`.
-    #[inline(always)]
-    fn store_touch_in_lane(&mut self, touch: &Touch<R>, packed_lane: usize, error: R, lane: usize) {
-        let own = R::Mask::from_bits(1 << lane);
-        self.lanes = self.lanes.or(own);
-        self.time.set_lane(lane, touch.time.lane(packed_lane));
-        let (overlap, tolerance) = (touch.overlap.lane(packed_lane), self.tolerance.lane(lane));
-        self.distance_at_time.set_lane(lane, tolerance - overlap);
-        if overlap <= tolerance + error.lane(lane) {
-            self.doubtful = self.doubtful.or(own);
-        }
     }
 
     /// Time of the evaluation with number `evaluation` in the search for the first touch, s. A secant approximates the touch, because the
@@ -213,7 +174,6 @@ impl<R: Real> CollisionSearch<R> {
             rates: Vec::with_capacity(max_contacts + rotating),
             pairs: Vec::with_capacity(max_contacts * R::LANES),
             v_by_predicted_impulses: vec![R::zero(); compiled.nv],
-            packed: vec![],
         }
     }
 
@@ -287,10 +247,8 @@ impl<R: Real> CollisionSearch<R> {
     /// `finds_all`, it also removes lanes in which another pair of the same trees collides earlier.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>) {
-        let compiled = query.compiled;
-        let Self { swept, rates, pairs, packed, .. } = self;
-        packed.clear();
-        for (k, candidate) in pairs.iter_mut().enumerate() {
+        let Self { swept, rates, pairs, .. } = self;
+        for candidate in pairs.iter_mut() {
             let path = query.path(candidate.pair);
             let (gap, tolerance_of_contact) = farthest_closing_gap(query, rates, candidate);
             let least = -(gap.distance + path.time * gap.rate) * R::of(query.overlap_fraction);
@@ -298,47 +256,9 @@ impl<R: Real> CollisionSearch<R> {
             candidate.distance_before = gap.distance + candidate.tolerance;
             let tolerance = candidate.tolerance.max(least);
             candidate.turning = swept.turning(&path, candidate.lanes);
-            if candidate.can_be_packed(compiled, &path.pair) {
-                add_packed(packed, k, &path, candidate.lanes, gap, [tolerance, R::zero()]);
-                candidate.lanes = R::Mask::splat(false);
-            } else {
-                let touch = swept.find_touch(&path, &candidate.turning, candidate.lanes, gap, tolerance);
-                candidate.store_touch(&touch, query.error * path.time);
-            }
+            let touch = swept.find_touch(&path, &candidate.turning, candidate.lanes, gap, tolerance);
+            candidate.store_touch(&touch, query.error * path.time);
         }
-        for_each_packed::<R>(
-            packed,
-            #[inline(always)]
-            |kernel, batch, items| {
-                let sweep = PackedSweep::new(swept, &query.path(batch[0].item.index), |pair| query.closing_time(pair), kernel, items);
-                let gap = Gap {
-                    distance: gather_scalars(
-                        batch,
-                        #[inline(always)]
-                        |b| b.gap.distance,
-                    ),
-                    rate: gather_scalars(
-                        batch,
-                        #[inline(always)]
-                        |b| b.gap.rate,
-                    ),
-                };
-                let (used, tolerance) = (
-                    R::Mask::from_bits((1u64 << batch.len()).wrapping_sub(1) as u32),
-                    gather_scalars(
-                        batch,
-                        #[inline(always)]
-                        |b| b.tolerance,
-                    ),
-                );
-                let touch = sweep.find_touch(gap, used, tolerance);
-                for packed_lane in each_of(touch.lanes.bits()) {
-                    let (candidate, lane) = (&mut pairs[batch[packed_lane].candidate], batch[packed_lane].item.lane);
-                    let error = query.error * query.closing_time(candidate.pair);
-                    candidate.store_touch_in_lane(&touch, packed_lane, error, lane);
-                }
-            },
-        );
         let (mut once, mut several) = (R::Mask::splat(false), R::Mask::splat(false));
         for candidate in pairs.iter() {
             several = several.or(once.and(candidate.lanes));
@@ -348,7 +268,7 @@ impl<R: Real> CollisionSearch<R> {
         if earliest_only.any() {
             let window = query.times.h() * R::of(SIMULTANEOUS_FRACTION);
             self.narrow_times(query, earliest_only, window);
-            self.keep_earliest(compiled, earliest_only, window);
+            self.keep_earliest(query.compiled, earliest_only, window);
         }
     }
 
@@ -356,44 +276,19 @@ impl<R: Real> CollisionSearch<R> {
     /// evaluations of a pair's distance. Times that differ by less than `window` (s) count as equal.
     #[inline(always)]
     fn narrow_times(&mut self, query: &CollisionQuery<'_, R>, several: R::Mask, window: R) {
-        let compiled = query.compiled;
         for evaluation in 0..MAX_EVALUATIONS {
-            self.find_uncertain(compiled, several, window);
-            let Self { swept, pairs, packed, .. } = self;
-            packed.clear();
+            self.find_uncertain(query.compiled, several, window);
+            let Self { swept, pairs, .. } = self;
             let mut is_certain = true;
-            for (k, candidate) in pairs.iter_mut().enumerate().filter(|(_, candidate)| candidate.uncertain.any()) {
+            for candidate in pairs.iter_mut().filter(|candidate| candidate.uncertain.any()) {
                 is_certain = false;
-                let (path, lanes) = (query.path(candidate.pair), candidate.uncertain);
-                let time = candidate.next_time(evaluation, window);
-                if candidate.can_be_packed(compiled, &path.pair) {
-                    let gap = Gap { distance: R::zero(), rate: R::zero() };
-                    add_packed(packed, k, &path, lanes, gap, [candidate.tolerance, time]);
-                } else {
-                    let gap = swept.gap_at(&path, candidate.turning.lanes, time, lanes);
-                    candidate.narrow(lanes, time, gap.distance);
-                }
+                let (lanes, time) = (candidate.uncertain, candidate.next_time(evaluation, window));
+                let gap = swept.gap_at(&query.path(candidate.pair), candidate.turning.lanes, time, lanes);
+                candidate.narrow(lanes, time, gap.distance);
             }
             if is_certain {
                 return;
             }
-            for_each_packed::<R>(
-                packed,
-                #[inline(always)]
-                |kernel, batch, items| {
-                    let sweep = PackedSweep::new(swept, &query.path(batch[0].item.index), |pair| query.closing_time(pair), kernel, items);
-                    let time = gather_scalars(
-                        batch,
-                        #[inline(always)]
-                        |b| b.time,
-                    );
-                    let gap = sweep.gap_at(time, R::Mask::splat(true));
-                    for (packed_lane, path) in batch.iter().enumerate() {
-                        let lanes = R::Mask::from_bits(1 << path.item.lane);
-                        pairs[path.candidate].narrow(lanes, R::splat(path.time), R::splat(gap.distance.lane(packed_lane)));
-                    }
-                },
-            );
         }
     }
 
@@ -436,46 +331,6 @@ impl<R: Real> CollisionSearch<R> {
         }
         for candidate in &mut self.pairs {
             candidate.lanes = candidate.lanes.and_not(candidate.later);
-        }
-    }
-}
-
-/// Adds the path of a candidate pair in each of the lanes `lanes` to the list of packed paths. The last argument is its tolerance, m, and
-/// the time of its next evaluation, s.
-#[inline(always)]
-fn add_packed<R: Real>(
-    packed: &mut Vec<PackedPath<R::Scalar>>,
-    candidate: usize,
-    path: &Path<'_, R>,
-    lanes: R::Mask,
-    gap: Gap<R>,
-    [tolerance, time]: [R; 2],
-) {
-    for lane in each_of(lanes.bits()) {
-        packed.push(PackedPath {
-            candidate,
-            kernel: path.pair.kernel,
-            item: Item { index: path.index, geoms: path.pair.geoms, margin: path.pair.margin, lane },
-            gap: Gap { distance: gap.distance.lane(lane), rate: gap.rate.lane(lane) },
-            tolerance: tolerance.lane(lane),
-            time: time.lane(lane),
-        });
-    }
-}
-
-/// Groups packed paths with the same kernel, as many as a register has lanes, and calls `test` for each group. The arguments of `test` are
-/// the kernel, the paths, and the items of the paths (pairs of geoms in one lane).
-#[inline(always)]
-fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnMut(Kernel, &[PackedPath<R::Scalar>], &[Item<R::Scalar>])) {
-    for kernel in [Kernel::SphereBox, Kernel::CapsuleBox] {
-        let mut paths = packed.iter().filter(|path| path.kernel == kernel).peekable();
-        while let Some(&&first) = paths.peek() {
-            let (mut batch, mut items, mut count) = ([first; MAX_LANES], [first.item; MAX_LANES], 0);
-            for path in paths.by_ref().take(R::LANES) {
-                (batch[count], items[count]) = (*path, path.item);
-                count += 1;
-            }
-            test(kernel, &batch[..count], &items[..count]);
         }
     }
 }

@@ -75,13 +75,18 @@ def test_the_error_of_a_step_with_an_elastic_impact_is_kept():
     assert np.isnan(plain.error_estimate).all() and (plain.substeps == 0).all()
 
 
-@pytest.mark.parametrize(("integrator", "order"), [("midpoint", 3), ("implicit", 2), ("euler", 2)])
-def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order):
+SPRUNG = 'stiffness="1" damping=".2"'
+
+
+@pytest.mark.parametrize(
+    ("integrator", "order", "joint"), [("midpoint", 3, ""), ("midpoint", 3, SPRUNG), ("implicit", 2, SPRUNG), ("euler", 2, "")]
+)
+def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order, joint):
     """Trees without constraints get the extrapolation of whole intervals and their halves. The box falls too, and spins."""
     body = BOX.format(h=0.004, more='contype="0" conaffinity="0"').replace(
         "</worldbody>",
-        """<body pos="0 0 3"><joint axis="0 1 0"/><geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/>
-        <body pos="0 0 -.5"><joint axis="1 .5 0"/><geom type="capsule" size=".05" fromto="0 0 0 .4 0 0"/></body></body></worldbody>""",
+        f"""<body pos="0 0 3"><joint axis="0 1 0" {joint}/><geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/>
+        <body pos="0 0 -.5"><joint axis="1 .5 0" {joint}/><geom type="capsule" size=".05" fromto="0 0 0 .4 0 0"/></body></body></worldbody>""",
     )
     model = stepper.load(body)
     qpos, qvel = model.qpos0 + np.eye(1, model.nq, 7)[0] * 0.7, np.array([1, 0.5, 2, 3, 1, 4, 1, -2.0])
@@ -99,12 +104,12 @@ def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order):
 
 
 @given(
-    st.floats(0.1, 1000), st.sampled_from([0.0, 0.05, 1.0]), st.sampled_from(["midpoint", "implicit"]), st.sampled_from(["spring", "servo"])
+    st.floats(0.01, 1000), st.sampled_from([0.0, 0.05, 1.0]), st.sampled_from(["midpoint", "implicit"]), st.sampled_from(["spring", "servo"])
 )
 @settings(max_examples=40, deadline=None)
 def test_vibrations_of_springs_and_servos_do_not_grow(rate, ratio, integrator, kind):
     """The amplitude is at most that of the start, at any stiffness. `rate` is the time step times the frequency."""
-    # Extrapolations of the midpoint rule would not be stable there.
+    # The midpoint rule is extrapolated where its extrapolation is stable: where vibrations are slow and damped.
     h = 0.01
     stiffness, damping = (rate / h) ** 2, 2 * ratio * rate / h
     spring = f'stiffness="{stiffness}" damping="{damping}"' if kind == "spring" else ""

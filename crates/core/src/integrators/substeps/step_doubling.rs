@@ -44,13 +44,13 @@ const MAX_VIBRATION: f64 = 0.25;
 /// time step. The damping is a twentieth of the critical one.
 const MIN_DAMPING: f64 = 0.01;
 
-/// Adds to `trees` the kinematic trees whose vibrations an extrapolation of the last part could excite, in the lanes `lanes`. These are trees
-/// with drag, and with springs or servos that are stiff for the part or hardly damped.
+/// Adds to `trees` the kinematic trees whose vibrations an extrapolation of the last part could excite, in the lanes `lanes`. These are
+/// trees with drag, and with springs or servos that are stiff for the part or hardly damped.
 ///
 /// With the implicit rule there are none: its extrapolation is L-stable (Hairer and Wanner, Solving Ordinary Differential Equations II,
 /// section IV.9). The extrapolated midpoint rule multiplies the amplitude of an undamped spring of frequency w by at most
 /// 1 + (h w)^6 / 1000 in a step of length h. The factor is below 1 for a damping of at least a hundredth of the critical one and h w of at
-/// most 2. The limits of this function leave room for joints that move less inertia together than alone. Euler's rule extrapolates no
+/// most 2. The limits of this function are stricter, because joints can move less inertia together than alone. Euler's rule extrapolates no
 /// springs and dampers.
 pub(super) fn add_vibrating_trees<R: Real>(context: StepContext<'_, R>, free: &FreeMotion<R>, lanes: R::Mask, trees: &mut [R::Mask]) {
     let StepContext { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, .. } } = context;

@@ -131,7 +131,7 @@ impl ProximalPoint {
                 Some(steps) if steps <= FEW_STEPS => kappa = (3.0 * kappa).min(MOST_KAPPA),
                 Some(_) => {}
                 None if kappa <= LEAST_KAPPA || is_exact => break,
-                None => kappa = (if search.least_norm { 0.1 } else { 0.3 } * kappa).max(LEAST_KAPPA),
+                None => kappa = (0.3 * kappa).max(LEAST_KAPPA),
             }
             inner_error = if is_exact { 0.1 * search.tolerance } else { INNER_ERROR * self.residual.max(search.tolerance) };
         }

@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 
 KEPT = Path(__file__).with_name("golden.json")
-RENEW = "PYTHONPATH=tests .venv/bin/python -m golden --renew"
+RENEW = "PYTHONPATH=tests:tests/helpers .venv/bin/python -m golden --renew"
 
 
 def read() -> dict[str, Any]:

@@ -4,7 +4,7 @@
 from a change of the step, and of all that can be read while it runs (`golden.record`). The final state of the first environment is stored
 next to them, so that a change tells how far the trajectory moved. After a change that is meant to change bits:
 
-    PYTHONPATH=tests .venv/bin/python -m golden --renew
+    PYTHONPATH=tests:tests/helpers .venv/bin/python -m golden --renew
 
 What a build does otherwise than another, the same command says: `--save out/golden` with the one, `--against out/golden` with the other.
 """

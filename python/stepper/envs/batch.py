@@ -15,7 +15,7 @@ from stepper._options import Options, Precision, precision_of
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.envs.observations import RowMemory
-from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, with_zero_rows
+from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, view_parts, with_zero_rows
 from stepper.envs.task_results import (
     POLICY,
     EpisodeState,
@@ -171,8 +171,7 @@ class Batch:
         settings: dict[str, Any] = {"options": law, "precision": precision, "threads": threads}
         self.sim = Stepper(model, num_envs, **settings, sensors=sensors, actuators=task.actuators())
         self._has_noise = sensors is not None
-        # Seeds of the sensor errors, and a mask of the environments whose sensor seed takes effect at the next reset.
-        self._noise_seeds, self._new_seeds = np.full(num_envs, _hashed_seed(), dtype=np.uint64), np.full(num_envs, self._has_noise)
+        self._noise_seeds = np.full(num_envs, _hashed_seed(), dtype=np.uint64)  # Seeds of the sensor errors.
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
         dtype = _dtype_of(precision if dtype is None else dtype)
         if max_episode_steps is not None:
@@ -187,7 +186,8 @@ class Batch:
         self._episode_state = episode_state_of(task, num_envs, task.carried)
         self.terms = TaskTerms(task, self.sim, self.streams, self.dt, rewards)
         self._initial = {name: np.array(values) for name, values in self._episode_state.items()}
-        self._seeded = np.ones(num_envs, dtype=bool)
+        self._parts = view_parts(self.sim, task, self.dt, self._default_qpos, self._episode_state, self.terms, self.streams)
+        self._seeded = np.ones(num_envs, dtype=bool)  # Environments whose seeds take effect at the next reset.
         low, high = bounds_of(task, model)
         if not len(low):
             _warn_without_actions(task, model)
@@ -204,23 +204,15 @@ class Batch:
     def clear_last_step(self) -> None:
         """Replaces the view `now` of all environments by one in which actions and `velocity` are zero, as before the first step."""
         none = np.zeros((self.num_envs, self._actions))
-        self._now = self._moment(none, none)
+        self._now = TaskView(self._parts, none, none)
         position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)
-
-    def _moment(self, action: Array, previous_action: Array) -> TaskView:
-        """New view (`TaskView`) of all environments after steps with these actions, (num_envs, n) each.
-
-        A view stores the quantities that it has read.
-        """
-        shared = {"default_qpos": self._default_qpos, "episode_state": self._episode_state, "terms": self.terms, "streams": self.streams}
-        return TaskView(self.sim, self.task, self.dt, (action, previous_action), **shared)
 
     def _reread(self, changed: Array) -> None:
         """Replaces the view `now` after changes of some environments, a mask (num_envs,). Their action and velocity become zero."""
         last = self._now
         last._expire()
-        self._now = self._moment(with_zero_rows(last.action, changed), with_zero_rows(last.previous_action, changed))
+        self._now = TaskView(self._parts, with_zero_rows(last.action, changed), with_zero_rows(last.previous_action, changed))
         self._now.velocity = None if last.velocity is None else with_zero_rows(last.velocity, changed)
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
@@ -235,7 +227,7 @@ class Batch:
         self.streams.seed(envs, seeds)
         self._seeded[envs] = True
         if self._has_noise:
-            self._noise_seeds[envs], self._new_seeds[envs] = [_hashed_seed(seed) for seed in seeds], True
+            self._noise_seeds[envs] = [_hashed_seed(seed) for seed in seeds]
 
     def begin(self, mask: Array) -> None:
         """Starts a new episode in the environments of a mask, (num_envs,) bool."""
@@ -265,8 +257,7 @@ class Batch:
         call_hook(self.task, "reset", reset)
         for name, rows in reset.episode_state.items():
             self._episode_state[name][envs] = rows
-        reset.apply(self._noise_seeds[envs], self._new_seeds[envs])
-        self._new_seeds[envs] = False
+        reset.apply(self._noise_seeds[envs] if self._has_noise else None, is_seeded)
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
     def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array, envs: Array | None = None) -> None:
@@ -302,22 +293,24 @@ class Batch:
         task = self.task
         action = np.array(action) if begins is None else with_zero_rows(action, begins)
         _check_actions(action, self.action_space)
+        envs = None if begins is None else begins.nonzero()[0]
         carried: Terms = {}
-        if begins is not None:
-            self._end(np.flatnonzero(begins))
-            carried = {name: self._episode_state[name][begins] for name in task.carried}
+        if envs is not None:
+            self._end(envs)
+            carried = {name: self._episode_state[name][envs] for name in task.carried}
         before = self._advance(action, begins)
-        status: Array = self._now.status
-        if begins is not None:
-            for name, values in carried.items():  # Environments that are reset ignore this action.
-                self._episode_state[name][begins] = values
-            self._start(np.flatnonzero(begins))
-            self._reread(begins)
         now = self._now
+        # Only an override of `Task.advance` can make time steps that `TaskView.step` does not count.
+        status = now.status if type(task).advance is not Task.advance or now._flags is None else now._flags
+        if envs is not None:
+            for name, values in carried.items():  # Environments that are reset ignore this action.
+                self._episode_state[name][envs] = values
+            self._start(envs)
+        now.forget(envs)
         if before is not None:
             now.velocity = (task.position(now) - before) / self.dt
-            if begins is not None:
-                now.velocity[begins] = 0.0
+            if envs is not None:
+                now.velocity[envs] = 0.0
         now.reward_terms = self.terms.rewards.values(now)
         reward, terms = rewards_of(task, now, self.num_envs)
         ends = task.terminated(now)
@@ -334,14 +327,14 @@ class Batch:
             terminated |= failed
             terms = terms | {"non_finite": failed}
             reward[failed & ~np.isfinite(reward)] = 0.0
-        if begins is not None:
+        if envs is not None:
             for ended in (reward, terminated, truncated):
-                ended[begins] = 0
+                ended[envs] = 0
         self._check_rewards(reward, action)
         self.returns += reward
         if now.reward_terms:
             terms = terms | self._sum_terms(begins)
-        if self.terms.redraw_commands(terminated | truncated, begins):
+        if self.terms.commands and self.terms.redraw_commands(terminated | truncated, begins):
             now.forget()
         return reward, terminated, truncated, terms
 
@@ -351,13 +344,13 @@ class Batch:
         `begins` are environments that are reset in this step, (num_envs,) bool; None means no environment.
         """
         self.terms.make_events(self.sim, begins)
-        # A new view, because the caller may have changed the stepper since the last step.
-        before = self.task.position(self._moment(action, self._now.action))
-        self._now._expire()
-        self._now = self._moment(action, self._now.action)
-        self._now.velocity = None if before is None else np.zeros_like(before)
-        call_hook(self.task, "advance", self._now)
-        self._now.forget()
+        last = self._now
+        now = TaskView(self._parts, action, last.action if begins is None else with_zero_rows(last.action, begins))
+        before = self.task.position(now)
+        now.velocity = None if before is None else np.zeros(before.shape, before.dtype)
+        last._expire()
+        self._now = now
+        call_hook(self.task, "advance", now)
         self.lengths += 1
         self.streams.ages += np.uint64(1)
         return before
@@ -429,8 +422,8 @@ def _check_defaults(task: Any) -> None:
 
 def _all_finite(values: Array) -> bool:
     """Whether all numbers are finite."""
-    # The sum is a fast first test. A sum that is not finite may still come from finite numbers, by overflow.
-    return math.isfinite(np.add.reduce(values, axis=None)) or bool(np.isfinite(values).all())
+    # The sum of squares is a fast first test. If it is not finite, it may still come from finite numbers, by overflow.
+    return math.isfinite(np.vdot(values, values)) or bool(np.isfinite(values).all())
 
 
 def _check_actions(action: Array, space: Box) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from operator import attrgetter, methodcaller
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -90,15 +91,17 @@ class Observation:
 
     def quantity(self, now: TaskView) -> Array:
         """Returns the quantity that this row observes, (num_envs, ...), in its unit, without columns and errors."""
-        if self.func is not None:
-            value: Array = self.func(now)
-        elif self.name in now.task.commands:
-            value = now.command(self.name)
-        elif self.name.partition("[")[0].strip() in _PARAMETERS:
-            value = now.parameter(self.name)
-        else:
-            value = getattr(now, self.name)
+        value: Array = (self.func or self.function(now.task))(now)
         return value
+
+    def function(self, task: Any) -> Callable[[Any], Array]:
+        """Returns the function of a `TaskView` that computes the quantity: `func`, or that which the name stands for in a task."""
+        if self.func is not None:
+            return self.func
+        if self.name in task.commands:
+            return methodcaller("command", self.name)
+        is_parameter = self.name.partition("[")[0].strip() in _PARAMETERS
+        return methodcaller("parameter", self.name) if is_parameter else attrgetter(self.name)
 
     def read(self, now: TaskView, bias: Array | None = None) -> Array:
         """Returns the values of this row of the observation table, (num_envs, n), in its unit, with errors and before `clip`.
@@ -108,7 +111,7 @@ class Observation:
             bias: Errors of the episodes from `bias`, (num_envs, n), in the unit of the row or as factors; None means none.
         """
         value = self.quantity(now)
-        flat = value.reshape(len(value), -1)
+        flat = value if value.ndim == 2 else value.reshape(len(value), -1)
         flat = flat if self.columns is None else flat[:, self.columns]
         flat = flat if bias is None else _with_error(flat, self.bias, bias)
         return _with_error(flat, self.noise, draw_error(self.noise, now.rng(self.name), flat.shape[1])) if self.noise else flat

@@ -39,11 +39,11 @@ _OWN = (
 """Names of the attributes of a `TaskView` that are pickled. Other attributes are quantities, which can be read from the stepper again."""
 
 
-_REVISIONS = attrgetter("actuator_force"), attrgetter("site_xpos")
-"""Functions that return an array of a stepper, for models with and without sites.
+_REVISIONS = attrgetter("actuator_force"), attrgetter("closed_eq_data")
+"""Functions that return an array of a stepper, for models with and without equalities.
 
 The stepper replaces the array by a new one whenever its state, parameters, controls or applied forces change. Of all such arrays, these are
-the cheapest: without sites, the second one is empty.
+the cheapest: without equalities, the second one is empty.
 """
 
 
@@ -71,23 +71,24 @@ class TaskView(BatchView):
             environments that were just reset, and None for tasks without a position.
     """
 
-    def __init__(self, sim: Stepper, task: Any, dt: float, actions: tuple[Array, Array], **parts: Any):
-        self.sim, self.task, self.dt = sim, task, dt
-        self.model, self.num_envs = sim.model, sim.num_envs or 1
-        self.action, self.previous_action = actions
-        self.default_qpos, self.episode_state = parts["default_qpos"], parts["episode_state"]
-        self._terms, self._streams = parts["terms"], parts["streams"]
-        self.velocity: Any = None
+    sim: Stepper
+    velocity: Any = None
+    _flags: Array | None = None
+    _expired = False
+    _revision: Array | None = None
+
+    def __init__(self, parts: Sequence[Any], action: Array, previous_action: Array):
+        self.sim, self.task, self.dt, self.model, self.num_envs, self.default_qpos, self.episode_state, *others = parts
+        self._terms, self._streams, self._revision_of = others
+        self.action, self.previous_action = action, previous_action
         self.reward_terms: Terms = {}
-        self._flags = np.zeros(self.num_envs, dtype=np.uint32)
-        self._expired = False
-        self._revision_of = _REVISIONS[sim.model.nsite == 0]
-        self._revision: Array | None = None
         self._values: dict[str, Any] = {}
 
-    def forget(self) -> None:
-        """Drops the stored values, so that quantities are read again."""
+    def forget(self, envs: Array | None = None) -> None:
+        """Drops the stored values, so that quantities are read again, and flags of environments `envs`, indices (n,), that were reset."""
         self._revision, self._values = None, {}
+        if envs is not None and self._flags is not None:
+            self._flags = with_zero_rows(self._flags, envs)
 
     def stored(self) -> dict[str, Any]:
         """Returns stored values by name: of the stepper's present state, or of the last state that an ended view has read."""
@@ -174,13 +175,13 @@ class TaskView(BatchView):
     def _step(self, ctrl: Array, nstep: int = 1) -> None:
         """Makes time steps with controls, (num_envs, nu), and adds their flags to `status`."""
         self.sim.step(ctrl, nstep)
-        self._flags |= self.sim.status
+        self._flags = self.sim.status if self._flags is None else self._flags | self.sim.status
 
     @property
     def status(self) -> Array:
         """Flags of `Stepper.status`, (num_envs,) uint32, of all time steps of the last action."""
         self._check_present("status")
-        flags: Array = self._flags | self.sim.status
+        flags: Array = self.sim.status if self._flags is None else self._flags | self.sim.status
         return flags
 
     def _expire(self) -> None:
@@ -189,7 +190,12 @@ class TaskView(BatchView):
 
     def __getstate__(self) -> dict[str, Any]:
         # Other quantities can be read from the stepper again.
-        return {name: self.__dict__[name] for name in _OWN} | {"_revision": None, "_values": {}}
+        return {name: getattr(self, name) for name in _OWN} | {"_revision": None, "_values": {}}
+
+
+def view_parts(sim: Stepper, task: Any, dt: float, *parts: Any) -> tuple[Any, ...]:
+    """Attributes that all views of a batch share. `parts` are `default_qpos`, `episode_state`, terms of the task and random streams."""
+    return (sim, task, dt, sim.model, sim.num_envs or 1, *parts, _REVISIONS[len(sim.model.eq_active0) == 0])
 
 
 def _quantity(name: str) -> property:
@@ -269,7 +275,8 @@ class Reset:
                 vars(self)[name] = np.array(getattr(self.sim, name)[self.envs], dtype=np.float64)
             else:
                 initial = self._default_qpos if name == "qpos" else _INITIAL[name](self.sim.model)
-                vars(self)[name] = np.tile(initial, (len(self.envs), *[1] * initial.ndim))
+                vars(self)[name] = np.empty((len(self.envs), *initial.shape))
+                vars(self)[name][:] = initial
             return vars(self)[name]
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -279,17 +286,16 @@ class Reset:
         if value is not array:  # As in `reset.qpos += 0.1`.
             array[...] = value
 
-    def apply(self, seeds: Array, is_new: Array) -> None:
+    def apply(self, seeds: Array | None, is_new: Array) -> None:
         """Starts the episodes in the stepper.
 
         Args:
-            seeds: Seeds of the sensor errors, (n,) uint64.
+            seeds: Seeds of the sensor errors, (n,) uint64; None for a stepper without sensor errors.
             is_new: Environments whose sensor errors get their seed, (n,) bool. Those of the others go on.
         """
-        for rows in (is_new, ~is_new):
-            if rows.any():
-                given = seeds[rows] if rows is is_new else None
-                self.sim.reset(self.envs[rows], qpos=self.qpos[rows], qvel=self.qvel[rows], seed=given)
+        self.sim.reset(self.envs, qpos=self.qpos, qvel=self.qvel)
+        if seeds is not None and is_new.any():
+            self.sim.reset(self.envs[is_new], qpos=self.qpos[is_new], qvel=self.qvel[is_new], seed=seeds[is_new])
         self.apply_state(("act", "mocap_pos", "mocap_quat"))
 
     def apply_state(self, names: Sequence[str] = ("qpos", "qvel", "act", "mocap_pos", "mocap_quat")) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -168,6 +169,7 @@ def _table_of(task: Task, given: Any, now: TaskView) -> Table:
                 "Observation('name', func=...)"
             )
         at = rows[-1][1].stop if rows else 0
+        row = replace(row, func=row.function(task))
         rows.append((row, slice(at, at + row.history * _width(task, row, now))))
     return rows
 
@@ -190,7 +192,7 @@ def rewards_of(task: Task, now: TaskView, num_envs: int) -> tuple[Array, Terms]:
     """Rewards (num_envs,) and entries for the info dict from `Task.reward`, after a check."""
     result: Any = task.reward(now)
     reward, terms = result if isinstance(result, tuple) and len(result) == 2 else (result, {})
-    if not isinstance(terms, Mapping):
+    if type(terms) is not dict and not isinstance(terms, Mapping):
         raise wrong_result(task, "reward", result, f"rewards ({num_envs},), or two values: rewards, and a dictionary for the info dict")
     return rows_of(task, "reward", reward, np.float64, num_envs), _checked(task, "reward", terms, num_envs)
 
@@ -206,7 +208,7 @@ def position_of(task: Task, now: TaskView, num_envs: int) -> Array | None:
 def infos_of(task: Task, now: TaskView, num_envs: int) -> Terms:
     """Entries for the info dict from `Task.info`; a ValueError if it does not return arrays (num_envs, ...) by name."""
     infos: Any = task.info(now)
-    if not isinstance(infos, Mapping):
+    if type(infos) is not dict and not isinstance(infos, Mapping):
         raise wrong_result(task, "info", infos, f"a dictionary of arrays ({num_envs}, ...) by name")
     return _checked(task, "info", infos, num_envs)
 
@@ -224,11 +226,12 @@ def _checked(task: Task, method: str, terms: Mapping[str, Any], num_envs: int) -
 
 def rows_of(task: Task, method: str, values: Any, dtype: Any, num_envs: int) -> Array:
     """Converts a result of the task's method `method` to a new array (num_envs,) of type `dtype`, float64 or bool."""
-    wanted = f"an array ({num_envs},) of {np.dtype(dtype)}: one value for each environment"
+    wrong: Any = values
     try:
         array = np.array(values, dtype=None if dtype is bool else dtype)
+        if array.shape == (num_envs,) and (dtype is not bool or array.dtype.kind == "b"):
+            return array
+        wrong = array if array.shape != (num_envs,) else array.dtype
     except ValueError:  # Rows of different lengths, such as a tuple of an array and a dictionary.
-        raise wrong_result(task, method, values, wanted) from None
-    if array.shape != (num_envs,) or (dtype is bool and array.dtype.kind != "b"):
-        raise wrong_result(task, method, array if array.shape != (num_envs,) else array.dtype, wanted)
-    return array
+        pass
+    raise wrong_result(task, method, wrong, f"an array ({num_envs},) of {np.dtype(dtype)}: one value for each environment")

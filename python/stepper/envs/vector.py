@@ -101,7 +101,7 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
         self.observation_space, self.action_space = (batch_space(space, num_envs) for space in spaces)
         self._statistics = episode_statistics
         self._over, self._any_over = np.zeros(num_envs, dtype=bool), False
-        self._since = np.zeros(num_envs)
+        self._every, self._since = np.ones(num_envs, dtype=bool), np.zeros(num_envs)
 
     @property
     def episode_returns(self) -> Array:
@@ -210,7 +210,7 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
         infos: dict[str, Any] = {}
         if begins is not None:
             self._since[begins] = time.perf_counter()
-        self._over, self._any_over = over, bool(over.any())
+        self._over, self._any_over = over, np.count_nonzero(over) > 0
         if self._any_over and self._statistics:
             infos = self._episodes(over)
         if self._any_over and self.autoreset_mode == AutoresetMode.SAME_STEP:
@@ -224,9 +224,9 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
             infos |= {"final_obs": final, "_final_obs": over, "final_info": ended, "_final_info": over.copy()}
             self._over, self._any_over, begins = np.zeros_like(over), False, over
         if begins is None:
-            infos |= _infos(batch.info() | terms, np.ones(self.num_envs, dtype=bool))
+            infos |= _infos(batch.info() | terms, self._every)
         else:
-            infos |= _infos(batch.info(), np.ones(self.num_envs, dtype=bool)) | _infos(terms, ~begins)
+            infos |= _infos(batch.info(), self._every) | _infos(terms, ~begins)
         return batch.observation(), reward, terminated, truncated, infos
 
     def set_state(self, qpos: Array | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Any:
@@ -290,14 +290,12 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
 
 def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
     """Info dict of a vector environment: each array of `terms`, with zeros outside the mask (num_envs,), and the mask as "_name"."""
-    if mask.all():
-        return {key: value for name, term in terms.items() for key, value in ((name, np.array(term)), (f"_{name}", mask))}
-    if not mask.any():
-        return {}
     infos: dict[str, Any] = {}
-    for name, term in terms.items():
-        infos[name] = np.where(mask.reshape(-1, *[1] * (term.ndim - 1)), term, np.zeros((), dtype=term.dtype))
-        infos[f"_{name}"] = mask.copy()
+    count = np.count_nonzero(mask)
+    for name, term in terms.items() if count else ():
+        infos[name], infos[f"_{name}"] = np.array(term), mask.copy()
+        if count < len(mask):
+            infos[name][~mask] = np.zeros((), dtype=term.dtype)
     return infos
 
 

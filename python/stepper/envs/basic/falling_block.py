@@ -82,7 +82,7 @@ class FallingBlock(Task):
         reset.qpos[:], reset.qvel[:] = HEIGHT, VELOCITY
         restitution = reset.rng.uniform(*self.restitution, 1)[:, 0]
         reset.episode_state["restitution"] = restitution
-        reset.sim.randomize({"geom_restitution[1]": restitution}, envs=reset.envs)
+        reset.sim.randomize(geom_restitution=np.stack([np.zeros_like(restitution), restitution], axis=1), envs=reset.envs)
 
 
 @cache_model

@@ -7,6 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from stepper._stepper import Model
+from stepper.envs.assets import cache_per_model
 from stepper.envs.observations import Observation
 from stepper.envs.task import Array, Camera, MujocoTask, Reset, TaskView, Terms, square_sum
 from stepper.shared.view import per_moment
@@ -57,9 +59,15 @@ class Reacher(MujocoTask):
 @per_moment
 def _to_target(now: TaskView) -> Array:
     """Vector from the target to the fingertip, (num_envs, 3), m."""
-    names = now.sim.model.body_names
-    difference: Array = now.xpos[:, names.index("fingertip")] - now.xpos[:, names.index("target")]
+    fingertip, target = _bodies(now.model, "fingertip", "target")
+    difference: Array = now.xpos[:, fingertip] - now.xpos[:, target]
     return difference
+
+
+@cache_per_model
+def _bodies(model: Model, *names: str) -> list[int]:
+    """Indices of bodies by name."""
+    return [model.body(name).id for name in names]
 
 
 NEAREST = 0.17
@@ -88,9 +96,9 @@ class Pusher(MujocoTask):
         return (
             Observation("qpos", columns=slice(0, 7)),
             Observation("qvel", columns=slice(0, 7)),
-            Observation("tips_arm", func=lambda now: _body_position(now, "tips_arm"), unit="m"),
-            Observation("object", func=lambda now: _body_position(now, "object"), unit="m"),
-            Observation("goal", func=lambda now: _body_position(now, "goal"), unit="m"),
+            Observation("tips_arm", func=lambda now: _positions(now)[:, 0], unit="m"),
+            Observation("object", func=lambda now: _positions(now)[:, 1], unit="m"),
+            Observation("goal", func=lambda now: _positions(now)[:, 2], unit="m"),
         )
 
     def episode_state(self, num_envs: int) -> Terms:
@@ -101,15 +109,15 @@ class Pusher(MujocoTask):
     def advance(self, now: TaskView) -> None:
         """Steps the simulation by one action, and stores the positions of bodies before the last time step."""
         now.step(nstep=self.frame_skip - 1)
-        now.episode_state["xpos"][:] = now.xpos
+        now.episode_state["xpos"][:] = now.sim.xpos
         now.step(nstep=1)
-        now.episode_state["qpos"][:] = now.qpos
+        now.episode_state["qpos"][:] = now.sim.qpos
 
     def reward(self, now: TaskView) -> tuple[Array, Terms]:
         """Reward: minus weighted distances of the cylinder from the fingertips and from the goal, minus a cost of squared controls."""
-        cylinder = _body_position(now, "object")
-        near = -self.reward_near_weight * np.sqrt(square_sum(cylinder - _body_position(now, "tips_arm")))
-        distance = -self.reward_dist_weight * np.sqrt(square_sum(cylinder - _body_position(now, "goal")))
+        tips, cylinder, goal = _positions(now).swapaxes(0, 1)
+        near = -self.reward_near_weight * np.sqrt(square_sum(cylinder - tips))
+        distance = -self.reward_dist_weight * np.sqrt(square_sum(cylinder - goal))
         control = -self.reward_control_weight * square_sum(now.action)
         return distance + control + near, {"reward_dist": distance, "reward_ctrl": control, "reward_near": near}
 
@@ -128,9 +136,12 @@ class Pusher(MujocoTask):
         reset.qvel[:, -4:] = 0.0
 
 
-def _body_position(now: TaskView, body: str) -> Array:
-    """Position of a body before the last time step, (num_envs, 3), m; its present position after a reset or `set_state`."""
-    k, state = now.sim.model.body_names.index(body), now.episode_state
-    is_present = np.any(state["qpos"] != now.qpos, axis=1)
-    place: Array = np.where(is_present[:, None], now.xpos[:, k], state["xpos"][:, k])
-    return place
+@per_moment
+def _positions(now: TaskView) -> Array:
+    """Positions of fingertips, cylinder and goal before the last time step, (num_envs, 3, 3), m; present ones after reset or `set_state`."""
+    bodies, state = _bodies(now.model, "tips_arm", "object", "goal"), now.episode_state
+    positions: Array = state["xpos"][:, bodies]
+    is_present = np.logical_or.reduce(state["qpos"] != now.qpos, axis=1)
+    if is_present.any():
+        positions[is_present] = now.xpos[is_present][:, bodies]
+    return positions

@@ -10,6 +10,7 @@ import numpy as np
 from stepper.envs.observations import Observation
 from stepper.envs.task import Array, Camera, TaskView, Terms
 from stepper.envs.tasks.base import NoisyTask
+from stepper.shared.view import per_moment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +27,7 @@ class InvertedPendulum(NoisyTask):
         """Positions and velocities: (4,)."""
         return Observation("qpos"), Observation("qvel")
 
+    @per_moment
     def terminated(self, now: TaskView) -> Array:
         """Whether the pole is more than 0.2 rad from upright, (num_envs,) bool."""
         fallen: Array = ~(np.abs(now.qpos[:, 1]) <= 0.2)
@@ -68,6 +70,7 @@ class InvertedDoublePendulum(NoisyTask):
             Observation("qfrc_constraint", columns=slice(0, 1), clip=WITHIN),
         )
 
+    @per_moment
     def terminated(self, now: TaskView) -> Array:
         """Whether the tip is at most 1 m high, (num_envs,)."""
         low: Array = ~(now.site_xpos[:, 0, 2] > 1.0)

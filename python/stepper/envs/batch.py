@@ -89,8 +89,9 @@ class ObservationGroups:
 
     def read(self, now: TaskView) -> Any:
         """Observations of all environments in a new array, (num_envs, n), or a dictionary of such arrays by group."""
-        found = {group: self._read_group(now, group, table) for group, table in self._tables.items()}
-        return found if self._all else found[POLICY]
+        if not self._all:
+            return self._read_group(now, POLICY, self._tables[POLICY])
+        return {group: self._read_group(now, group, table) for group, table in self._tables.items()}
 
     def _read_group(self, now: TaskView, group: str, table: Table) -> Array:
         """Observations of a group, (num_envs, n)."""
@@ -291,14 +292,15 @@ class Batch:
             ValueError: An action is not finite, and nothing was stepped; or a reward is not finite, after the steps.
         """
         task = self.task
-        action = np.array(action) if begins is None else with_zero_rows(action, begins)
-        _check_actions(action, self.action_space)
         envs = None if begins is None else begins.nonzero()[0]
+        action = np.array(action) if envs is None else with_zero_rows(action, envs)
+        _check_actions(action, self.action_space)
         carried: Terms = {}
         if envs is not None:
             self._end(envs)
             carried = {name: self._episode_state[name][envs] for name in task.carried}
-        before = self._advance(action, begins)
+        self.terms.make_events(self.sim, begins)
+        before = self._advance(action, envs)
         now = self._now
         # Only an override of `Task.advance` can make time steps that `TaskView.step` does not count.
         status = now.status if type(task).advance is not Task.advance or now._flags is None else now._flags
@@ -320,8 +322,7 @@ class Batch:
         if cut is not None:
             cut = rows_of(task, "truncated", cut, bool, self.num_envs)
         truncated = truncated if cut is None else truncated | cut
-        if np.bitwise_or.reduce(status) & _NON_FINITE:
-            failed = (status & _NON_FINITE) != 0
+        if np.count_nonzero(status) and (failed := (status & _NON_FINITE) != 0).any():
             if begins is not None:
                 failed &= ~begins
             terminated |= failed
@@ -338,21 +339,20 @@ class Batch:
             now.forget()
         return reward, terminated, truncated, terms
 
-    def _advance(self, action: Array, begins: Array | None) -> Array | None:
-        """Makes the events that are due and steps the simulation by actions, (num_envs, n). Returns `Task.position` before these steps.
+    def _advance(self, action: Array, envs: Array | None) -> Array | None:
+        """Steps the simulation by actions, (num_envs, n). Returns `Task.position` before these steps.
 
-        `begins` are environments that are reset in this step, (num_envs,) bool; None means no environment.
+        `envs` are environments that are reset in this step, indices (n,); None means no environment.
         """
-        self.terms.make_events(self.sim, begins)
         last = self._now
-        now = TaskView(self._parts, action, last.action if begins is None else with_zero_rows(last.action, begins))
+        now = TaskView(self._parts, action, last.action if envs is None else with_zero_rows(last.action, envs))
         before = self.task.position(now)
         now.velocity = None if before is None else np.zeros(before.shape, before.dtype)
         last._expire()
         self._now = now
         call_hook(self.task, "advance", now)
         self.lengths += 1
-        self.streams.ages += np.uint64(1)
+        self.streams.ages += 1
         return before
 
     def _sum_terms(self, begins: Array | None) -> Terms:

@@ -159,12 +159,14 @@ class Events:
         where = f"{task}.events"
         self._events = [(event, _parts(sim.model, event, where)) for event in events]
         _check_conflicts(self._events, where)
+        # Values of the model, (...), and of the environments, (num_envs, n), of each parameter.
+        self._own: dict[str, Array] = {}
         self._current: dict[str, Array] = {}
         present = sim.randomized if self._events else {}
         for field in dict.fromkeys(part.field for _, selected in self._events for parts in selected for part in parts):
             own = np.asarray(getattr(sim.model, field), np.float64)
             values = np.asarray(present.get(field, np.broadcast_to(own, (self._num_envs, *own.shape))), np.float64)
-            self._current[field] = values.reshape(self._num_envs, own.size).copy()
+            self._own[field], self._current[field] = own, values.reshape(self._num_envs, own.size).copy()
         self._intervals = [k for k, (event, _) in enumerate(self._events) if event.when == "interval"]
         self.left = {str(k): np.zeros(self._num_envs, dtype=np.int64) for k in self._intervals}
 
@@ -246,19 +248,20 @@ class Events:
 
         Each event comes with its selected numbers, and with a mask (n,) of the environments of `reset`.
         """
-        model, envs = reset.sim.model, reset.envs
+        envs = reset.envs
         fields: dict[str, Array] = {}
         for event, selected, rows in chosen:
             if event.value is None:
                 continue
             numbers = event.value.numbers(rng, selected[0][0].index.shape)
             for part in (part for parts in selected for part in parts):
-                values = fields.setdefault(part.field, self._current[part.field][envs])
-                reference = np.asarray(getattr(model, part.field), np.float64).reshape(-1)[part.index]
-                drawn = part.sign * event.value.values(numbers, part.sign * reference)
-                values[np.ix_(rows, part.index.ravel())] = drawn[rows].reshape(int(rows.sum()), -1)
+                if part.field not in fields:
+                    fields[part.field] = self._current[part.field][envs]
+                values, columns = fields[part.field], part.index.ravel()
+                drawn = part.sign * event.value.values(numbers, part.sign * self._own[part.field].reshape(-1)[part.index])
+                values[:, columns] = np.where(rows[:, None], drawn.reshape(len(envs), -1), values[:, columns])
         if fields:
-            reset.sim.randomize(envs=envs, **{name: rows.reshape(len(envs), *getattr(model, name).shape) for name, rows in fields.items()})
+            reset.sim.randomize(envs=envs, **{name: rows.reshape(len(envs), *self._own[name].shape) for name, rows in fields.items()})
             for name, rows in fields.items():
                 self._current[name][envs] = rows
         for event, _, rows in chosen:

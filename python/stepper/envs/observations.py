@@ -110,7 +110,7 @@ class Observation:
             now: View of the batch.
             bias: Errors of the episodes from `bias`, (num_envs, n), in the unit of the row or as factors; None means none.
         """
-        value = self.quantity(now)
+        value = self.quantity(now) if self.func is None else self.func(now)
         flat = value if value.ndim == 2 else value.reshape(len(value), -1)
         flat = flat if self.columns is None else flat[:, self.columns]
         flat = flat if bias is None else _with_error(flat, self.bias, bias)

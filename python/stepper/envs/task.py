@@ -78,8 +78,8 @@ class TaskView(BatchView):
     _revision: Array | None = None
 
     def __init__(self, parts: Sequence[Any], action: Array, previous_action: Array):
-        self.sim, self.task, self.dt, self.model, self.num_envs, self.default_qpos, self.episode_state, *others = parts
-        self._terms, self._streams, self._revision_of = others
+        self.sim, self.task, self.dt, self.model, self.num_envs, self._revision_of = parts[:6]
+        self.default_qpos, self.episode_state, self._terms, self._streams = parts[6:]
         self.action, self.previous_action = action, previous_action
         self.reward_terms: Terms = {}
         self._values: dict[str, Any] = {}
@@ -195,7 +195,7 @@ class TaskView(BatchView):
 
 def view_parts(sim: Stepper, task: Any, dt: float, *parts: Any) -> tuple[Any, ...]:
     """Attributes that all views of a batch share. `parts` are `default_qpos`, `episode_state`, terms of the task and random streams."""
-    return (sim, task, dt, sim.model, sim.num_envs or 1, *parts, _REVISIONS[len(sim.model.eq_active0) == 0])
+    return (sim, task, dt, sim.model, sim.num_envs or 1, _REVISIONS[len(sim.model.eq_active0) == 0], *parts)
 
 
 def _quantity(name: str) -> property:
@@ -220,10 +220,10 @@ for _name in dir(Stepper):
         setattr(TaskView, _name, _quantity(_name))
 
 
-def with_zero_rows(values: Array, mask: Array) -> Array:
-    """A copy of values (num_envs, ...) with zero rows for the environments of a mask (num_envs,)."""
+def with_zero_rows(values: Array, envs: Array) -> Array:
+    """A copy of values (num_envs, ...) with zero rows for some environments, a mask (num_envs,) or indices (n,)."""
     made = np.array(values)
-    made[mask] = 0
+    made[envs] = 0
     return made
 
 
@@ -533,6 +533,6 @@ def all_within(value: Array, bounds: tuple[float, float]) -> Array:
 
 def square_sum(value: Array) -> Array:
     """Returns the sum of the squares of all numbers of each environment, (num_envs,), for an array (num_envs, ...)."""
-    flat = value.reshape(len(value), -1)
+    flat = value if value.ndim == 2 else value.reshape(len(value), -1)
     sums: Array = np.einsum("ij,ij->i", flat, flat)
     return sums

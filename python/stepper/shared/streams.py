@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import hashlib
 import math
 import operator
@@ -109,7 +108,8 @@ class Streams:
 
     def fork(self, name: str) -> Streams:
         """Independent streams of random numbers that depend on these streams, on `ages` and on a name. These streams do not change."""
-        forked = copy.copy(self)
+        forked = object.__new__(Streams)
+        forked.ages = self.ages
         forked.state = _mix(_mix(self.state + _hash_of(name)) + self.ages * _GAMMA)
         return forked
 

@@ -113,8 +113,14 @@ def rotation(now: TaskView, body: str) -> Array:
 
 def reading(now: TaskView, *sensors: str) -> Array:
     """Concatenated ideal readings of the named sensors, (num_envs, n), in their units."""
-    found = [now.sim.model.sensor(name) for name in sensors]
-    return np.concatenate([now.sensordata_ideal[:, sensor.adr : sensor.adr + sensor.dim] for sensor in found], axis=1)
+    values: Array = now.sensordata_ideal.take(_columns(now.model, *sensors), axis=1)
+    return values
+
+
+@cache_per_model
+def _columns(model: Model, *sensors: str) -> Array:
+    """Columns of the readings of the named sensors."""
+    return np.concatenate([np.arange(sensor.adr, sensor.adr + sensor.dim) for sensor in map(model.sensor, sensors)])
 
 
 def norm(vectors: Array) -> Array:

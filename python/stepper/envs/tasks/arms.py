@@ -65,11 +65,13 @@ def _to_target(now: TaskView) -> Array:
 
 
 @cache_per_model
-def _bodies(model: Model, *names: str) -> list[int]:
+def _bodies(model: Model, *names: str) -> Array:
     """Indices of bodies by name."""
-    return [model.body(name).id for name in names]
+    return np.array([model.body(name).id for name in names])
 
 
+_OBSERVED = ("tips_arm", "object", "goal")
+"""Names of the bodies of fingertips, cylinder and goal."""
 NEAREST = 0.17
 """Smallest initial distance of the cylinder from the goal, m."""
 
@@ -96,20 +98,17 @@ class Pusher(MujocoTask):
         return (
             Observation("qpos", columns=slice(0, 7)),
             Observation("qvel", columns=slice(0, 7)),
-            Observation("tips_arm", func=lambda now: _positions(now)[:, 0], unit="m"),
-            Observation("object", func=lambda now: _positions(now)[:, 1], unit="m"),
-            Observation("goal", func=lambda now: _positions(now)[:, 2], unit="m"),
+            *(Observation(name, func=_positions, columns=slice(3 * k, 3 * k + 3), unit="m") for k, name in enumerate(_OBSERVED)),
         )
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Positions of bodies before the last time step, m, and qpos after it; NaN before the first action."""
-        model = self.model()
-        return {"xpos": np.zeros((num_envs, model.nbody, 3)), "qpos": np.full((num_envs, model.nq), np.nan)}
+        """Positions of fingertips, cylinder and goal before the last time step, m, and qpos after it; NaN before the first action."""
+        return {"positions": np.zeros((num_envs, 3, 3)), "qpos": np.full((num_envs, self.model().nq), np.nan)}
 
     def advance(self, now: TaskView) -> None:
         """Steps the simulation by one action, and stores the positions of bodies before the last time step."""
         now.step(nstep=self.frame_skip - 1)
-        now.episode_state["xpos"][:] = now.sim.xpos
+        now.episode_state["positions"][:] = now.sim.xpos.take(_bodies(now.model, *_OBSERVED), axis=1)
         now.step(nstep=1)
         now.episode_state["qpos"][:] = now.sim.qpos
 
@@ -139,9 +138,8 @@ class Pusher(MujocoTask):
 @per_moment
 def _positions(now: TaskView) -> Array:
     """Positions of fingertips, cylinder and goal before the last time step, (num_envs, 3, 3), m; present ones after reset or `set_state`."""
-    bodies, state = _bodies(now.model, "tips_arm", "object", "goal"), now.episode_state
-    positions: Array = state["xpos"][:, bodies]
-    is_present = np.logical_or.reduce(state["qpos"] != now.qpos, axis=1)
-    if is_present.any():
-        positions[is_present] = now.xpos[is_present][:, bodies]
+    positions: Array = now.episode_state["positions"]
+    has_changed = now.episode_state["qpos"] != now.qpos
+    if np.count_nonzero(has_changed):
+        positions = np.where(has_changed.any(axis=1)[:, None, None], now.xpos.take(_bodies(now.model, *_OBSERVED), axis=1), positions)
     return positions

@@ -239,6 +239,7 @@ def test_names_that_pages_import_are_documented():
             for module, names in re.findall(r"^from stepper\.(\w+) import ([\w, ]+)$", page.read_text(), re.MULTILINE):
                 missing |= {name: named(page) for name in names.split(", ") if name not in lasts and module != "adapters"}
     assert missing == {}
+    assert set(stepper.envs.quantities.__all__) <= lasts
 
 
 def test_the_documentation_needs_no_rust():

@@ -2,6 +2,7 @@
 
 import pickle
 from importlib.util import find_spec
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -283,13 +284,15 @@ def test_it_pickles():
 
 
 def test_every_robot_has_what_the_terms_need():
-    """Tolerances for all joints, geoms and sites by their names, and weights of known terms."""
+    """Tolerances for all joints, geoms and sites by their names, and weights of known terms, which the page of environments lists."""
+    page = (Path(__file__).parents[2] / "docs/reference/environments.md").read_text()
     for kind in (Go1Rough, G1Rough):
         names = kind().rewards()
         envs, _ = made(2, kind=kind, rewards=dict.fromkeys(names, 1.0))
         *_, info = envs.step(standing(envs))
         assert all(np.isfinite(info[f"reward_{name}"]).all() for name in names)
         assert len(names) == 14
+        assert [name for name in names if f"`{name}`" not in page] == []
     raises(TypeError, "terrain is 'stairs', must be a Terrain", Go1Rough, terrain="stairs")
     for wrong in (-1.0, np.inf):
         raises(ValueError, r"noise is .*, must be a finite number of at least 0", Go1Rough, noise=wrong)

@@ -179,10 +179,12 @@ def test_pushes_change_velocities_in_the_world_at_their_times():
         times += [(k, env) for env in np.flatnonzero(pushed)]
     gaps = [b - a for env in range(50) for a, b in zip(*[[k for k, other in times if other == env][j:] for j in (0, 1)], strict=False)]
     assert set(gaps) == {3, 4, 5}
-    with pytest.raises(ValueError, match="push: body 'leg' has no free joint"):
-        wrong = type("Wrong", (Floating,), {"events": lambda self: (every((0.02, 0.02), push("leg", x=(1.0, 1.0))),)})
-        other = StepperVectorEnv(wrong(), 1)
-        other.reset(seed=0), other.step(np.zeros((1, 2)))
+    for body, said in (("leg", "push: body 'leg' has no free joint"), ("trnk", "'trnk'")):
+        wrong = type("Wrong", (Floating,), {"events": lambda self, body=body: (every((0.02, 0.02), push(body, x=(1.0, 1.0))),)})
+        with pytest.raises((KeyError, ValueError), match=said):
+            StepperVectorEnv(wrong(), 1)
+    with pytest.raises(ValueError, match=r"yaw of push is .* lower number first"):
+        push("trunk", yaw=(1.0, -1.0))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -308,7 +308,8 @@ class Batch:
             for name, values in carried.items():  # Environments that are reset ignore this action.
                 self._episode_state[name][envs] = values
             self._start(envs)
-        now.forget(envs)
+            now._flags = None if now._flags is None else with_zero_rows(now._flags, envs)
+        now.forget()
         if before is not None:
             now.velocity = (task.position(now) - before) / self.dt
             if envs is not None:
@@ -348,6 +349,7 @@ class Batch:
         now = TaskView(self._parts, action, last.action if envs is None else with_zero_rows(last.action, envs))
         before = self.task.position(now)
         now.velocity = None if before is None else np.zeros(before.shape, before.dtype)
+        now.forget()
         last._expire()
         self._now = now
         call_hook(self.task, "advance", now)

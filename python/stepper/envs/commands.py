@@ -11,7 +11,7 @@ import numpy as np
 
 from stepper.envs.quantities import heading
 from stepper.envs.task import Array, TaskView
-from stepper.shared.arguments import check_number, check_pair
+from stepper.shared.arguments import check_number, check_range
 from stepper.shared.streams import Rng
 
 Range = tuple[float, float]
@@ -39,7 +39,7 @@ class Command:
 
     def __post_init__(self) -> None:
         if self.every is not None:
-            _check_range(self, "every", above=0.0)
+            check_range(f"every of {type(self).__name__}", self.every, above=0.0)
 
     @abstractmethod
     def draw(self, rng: Rng, steps: Array) -> Array:
@@ -84,7 +84,7 @@ class VelocityCommand(Command):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("x", "y", "yaw", "heading"):
-            _check_range(self, name)
+            check_range(f"{name} of {type(self).__name__}", getattr(self, name))
         for name in ("standing", "forward", "turning"):
             check_number(f"{name} of {type(self).__name__}", getattr(self, name), least=0.0, most=1.0)
 
@@ -122,16 +122,6 @@ class VelocityCommand(Command):
         commands = np.array(drawn[:, :3])
         commands[:, 2] = np.where(np.isnan(turn), drawn[:, 2], turn)
         return commands
-
-
-def _check_range(command: Command, name: str, *, above: float = -np.inf) -> None:
-    """Raises an error unless a field of a command is two numbers above a bound, the lower one first."""
-    value, full = getattr(command, name), f"{name} of {type(command).__name__}"
-    check_pair(full, value, meaning="the lower one first")
-    for number in value:
-        check_number(full, number, above=above)
-    if value[0] > value[1]:
-        raise ValueError(f"{full} is {value!r}, must have the lower number first")
 
 
 def commands_of(task: Any) -> dict[str, Command]:

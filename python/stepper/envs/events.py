@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from stepper._hints import WrongArgumentError, unknown_field
 from stepper._stepper import Model, Stepper
-from stepper.shared.arguments import in_words
+from stepper.envs.assets import cache_per_model
+from stepper.shared.arguments import check_range, in_words
 from stepper.shared.draws import Draw
 from stepper.shared.fields import COMPOUNDS, RANDOMIZED
 from stepper.shared.rotations import matrices
@@ -108,28 +109,43 @@ def push(
         roll: Lowest and highest change of the angular velocity about x, rad/s.
         pitch: The same about y, rad/s.
         yaw: The same about z, rad/s.
-    """
-    low, high = np.array([x, y, z, roll, pitch, yaw], dtype=np.float64).T
 
-    def pushes(reset: Reset) -> None:
+    Raises:
+        TypeError, ValueError: A range is not two finite numbers, the lower one first. An environment with the event raises KeyError for an
+            unknown body, and ValueError for a body without such joints.
+    """
+    ranges = {"x": x, "y": y, "z": z, "roll": roll, "pitch": pitch, "yaw": yaw}
+    for name, ends in ranges.items():
+        check_range(f"{name} of push", ends)
+    return _Push(body, *np.array(list(ranges.values()), dtype=np.float64).T)
+
+
+@dataclass(frozen=True, eq=False)
+class _Push:
+    """Function that `push` returns, with the lowest and highest changes of the velocities, (6,) each, m/s and rad/s."""
+
+    body: str
+    low: Array
+    high: Array
+
+    def __call__(self, reset: Reset) -> None:
         model = reset.sim.model
-        changes = low + (high - low) * reset.rng.uniform(0.0, 1.0, 6)
-        joint, *others = _pushed_joints(model, body)
+        changes = self.low + (self.high - self.low) * reset.rng.uniform(0.0, 1.0, 6)
+        joint, *others = _pushed_joints(model, self.body)
         if joint.type == "slide":
             for slide in (joint, *others):
-                axis = matrices(np.asarray(model.body(body).quat)) @ slide.axis
+                axis = matrices(np.asarray(model.body(self.body).quat)) @ slide.axis
                 reset.qvel[:, slide.dofadr] += changes[:, :3] @ axis
             return
         at, place = joint.dofadr, joint.qposadr
         reset.qvel[:, at : at + 3] += changes[:, :3]
-        if low[3:].any() or high[3:].any():
+        if self.low[3:].any() or self.high[3:].any():
             # Angular velocities of a free joint are in the frame of the body.
             turned = np.einsum("ni,nij->nj", changes[:, 3:], matrices(reset.qpos[:, place + 3 : place + 7]))
             reset.qvel[:, at + 3 : at + 6] += turned
 
-    return pushes
 
-
+@cache_per_model
 def _pushed_joints(model: Model, body: str) -> list[Any]:
     """Free joint of a body, or slides of a child of the world; a ValueError for another body."""
     owner = model.body(body)
@@ -270,7 +286,9 @@ class Events:
 
 
 def _parts(model: Model, event: Event, where: str) -> list[list[Part]]:
-    """Selected numbers of an event: for each selector a list with one `Part` per field; none for a function."""
+    """Selected numbers of an event: for each selector a list with one `Part` per field; none for a function, whose body is checked."""
+    if isinstance(event.target, _Push):
+        _pushed_joints(model, event.target.body)
     if callable(event.target):
         return []
     texts = [event.target] if isinstance(event.target, str) else list(event.target)

@@ -91,10 +91,10 @@ class Observation:
 
     def quantity(self, now: TaskView) -> Array:
         """Returns the quantity that this row observes, (num_envs, ...), in its unit, without columns and errors."""
-        value: Array = (self.func or self.function(now.task))(now)
+        value: Array = (self.func or self._function(now.task))(now)
         return value
 
-    def function(self, task: Any) -> Callable[[Any], Array]:
+    def _function(self, task: Any) -> Callable[[Any], Array]:
         """Returns the function of a `TaskView` that computes the quantity: `func`, or that which the name stands for in a task."""
         if self.func is not None:
             return self.func

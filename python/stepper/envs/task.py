@@ -71,8 +71,6 @@ class TaskView(BatchView):
             environments that were just reset, and None for tasks without a position.
     """
 
-    sim: Stepper
-    velocity: Any = None
     _flags: Array | None = None
     _expired = False
     _revision: Array | None = None
@@ -81,14 +79,13 @@ class TaskView(BatchView):
         self.sim, self.task, self.dt, self.model, self.num_envs, self._revision_of = parts[:6]
         self.default_qpos, self.episode_state, self._terms, self._streams = parts[6:]
         self.action, self.previous_action = action, previous_action
+        self.velocity: Any = None
         self.reward_terms: Terms = {}
         self._values: dict[str, Any] = {}
 
-    def forget(self, envs: Array | None = None) -> None:
-        """Drops the stored values, so that quantities are read again, and flags of environments `envs`, indices (n,), that were reset."""
+    def forget(self) -> None:
+        """Drops the stored values, so that quantities are read again."""
         self._revision, self._values = None, {}
-        if envs is not None and self._flags is not None:
-            self._flags = with_zero_rows(self._flags, envs)
 
     def stored(self) -> dict[str, Any]:
         """Returns stored values by name: of the stepper's present state, or of the last state that an ended view has read."""

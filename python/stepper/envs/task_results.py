@@ -169,8 +169,8 @@ def _table_of(task: Task, given: Any, now: TaskView) -> Table:
                 "Observation('name', func=...)"
             )
         at = rows[-1][1].stop if rows else 0
-        row = replace(row, func=row.function(task))
-        rows.append((row, slice(at, at + row.history * _width(task, row, now))))
+        resolved = replace(row, func=row._function(task))
+        rows.append((resolved, slice(at, at + row.history * _width(task, resolved, now))))
     return rows
 
 

@@ -291,8 +291,10 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
 def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
     """Info dict of a vector environment: each array of `terms`, with zeros outside the mask (num_envs,), and the mask as "_name"."""
     infos: dict[str, Any] = {}
-    count, mask = np.count_nonzero(mask) if terms else 0, mask.copy()
-    for name, term in terms.items() if count else ():
+    if not terms or not (count := np.count_nonzero(mask)):
+        return infos
+    mask = mask.copy()
+    for name, term in terms.items():
         infos[name], infos[f"_{name}"] = np.array(term), mask
         if count < len(mask):
             infos[name][~mask] = np.zeros((), dtype=term.dtype)

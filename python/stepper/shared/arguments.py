@@ -72,6 +72,15 @@ def check_pair(name: str, value: Any, *, meaning: str) -> None:
         raise TypeError(f"{name} is {value!r}, must be two numbers, {meaning}")
 
 
+def check_range(name: str, value: Any, *, above: float = -math.inf) -> None:
+    """Raises an error unless a value is two finite numbers above a bound, the lower one first; `name` is the name of the argument."""
+    check_pair(name, value, meaning="the lower one first")
+    for number in value:
+        check_number(name, number, above=above)
+    if value[0] > value[1]:
+        raise ValueError(f"{name} is {value!r}, must have the lower number first")
+
+
 def check_fields(owner: Any) -> None:
     """Raises TypeError if a field that is annotated as int, float, bool or two numbers has another type, except an array."""
     for field in fields(owner):

@@ -137,7 +137,7 @@ class Pusher(MujocoTask):
 
 @per_moment
 def _positions(now: TaskView) -> Array:
-    """Positions of fingertips, cylinder and goal before the last time step, (num_envs, 3, 3), m; present ones after reset or `set_state`."""
+    """Positions of `_OBSERVED` before the last time step, (num_envs, 3, 3), m; their present positions after a reset or `set_state`."""
     positions: Array = now.episode_state["positions"]
     has_changed = now.episode_state["qpos"] != now.qpos
     if np.count_nonzero(has_changed):

@@ -29,7 +29,7 @@ Array = NDArray[Any]
 _READ = {
     **{name: name for name in ("qpos", "qvel", "act", "ctrl", "xpos", "xquat", "site_xpos", "geom_xpos", "subtree_com", "xipos", "cinert")},
     **{name: name for name in ("cvel", "cfrc_ext", "qacc", "actuator_force", "qfrc_actuator", "qfrc_constraint", "sensordata")},
-    "sensordata_ideal": "sensordata",
+    **{"sensordata_ideal": "sensordata", "closed_eq_data": "time"},  # A `TaskView` reads the second one to detect changes alone.
 }
 """Attributes of `Stepper` that `MujocoSim` reads from MuJoCo's data, each with the name of the corresponding field of MuJoCo."""
 _DERIVED = {"body_mass", "body_inertia", "body_ipos", "dof_armature"}

@@ -15,7 +15,7 @@ from stepper._options import Options, Precision, precision_of
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.envs.observations import RowMemory
-from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, view_parts, with_zero_rows
+from stepper.envs.task import Array, Contact, Reset, Task, TaskView, Terms, revision_of, with_zero_rows
 from stepper.envs.task_results import (
     POLICY,
     EpisodeState,
@@ -57,7 +57,7 @@ class ObservationGroups:
     def __init__(self, task: Task, now: TaskView, streams: Streams, dtype: np.dtype[Any], *, all_groups: bool):
         self._streams, self._dtype, self._all = streams, dtype, all_groups
         self._num_envs = len(now.action)
-        self._tables = self._read_tables(task, now)
+        self.reattach(task, now)
         self._shapes = {name: (self._num_envs, table[-1][1].stop) for name, table in self._tables.items()}
         boxes: dict[str, Any] = {name: Box(-np.inf, np.inf, shape[1:], dtype=dtype.type) for name, shape in self._shapes.items()}
         self.space: Any = Dict(boxes) if all_groups else boxes[POLICY]
@@ -70,14 +70,10 @@ class ObservationGroups:
             if row.bias or row.frames > 1
         }
 
-    def _read_tables(self, task: Task, now: TaskView) -> dict[str, Table]:
-        """Tables of the groups that observations have, by name."""
-        tables = tables_of(task, now)
-        return tables if self._all else {POLICY: tables[POLICY]}
-
     def reattach(self, task: Task, now: TaskView) -> None:
-        """Reads the tables of the task again after unpickling, because functions such as lambdas do not pickle."""
-        self._tables = self._read_tables(task, now)
+        """Reads the tables of the task, also after unpickling, because functions such as lambdas do not pickle."""
+        tables = tables_of(task, now)
+        self._tables = tables if self._all else {POLICY: tables[POLICY]}
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_tables"}
@@ -187,15 +183,13 @@ class Batch:
         self._episode_state = episode_state_of(task, num_envs, task.carried)
         self.terms = TaskTerms(task, self.sim, self.streams, self.dt, rewards)
         self._initial = {name: np.array(values) for name, values in self._episode_state.items()}
-        self._parts = view_parts(self.sim, task, self.dt, self._default_qpos, self._episode_state, self.terms, self.streams)
         self._seeded = np.ones(num_envs, dtype=bool)  # Environments whose seeds take effect at the next reset.
         low, high = bounds_of(task, model)
         if not len(low):
             _warn_without_actions(task, model)
-        self._actions = len(low)
+        self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
         self.clear_last_step()
         self.observations = ObservationGroups(task, self._now, self.streams, dtype, all_groups=groups)
-        self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
     @property
     def now(self) -> TaskView:
@@ -204,7 +198,9 @@ class Batch:
 
     def clear_last_step(self) -> None:
         """Replaces the view `now` of all environments by one in which actions and `velocity` are zero, as before the first step."""
-        none = np.zeros((self.num_envs, self._actions))
+        shared = (self._default_qpos, self._episode_state, self.terms, self.streams)
+        self._parts = (self.sim, self.task, self.dt, self.sim.model, self.num_envs, revision_of(self.sim.model), *shared)
+        none = np.zeros((self.num_envs, *self.action_space.shape))
         self._now = TaskView(self._parts, none, none)
         position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)
@@ -341,10 +337,7 @@ class Batch:
         return reward, terminated, truncated, terms
 
     def _advance(self, action: Array, envs: Array | None) -> Array | None:
-        """Steps the simulation by actions, (num_envs, n). Returns `Task.position` before these steps.
-
-        `envs` are environments that are reset in this step, indices (n,); None means no environment.
-        """
+        """Steps the simulation by actions, (num_envs, n), and returns `Task.position` before that. `envs` (n,) are reset in this step."""
         last = self._now
         now = TaskView(self._parts, action, last.action if envs is None else with_zero_rows(last.action, envs))
         before = self.task.position(now)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -111,38 +112,31 @@ def push(
         yaw: The same about z, rad/s.
 
     Raises:
-        TypeError, ValueError: A range is not two finite numbers, the lower one first. An environment with the event raises KeyError for an
-            unknown body, and ValueError for a body without such joints.
+        TypeError, ValueError: A range is not two finite numbers, the lower one first. Environments raise KeyError for an unknown body.
     """
     ranges = {"x": x, "y": y, "z": z, "roll": roll, "pitch": pitch, "yaw": yaw}
     for name, ends in ranges.items():
         check_range(f"{name} of push", ends)
-    return _Push(body, *np.array(list(ranges.values()), dtype=np.float64).T)
+    low, high = np.array([*ranges.values()], dtype=np.float64).T
+    return partial(_push, body=body, low=low, high=high)
 
 
-@dataclass(frozen=True, eq=False)
-class _Push:
-    """Function that `push` returns, with the lowest and highest changes of the velocities, (6,) each, m/s and rad/s."""
-
-    body: str
-    low: Array
-    high: Array
-
-    def __call__(self, reset: Reset) -> None:
-        model = reset.sim.model
-        changes = self.low + (self.high - self.low) * reset.rng.uniform(0.0, 1.0, 6)
-        joint, *others = _pushed_joints(model, self.body)
-        if joint.type == "slide":
-            for slide in (joint, *others):
-                axis = matrices(np.asarray(model.body(self.body).quat)) @ slide.axis
-                reset.qvel[:, slide.dofadr] += changes[:, :3] @ axis
-            return
-        at, place = joint.dofadr, joint.qposadr
-        reset.qvel[:, at : at + 3] += changes[:, :3]
-        if self.low[3:].any() or self.high[3:].any():
-            # Angular velocities of a free joint are in the frame of the body.
-            turned = np.einsum("ni,nij->nj", changes[:, 3:], matrices(reset.qpos[:, place + 3 : place + 7]))
-            reset.qvel[:, at + 3 : at + 6] += turned
+def _push(reset: Reset, *, body: str, low: Array, high: Array) -> None:
+    """Changes the velocity of a body by random amounts from `low` to `high`, (6,) each, m/s and rad/s."""
+    model = reset.sim.model
+    changes = low + (high - low) * reset.rng.uniform(0.0, 1.0, 6)
+    joint, *others = _pushed_joints(model, body)
+    if joint.type == "slide":
+        for slide in (joint, *others):
+            axis = matrices(np.asarray(model.body(body).quat)) @ slide.axis
+            reset.qvel[:, slide.dofadr] += changes[:, :3] @ axis
+        return
+    at, place = joint.dofadr, joint.qposadr
+    reset.qvel[:, at : at + 3] += changes[:, :3]
+    if low[3:].any() or high[3:].any():
+        # Angular velocities of a free joint are in the frame of the body.
+        turned = np.einsum("ni,nij->nj", changes[:, 3:], matrices(reset.qpos[:, place + 3 : place + 7]))
+        reset.qvel[:, at + 3 : at + 6] += turned
 
 
 @cache_per_model
@@ -175,9 +169,8 @@ class Events:
         where = f"{task}.events"
         self._events = [(event, _parts(sim.model, event, where)) for event in events]
         _check_conflicts(self._events, where)
-        # Values of the model, (...), and of the environments, (num_envs, n), of each parameter.
-        self._own: dict[str, Array] = {}
-        self._current: dict[str, Array] = {}
+        self._own: dict[str, Array] = {}  # Values of the model by parameter, (...).
+        self._current: dict[str, Array] = {}  # Values of the environments by parameter, (num_envs, n).
         present = sim.randomized if self._events else {}
         for field in dict.fromkeys(part.field for _, selected in self._events for parts in selected for part in parts):
             own = np.asarray(getattr(sim.model, field), np.float64)
@@ -226,18 +219,14 @@ class Events:
                 chosen.append((event, parts, rows))
         self._fire(chosen, reset, rng)
 
-    def advance(self, start: Callable[[Array], Reset], fork: Callable[[], Any], begins: Array | None) -> bool:
+    def advance(self, start: Callable[[Array], Reset], fork: Callable[[], Any], begins: Array | None) -> None:
         """Counts down the times of the intervals, and makes the events that are due.
 
         Args:
             start: Function of the indices of environments that returns a `Reset` with their present state.
             fork: Function that returns streams of random numbers for these events.
             begins: Environments that are reset in this step, (num_envs,) bool; None means no environment.
-
-        Returns:
-            Whether there was an event.
         """
-        fired = False
         for k in self._intervals:
             left = self.left[str(k)]
             left -= 1
@@ -250,8 +239,6 @@ class Events:
                     self._wait(k, envs, rng)
                     self._fire([(event, parts, np.ones(len(envs), dtype=bool))], reset, rng)
                     reset.apply_state()
-                    fired = True
-        return fired
 
     def _wait(self, k: int, envs: Array, rng: Rng) -> None:
         """Draws the number of actions until the next event of an interval, event number `k`."""
@@ -287,8 +274,8 @@ class Events:
 
 def _parts(model: Model, event: Event, where: str) -> list[list[Part]]:
     """Selected numbers of an event: for each selector a list with one `Part` per field; none for a function, whose body is checked."""
-    if isinstance(event.target, _Push):
-        _pushed_joints(model, event.target.body)
+    if isinstance(event.target, partial) and event.target.func is _push:
+        _pushed_joints(model, event.target.keywords["body"])
     if callable(event.target):
         return []
     texts = [event.target] if isinstance(event.target, str) else list(event.target)

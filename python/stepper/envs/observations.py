@@ -95,9 +95,7 @@ class Observation:
         return value
 
     def _function(self, task: Any) -> Callable[[Any], Array]:
-        """Returns the function of a `TaskView` that computes the quantity: `func`, or that which the name stands for in a task."""
-        if self.func is not None:
-            return self.func
+        """Function of a `TaskView` for the quantity that the name stands for in a task: a command, a parameter or another quantity."""
         if self.name in task.commands:
             return methodcaller("command", self.name)
         is_parameter = self.name.partition("[")[0].strip() in _PARAMETERS

@@ -124,13 +124,13 @@ def site_linvel(now: BatchView, sites: Sequence[str]) -> Array:
         now: View of the batch.
         sites: Names of the n sites.
     """
-    rows, bodies = _sites(now.model, tuple(sites))
+    rows, bodies = sites_of(now.model, tuple(sites))
     rates: Array = now.body_linvel[:, bodies] + np.cross(now.body_angvel[:, bodies], now.site_xpos[:, rows] - now.xpos[:, bodies])
     return rates
 
 
 @cache_per_model
-def _sites(model: Model, names: tuple[str, ...]) -> tuple[list[int], list[int]]:
+def sites_of(model: Model, names: tuple[str, ...]) -> tuple[list[int], list[int]]:
     """Indices of sites by name, and of the bodies to which they belong."""
     sites = [model.site(name) for name in names]
     return [site.id for site in sites], [site.bodyid for site in sites]

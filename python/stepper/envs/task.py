@@ -39,12 +39,12 @@ _OWN = (
 """Names of the attributes of a `TaskView` that are pickled. Other attributes are quantities, which can be read from the stepper again."""
 
 
-_REVISIONS = attrgetter("actuator_force"), attrgetter("closed_eq_data")
-"""Functions that return an array of a stepper, for models with and without equalities.
+def revision_of(model: Model) -> Callable[[Stepper], Array]:
+    """Function of a stepper that returns an array, which is a new one after each change of state, parameters, controls or applied forces.
 
-The stepper replaces the array by a new one whenever its state, parameters, controls or applied forces change. Of all such arrays, these are
-the cheapest: without equalities, the second one is empty.
-"""
+    Of all such arrays it is the cheapest: empty for a model without equalities.
+    """
+    return attrgetter("actuator_force" if len(model.eq_active0) else "closed_eq_data")
 
 
 class TaskView(BatchView):
@@ -188,11 +188,6 @@ class TaskView(BatchView):
     def __getstate__(self) -> dict[str, Any]:
         # Other quantities can be read from the stepper again.
         return {name: getattr(self, name) for name in _OWN} | {"_revision": None, "_values": {}}
-
-
-def view_parts(sim: Stepper, task: Any, dt: float, *parts: Any) -> tuple[Any, ...]:
-    """Attributes that all views of a batch share. `parts` are `default_qpos`, `episode_state`, terms of the task and random streams."""
-    return (sim, task, dt, sim.model, sim.num_envs or 1, _REVISIONS[len(sim.model.eq_active0) == 0], *parts)
 
 
 def _quantity(name: str) -> property:

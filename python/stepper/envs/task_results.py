@@ -169,7 +169,7 @@ def _table_of(task: Task, given: Any, now: TaskView) -> Table:
                 "Observation('name', func=...)"
             )
         at = rows[-1][1].stop if rows else 0
-        resolved = replace(row, func=row._function(task))
+        resolved = replace(row, func=row.func or row._function(task))
         rows.append((resolved, slice(at, at + row.history * _width(task, resolved, now))))
     return rows
 

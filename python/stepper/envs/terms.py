@@ -77,17 +77,11 @@ class TaskTerms:
                 seconds = rng.uniform(*command.every, 1)[:, 0]
                 self._left[name][envs] = np.maximum(1, np.round(seconds / self._dt)).astype(np.int64)
 
-    def make_events(self, sim: Stepper, begins: Array | None) -> bool:
-        """Makes the events that are due before an action, and returns whether there was one.
-
-        Args:
-            sim: The stepper.
-            begins: Environments that are reset in this step, (num_envs,) bool; None means no environment.
-        """
-        if not self.events.left:
-            return False
-        present = lambda envs: Reset(sim, envs, {}, Rng(self._streams, envs), present=True)  # noqa: E731
-        return self.events.advance(present, lambda: self._streams.fork("interval"), begins)
+    def make_events(self, sim: Stepper, begins: Array | None) -> None:
+        """Makes the events that are due before an action. `begins` are environments that are reset in this step, (num_envs,), or None."""
+        if self.events.left:
+            present = lambda envs: Reset(sim, envs, {}, Rng(self._streams, envs), present=True)  # noqa: E731
+            self.events.advance(present, lambda: self._streams.fork("interval"), begins)
 
     def redraw_commands(self, over: Array, begins: Array | None) -> bool:
         """Draws commands whose time is over again, and returns whether there was one.

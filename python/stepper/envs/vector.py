@@ -163,7 +163,7 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
         """
         self._check_open("reset")
         mask = self._begins(options, envs)
-        if seed is not None and _are_indices(envs) and not isinstance(seed, int | np.integer):
+        if seed is not None and not isinstance(seed, int | np.integer) and envs is not None and np.asarray(envs).dtype != np.bool_:
             seed = _scattered(list(seed), np.array(selected(envs, self.num_envs)), self.num_envs)
         seeds = seeds_of(seed, self.num_envs)
         if not self._begun and not mask.all():
@@ -210,7 +210,7 @@ class StepperVectorEnv(Environment, VectorEnv[Array, Array, Array]):
         infos: dict[str, Any] = {}
         if begins is not None:
             self._since[begins] = time.perf_counter()
-        self._over, self._any_over = over, np.count_nonzero(over) > 0
+        self._over, self._any_over = over, bool(np.count_nonzero(over))
         if self._any_over and self._statistics:
             infos = self._episodes(over)
         if self._any_over and self.autoreset_mode == AutoresetMode.SAME_STEP:
@@ -323,11 +323,6 @@ def _mask_of(envs: ArrayLike | None, num_envs: int) -> Array:
     mask = np.zeros(num_envs, dtype=bool)
     mask[selected(envs, num_envs)] = True
     return mask
-
-
-def _are_indices(envs: ArrayLike | None) -> bool:
-    """Whether the argument `envs` contains indices of environments, and not a boolean mask (or None)."""
-    return envs is not None and np.asarray(envs).dtype != np.bool_
 
 
 def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int | None]:

@@ -11,7 +11,7 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import cache_per_model
 from stepper.envs.contacts import contact_forces
-from stepper.envs.quantities import base_angvel, base_linvel, gravity, heading, in_base, joint_pos, site_linvel
+from stepper.envs.quantities import base_angvel, base_linvel, gravity, heading, in_base, joint_pos, site_linvel, sites_of
 from stepper.envs.task import Array, TaskView, square_sum
 from stepper.shared.view import per_moment
 
@@ -207,7 +207,7 @@ def ground_normal(now: TaskView) -> Array:
 @per_moment
 def foot_heights(now: TaskView) -> Array:
     """Heights of the feet's sites above the ground: (num_envs, nfeet) m."""
-    places = now.site_xpos[:, _sites(now.sim.model, tuple(now.task.FEET))]
+    places = now.site_xpos[:, sites_of(now.model, tuple(now.task.FEET))[0]]
     heights: Array = places[..., 2] - now.task.ground_height(places[..., :2])
     return heights
 
@@ -234,12 +234,6 @@ def action_scale(model: Model) -> Array:
     """Change of a servo's set point by an action of 1: (nu,) rad. It gives a quarter of the largest torque, as in mjlab."""
     scale: Array = model.actuator_forcerange[:, 1] / (4.0 * model.actuator_gainprm[:, 0])
     return scale
-
-
-@cache_per_model
-def _sites(model: Model, names: tuple[str, ...]) -> list[int]:
-    """Indices of the sites `names` of a model, in the same order."""
-    return [model.site(name).id for name in names]
 
 
 @cache_per_model

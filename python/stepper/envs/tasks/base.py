@@ -16,8 +16,7 @@ class NoisyTask(MujocoTask):
 
     def reset(self, reset: Reset) -> None:
         """Initial states: the reference pose with uniform noise on positions, and uniform or normal noise on velocities."""
-        qpos, qvel, scale = reset.qpos, reset.qvel, self.reset_noise_scale
-        nq, nv = qpos.shape[1], 0 if self.normal_velocities else qvel.shape[1]
-        noise = reset.rng.uniform(-scale, scale, nq + nv)
-        qpos += noise[:, :nq]
-        qvel += noise[:, nq:] if nv else scale * reset.rng.normal(qvel.shape[1])
+        scale, nq, nv = self.reset_noise_scale, reset.qpos.shape[1], reset.qvel.shape[1]
+        noise = reset.rng.uniform(-scale, scale, nq if self.normal_velocities else nq + nv)
+        reset.qpos += noise[:, :nq]
+        reset.qvel += scale * reset.rng.normal(nv) if self.normal_velocities else noise[:, nq:]

@@ -70,8 +70,7 @@ def _bodies(model: Model, *names: str) -> Array:
     return np.array([model.body(name).id for name in names])
 
 
-_OBSERVED = ("tips_arm", "object", "goal")
-"""Names of the bodies of fingertips, cylinder and goal."""
+_OBSERVED = ("tips_arm", "object", "goal")  # Names of the bodies of fingertips, cylinder and goal.
 NEAREST = 0.17
 """Smallest initial distance of the cylinder from the goal, m."""
 
@@ -98,7 +97,9 @@ class Pusher(MujocoTask):
         return (
             Observation("qpos", columns=slice(0, 7)),
             Observation("qvel", columns=slice(0, 7)),
-            *(Observation(name, func=_positions, columns=slice(3 * k, 3 * k + 3), unit="m") for k, name in enumerate(_OBSERVED)),
+            Observation("tips_arm", func=lambda now: _positions(now)[:, 0], unit="m"),
+            Observation("object", func=lambda now: _positions(now)[:, 1], unit="m"),
+            Observation("goal", func=lambda now: _positions(now)[:, 2], unit="m"),
         )
 
     def episode_state(self, num_envs: int) -> Terms:

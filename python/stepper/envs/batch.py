@@ -341,8 +341,9 @@ class Batch:
         last = self._now
         now = TaskView(self._parts, action, last.action if envs is None else with_zero_rows(last.action, envs))
         before = self.task.position(now)
-        now.velocity = None if before is None else np.zeros(before.shape, before.dtype)
-        now.forget()
+        if before is not None:
+            now.velocity = np.zeros(before.shape, before.dtype)
+            now.forget()
         last._expire()
         self._now = now
         call_hook(self.task, "advance", now)

@@ -194,7 +194,7 @@ def rewards_of(task: Task, now: TaskView, num_envs: int) -> tuple[Array, Terms]:
     reward, terms = result if isinstance(result, tuple) and len(result) == 2 else (result, {})
     if type(terms) is not dict and not isinstance(terms, Mapping):
         raise wrong_result(task, "reward", result, f"rewards ({num_envs},), or two values: rewards, and a dictionary for the info dict")
-    return rows_of(task, "reward", reward, np.float64, num_envs), _checked(task, "reward", terms, num_envs)
+    return rows_of(task, "reward", reward, np.float64, num_envs), _checked(task, "reward", terms, num_envs) if terms else {}
 
 
 def position_of(task: Task, now: TaskView, num_envs: int) -> Array | None:
@@ -210,7 +210,7 @@ def infos_of(task: Task, now: TaskView, num_envs: int) -> Terms:
     infos: Any = task.info(now)
     if type(infos) is not dict and not isinstance(infos, Mapping):
         raise wrong_result(task, "info", infos, f"a dictionary of arrays ({num_envs}, ...) by name")
-    return _checked(task, "info", infos, num_envs)
+    return _checked(task, "info", infos, num_envs) if infos else {}
 
 
 def _checked(task: Task, method: str, terms: Mapping[str, Any], num_envs: int) -> Terms:
@@ -226,12 +226,11 @@ def _checked(task: Task, method: str, terms: Mapping[str, Any], num_envs: int) -
 
 def rows_of(task: Task, method: str, values: Any, dtype: Any, num_envs: int) -> Array:
     """Converts a result of the task's method `method` to a new array (num_envs,) of type `dtype`, float64 or bool."""
-    wrong: Any = values
     try:
         array = np.array(values, dtype=None if dtype is bool else dtype)
         if array.shape == (num_envs,) and (dtype is not bool or array.dtype.kind == "b"):
             return array
-        wrong = array if array.shape != (num_envs,) else array.dtype
+        values = array if array.shape != (num_envs,) else array.dtype
     except ValueError:  # Rows of different lengths, such as a tuple of an array and a dictionary.
         pass
-    raise wrong_result(task, method, wrong, f"an array ({num_envs},) of {np.dtype(dtype)}: one value for each environment")
+    raise wrong_result(task, method, values, f"an array ({num_envs},) of {np.dtype(dtype)}: one value for each environment")

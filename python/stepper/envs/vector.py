@@ -293,11 +293,11 @@ def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
     infos: dict[str, Any] = {}
     if not terms or not (count := np.count_nonzero(mask)):
         return infos
-    mask = mask.copy()
+    mask, others = mask.copy(), (~mask).nonzero()[0]
     for name, term in terms.items():
         infos[name], infos[f"_{name}"] = np.array(term), mask
         if count < len(mask):
-            infos[name][~mask] = np.zeros((), dtype=term.dtype)
+            infos[name][others] = np.zeros((), dtype=term.dtype)
     return infos
 
 

@@ -110,7 +110,7 @@ class Walker2d(_Runner):
     @per_moment
     def healthy(self, now: TaskView) -> Array:
         """Whether the height is within `healthy_z_range` and the angle within `healthy_angle_range`, (num_envs,) bool."""
-        healthy: Array = within(now.qpos[:, 1], self.healthy_z_range) & within(now.qpos[:, 2], self.healthy_angle_range)
+        healthy: Array = within((qpos := now.qpos)[:, 1], self.healthy_z_range) & within(qpos[:, 2], self.healthy_angle_range)
         return healthy
 
     def terminated(self, now: TaskView) -> Array | None:
@@ -126,7 +126,7 @@ class Walker2d(_Runner):
 
     def info(self, now: TaskView) -> Terms:
         """Info: position of the robot, m. The height is measured from the reference pose."""
-        return {"x_position": now.qpos[:, 0], "z_distance_from_origin": now.qpos[:, 1] - now.default_qpos[1]}
+        return {"x_position": (qpos := now.qpos)[:, 0], "z_distance_from_origin": qpos[:, 1] - now.default_qpos[1]}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,8 +151,8 @@ class Hopper(Walker2d):
         The height must be in `healthy_z_range`, and the torso's angle in `healthy_angle_range`. The torso's angle, all joint angles and all
         velocities must be in `healthy_state_range`.
         """
-        upright = within(now.qpos[:, 1], self.healthy_z_range) & within(now.qpos[:, 2], self.healthy_angle_range)
-        moderate = all_within(now.qpos[:, 2:], self.healthy_state_range) & all_within(now.qvel, self.healthy_state_range)
+        upright = within((qpos := now.qpos)[:, 1], self.healthy_z_range) & within(qpos[:, 2], self.healthy_angle_range)
+        moderate = all_within(qpos[:, 2:], self.healthy_state_range) & all_within(now.qvel, self.healthy_state_range)
         healthy: Array = upright & moderate
         return healthy
 

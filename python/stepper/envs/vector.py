@@ -293,10 +293,10 @@ def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
     infos: dict[str, Any] = {}
     if not terms or not (count := np.count_nonzero(mask)):
         return infos
-    mask, others = mask.copy(), (~mask).nonzero()[0]
+    mask, others = mask.copy(), () if count == len(mask) else (~mask).nonzero()[0]
     for name, term in terms.items():
         infos[name], infos[f"_{name}"] = np.array(term), mask
-        if count < len(mask):
+        if len(others):
             infos[name][others] = np.zeros((), dtype=term.dtype)
     return infos
 

@@ -424,3 +424,36 @@ def test_randomize_takes_random_values():
     assert (other.randomized["body_mass"][:, 1] != mass).all()
     with pytest.raises(TypeError, match=r"is random, must be numbers; sim\.randomize takes random values"):
         MODEL.replace({"body_mass[trunk]": stepper.uniform(1, 2)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ending(Task):
+    """Every action ends the episode of environment 1."""
+
+    frame_skip: int = 2
+
+    def model(self):
+        return stepper.load(CART)
+
+    def observations(self):
+        return (Observation("qpos"),)
+
+    def rewards(self):
+        return {"speed": Reward(lambda now: 1.0 + now.qvel[:, 0])}
+
+    def terminated(self, now):
+        return np.arange(now.num_envs) == 1
+
+    def info(self, now):
+        return {"term": now.reward_terms.get("speed", np.zeros(now.num_envs)), "flags": now.status}
+
+
+@pytest.mark.parametrize("mode", ["NEXT_STEP", "SAME_STEP"])
+def test_the_info_of_an_environment_does_not_depend_on_neighbours_that_end(mode):
+    several, alone = (StepperVectorEnv(Ending(), n, autoreset_mode=mode) for n in (2, 1))
+    for envs in (several, alone):
+        envs.reset(seed=0)
+    for _ in range(3):
+        (*_, found), (*_, wanted) = (envs.step(np.full((envs.num_envs, 1), 0.5)) for envs in (several, alone))
+        assert found["term"][0] == wanted["term"][0] > 0
+        assert found["flags"][0] == wanted["flags"][0]

@@ -86,7 +86,8 @@ def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order, joint
     body = BOX.format(h=0.004, more='contype="0" conaffinity="0"').replace(
         "</worldbody>",
         f"""<body pos="0 0 3"><joint axis="0 1 0" {joint}/><geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/>
-        <body pos="0 0 -.5"><joint axis="1 .5 0" {joint}/><geom type="capsule" size=".05" fromto="0 0 0 .4 0 0"/></body></body></worldbody>""",
+        <body pos="0 0 -.5"><joint axis="1 .5 0" {joint}/>
+        <geom type="capsule" size=".05" fromto="0 0 0 .4 0 0"/></body></body></worldbody>""",
     )
     model = stepper.load(body)
     qpos, qvel = model.qpos0 + np.eye(1, model.nq, 7)[0] * 0.7, np.array([1, 0.5, 2, 3, 1, 4, 1, -2.0])
@@ -104,7 +105,10 @@ def test_smooth_motion_has_one_order_more_than_the_rule(integrator, order, joint
 
 
 @given(
-    st.floats(0.01, 1000), st.sampled_from([0.0, 0.05, 1.0]), st.sampled_from(["midpoint", "implicit"]), st.sampled_from(["spring", "servo"])
+    st.floats(0.01, 1000),
+    st.sampled_from([0.0, 0.05, 1.0]),
+    st.sampled_from(["midpoint", "implicit"]),
+    st.sampled_from(["spring", "servo"]),
 )
 @settings(max_examples=40, deadline=None)
 def test_vibrations_of_springs_and_servos_do_not_grow(rate, ratio, integrator, kind):
@@ -125,6 +129,24 @@ def test_vibrations_of_springs_and_servos_do_not_grow(rate, ratio, integrator, k
         sim.step()
         assert abs(sim.qpos[0]) <= start * (1 + 1e-9)  # Rounding of 600 substeps.
         assert abs(sim.qvel[0]) <= start * rate / h * (1 + 1e-9)
+
+
+@given(st.sampled_from([1, 4, 10]), st.floats(1e-3, 1e3), st.sampled_from([0.0, 0.01]), st.sampled_from([None, 0.05, 1.0]))
+@settings(max_examples=40, deadline=None)
+def test_chains_with_dampers_gain_no_energy(links, rate, ratio, hub):
+    """The modes of a chain move less inertia than its joints. `rate` is the damping of a joint, times the time step by m l^2."""
+    h, body = 0.01, ""
+    for _ in range(links):
+        joint = f'<joint axis="0 1 0" damping="{rate / h}" stiffness="{ratio * rate / h}"/>'
+        body = f'<body pos="1 0 0">{joint}<inertial pos="1 0 0" mass="1" diaginertia=".01 .01 .01"/>{body}</body>'
+    free = "" if hub is None else f'<joint type="slide" axis="0 0 1"/><inertial pos="0 0 0" mass="{hub}" diaginertia="1 1 1"/>'
+    model = stepper.load(f'<mujoco><option timestep="{h}" gravity="0 0 0"/><worldbody><body>{free}{body}</body></worldbody></mujoco>')
+    qvel = 1e-6 * np.random.default_rng(0).normal(size=model.nv)
+    sim = simulate(model, error=E, qvel=qvel)
+    start = float(np.sum(sim.energy()))
+    for _ in range(100):
+        sim.step()
+        assert np.sum(sim.energy()) <= start * (1 + 1e-9)  # Rounding.
 
 
 def test_extrapolated_activations_stay_in_their_range():

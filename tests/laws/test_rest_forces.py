@@ -320,7 +320,7 @@ def slid(model: stepper.Model, velocity: tuple[float, ...]) -> tuple[np.ndarray,
 
 @pytest.mark.parametrize("velocity", [(0, 0, 0, 0, 0, 0), (0.5, 0.2, 0, 0, 0, 0)])
 def test_a_sole_of_many_capsules_moves_as_its_corners(velocity):
-    """Redundant contacts change no motion. A sole that spins is another case: mechanics does not determine how its contacts share friction."""
+    """Redundant contacts change no motion, unless a sole spins: mechanics does not determine how its contacts share friction."""
     whole, corners = slid(sole(range(CAPSULES)), velocity), slid(sole(range(0, CAPSULES, CAPSULES - 1)), velocity)
     assert (whole[2], corners[2]) == (2 * CAPSULES, 4)
     # Steps are solved to 1e-6 m/s, for half a second.

@@ -16,7 +16,8 @@ use crate::vectors::{Pose, V};
 /// Largest number of contact points of two convex shapes.
 pub const MAX_POINTS: usize = 8;
 
-/// Largest number of contact points of two facing polygons, and of touching points of a hull and a plane. Further points are dropped.
+/// Largest number of contact points at corners of two facing polygons, and of touching points of a hull and a plane. Further points are
+/// dropped.
 const KEPT: usize = 4;
 
 /// Distances that select the contact points of two shapes, m.
@@ -108,8 +109,8 @@ pub(super) const LEVEL: f64 = 0.5 * ALONG * ALONG;
 const ALONG: f64 = 1e-2;
 /// Difference of depths below which two contact points count as equally deep, relative to the size of the pair. The first of them is kept.
 const EQUAL_DEPTH: f64 = 1e-6;
-/// Identifier of a single contact point that is not a corner of an intersection of features. Examples are contacts of edges, corners or
-/// curved surfaces.
+/// Identifier of a contact point that is not a corner of an intersection of features. Examples are contacts of edges, corners or curved
+/// surfaces.
 pub(super) const UNNAMED: u32 = 0x7fff_ffff;
 /// Identity matrix.
 const IDENTITY: M3<f64> = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
@@ -140,12 +141,12 @@ impl Clipper {
         } else if !self.level_faces(pair, &axes, tilts, facing, reach, out) {
             self.lines(pair, &views, &axes, corners, reach, out);
         }
-        // A normal of a face replaces a direction that is better by rounding. The closest corner may then be outside the face by a little,
-        // and the point at which its edge is clipped farther away.
+        // The search prefers the normal of a face to directions that are better only by rounding. The closest corner can then be just beside
+        // the face. Its edge is clipped at the border of the face, at a point farther away.
         let [x, y] = found.points;
         let equal = EQUAL_DEPTH * pair.size;
-        let is_lost = is_flat && norm(sub(y, x)) <= found.separation + equal && out.deepest() > distance + equal;
-        if (out.points.is_empty() || is_lost) && distance <= reach.max_distance {
+        let misses_closest = is_flat && norm(sub(y, x)) <= found.separation + equal && out.deepest() > distance + equal;
+        if (out.points.is_empty() || misses_closest) && distance <= reach.max_distance {
             // Halfway between the surfaces, on the line through the middle of the closest points.
             let middle = scale(add(x, y), 0.5);
             let pos = add_scaled(middle, n, dot(n, pair.a.support_at(corners[0], n)) + pair.a.radius() + 0.5 * distance - dot(n, middle));

@@ -211,6 +211,8 @@ class Batch:
         last._expire()
         self._now = TaskView(self._parts, with_zero_rows(last.action, changed), with_zero_rows(last.previous_action, changed))
         self._now.velocity = None if last.velocity is None else with_zero_rows(last.velocity, changed)
+        self._now._flags = None if last._flags is None else with_zero_rows(last._flags, changed)
+        self._now.reward_terms = {name: with_zero_rows(values, changed) for name, values in last.reward_terms.items()}
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
         """Seeds the random number generators of some environments.
@@ -246,7 +248,6 @@ class Batch:
             running = ~self._seeded[envs]
             state[name][running] = self._episode_state[name][envs[running]]
         is_seeded = self._seeded[envs]
-        self._seeded[envs] = False
         episode_state = EpisodeState(type(self.task).__name__, state)
         reset = Reset(self.sim, envs, episode_state, Rng(self.streams, envs), default_qpos=self._default_qpos)
         self.terms.begin(reset, is_seeded)
@@ -255,6 +256,7 @@ class Batch:
         for name, rows in reset.episode_state.items():
             self._episode_state[name][envs] = rows
         reset.apply(self._noise_seeds[envs] if self._has_noise else None, is_seeded)
+        self._seeded[envs] = False
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
     def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array, envs: Array | None = None) -> None:
@@ -337,7 +339,7 @@ class Batch:
         return reward, terminated, truncated, terms
 
     def _advance(self, action: Array, envs: Array | None) -> Array | None:
-        """Steps the simulation by actions, (num_envs, n), and returns `Task.position` before that. `envs` (n,) are reset in this step."""
+        """Steps the simulation by actions, (num_envs, n), and returns `Task.position` before that. `envs` (n,) are reset afterwards."""
         last = self._now
         now = TaskView(self._parts, action, last.action if envs is None else with_zero_rows(last.action, envs))
         before = self.task.position(now)

@@ -112,7 +112,8 @@ def push(
         yaw: The same about z, rad/s.
 
     Raises:
-        TypeError, ValueError: A range is not two finite numbers, the lower one first. Environments raise KeyError for an unknown body.
+        TypeError, ValueError: A range is not two finite numbers, the lower one first. When they are made, environments raise KeyError for
+            an unknown body, and ValueError for a body without a free joint or slides.
     """
     ranges = {"x": x, "y": y, "z": z, "roll": roll, "pitch": pitch, "yaw": yaw}
     for name, ends in ranges.items():

@@ -81,7 +81,7 @@ impl<R: Real> AffineForce<R> {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EffectiveInertia<R> {
     /// Mobility: inverse of the inertia along the actuator's moment, 1/kg or 1/(kg m^2). Moment arms include the actuator's `gear`.
-    pub(crate) mobility: R,
+    pub(super) mobility: R,
     /// Rate at which joint damping slows the actuator down, 1/s: damping of the joint divided by its inertia.
     pub(super) damping_rate: R,
     /// Estimated change of the actuator's velocity by the constraint impulses of the last step. The estimate neglects the coupling of

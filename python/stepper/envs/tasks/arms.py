@@ -139,7 +139,7 @@ class Pusher(MujocoTask):
 @per_moment
 def _positions(now: TaskView) -> Array:
     """Positions of `_OBSERVED` before the last time step, (num_envs, 3, 3), m; their present positions after a reset or `set_state`."""
-    positions: Array = now.episode_state["positions"]
+    positions: Array = now.episode_state["positions"].copy()  # The next action overwrites the array.
     has_changed = now.episode_state["qpos"] != now.qpos
     if np.count_nonzero(has_changed):
         positions = np.where(has_changed.any(axis=1)[:, None, None], now.xpos.take(_bodies(now.model, *_OBSERVED), axis=1), positions)

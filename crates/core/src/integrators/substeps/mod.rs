@@ -270,13 +270,13 @@ impl<R: Real> Buffers<R> {
     }
 
     /// Notes the kinematic trees whose last part cannot be extrapolated, in the lanes `lanes`. Constraints acted on them, their motion was
-    /// too fast, they were evaluated at the beginning, or their vibrations would grow. An impact concerns all trees of its lane.
+    /// too fast, they were evaluated at the beginning, or their vibrations could grow. An impact concerns all trees of its lane.
     fn note_rough(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &Workspace<R>, lanes: R::Mask) {
         s.problem.add_constrained_trees(compiled, lanes, &mut self.rough);
         let Workspace { state, inputs, evaluation, free_motion, alive, .. } = s;
         let Substep { is_impact, .. } = evaluation.substep;
         let context = StepContext { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
-        add_vibrating_trees(context, free_motion, lanes.and_not(is_impact), &mut self.rough);
+        add_vibrating_trees(context, free_motion, lanes.and_not(is_impact), &mut self.rough, &mut self.separation);
         for (rough, &mechanism) in self.rough.iter_mut().zip(&compiled.mechanisms.of_tree) {
             let other = s.free_motion.unresolved[mechanism].or(s.evaluation.times.moved_lanes(mechanism)).or(is_impact);
             *rough = rough.or(other.and(lanes));

@@ -3,6 +3,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::affine_force::within;
+use crate::actuation::forces::ActuatorForces;
 use crate::compile::{DofParams, LaneModel};
 use crate::dynamics::kinematics::{displace, quat_at, select_into};
 use crate::integrators::evaluate::evaluation::Evaluation;
@@ -37,50 +38,91 @@ pub(super) fn separate<R: Real>(compiled: &LaneModel<R>, [from, to]: [&[R]; 2], 
     farthest
 }
 
-/// Largest squared product of the time step and the frequency of a spring or servo that is extrapolated. See [`add_vibrating_trees`].
+/// Largest sum of the squared products of time step and frequency of the vibrations of a tree that is extrapolated.
 const MAX_VIBRATION: f64 = 0.25;
 
-/// Smallest ratio of the squared damping to the stiffness of a spring or servo that is extrapolated, both made dimensionless by inertia and
-/// time step. The damping is a twentieth of the critical one.
+/// Largest sum of the products of time step and decay rate in a tree that is extrapolated. Mass includes the implicit terms of dampers.
+const MAX_DECAY: f64 = 1.5;
+
+/// Smallest ratio of the squared product of time step and decay rate to that of time step and frequency, of a spring or servo that is
+/// extrapolated. The ratio is 4 times the square of the damping ratio, which is then 0.05.
 const MIN_DAMPING: f64 = 0.01;
 
 /// Adds to `trees` the kinematic trees whose vibrations an extrapolation of the last part could excite, in the lanes `lanes`. These are
-/// trees with drag, and with springs or servos that are stiff for the part or hardly damped.
+/// trees in a fluid, and trees with springs, dampers or servos that are fast for the part, or vibrate with little damping. `arm` is a
+/// workspace, nv.
 ///
 /// With the implicit rule there are none: its extrapolation is L-stable (Hairer and Wanner, Solving Ordinary Differential Equations II,
 /// section IV.9). The extrapolated midpoint rule multiplies the amplitude of an undamped spring of frequency w by at most
-/// 1 + (h w)^6 / 1000 in a step of length h. The factor is below 1 for a damping of at least a hundredth of the critical one and h w of at
-/// most 2. The limits of this function are stricter, because joints can move less inertia together than alone. Euler's rule extrapolates no
-/// springs and dampers.
-pub(super) fn add_vibrating_trees<R: Real>(context: StepContext<'_, R>, free: &FreeMotion<R>, lanes: R::Mask, trees: &mut [R::Mask]) {
+/// 1 + (h w)^6 / 1000 in a step of length h. A damping ratio of 0.01 makes the factor less than 1 up to h w = 2. A damper multiplies the
+/// velocity by 1 - r, where r is the product of h and the decay rate with implicit terms. The extrapolation is stable up to r = 1.75. The
+/// sums over a tree are the traces of h^2 K / M and h D / M, which bound their eigenvalues. Euler's rule extrapolates no springs, dampers
+/// and servos.
+pub(super) fn add_vibrating_trees<R: Real>(
+    context: StepContext<'_, R>,
+    free: &FreeMotion<R>,
+    lanes: R::Mask,
+    trees: &mut [R::Mask],
+    arm: &mut [R],
+) {
     let StepContext { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, .. } } = context;
     if options.integrator == Integrator::Implicit {
         return;
     }
+    let FreeMotion { smooth, actuator_forces, .. } = free;
     kernel!(R, || {
-        let FreeMotion { smooth, actuator_forces, .. } = free;
-        let (h, is_midpoint) = (scheme.h, R::Mask::splat(scheme.in_the_middle));
-        let vibrates = |stiffness: R, damping: R| {
-            let (stiffness, damping) = (stiffness * h.square(), damping * h);
-            let is_small = stiffness.le(R::of(MAX_VIBRATION)).and(damping.square().ge(stiffness * R::of(MIN_DAMPING)));
-            lanes.and((stiffness + damping).gt(R::zero())).and_not(is_small.and(is_midpoint))
-        };
-        for (d, dof) in compiled.dofs.iter().enumerate() {
-            let (DofParams { damping, stiffness, .. }, mobility) = (compiled.params.dof(d), smooth.mass.inv_d[d]);
-            let drag = if compiled.fluid.is_empty() { R::Mask::splat(false) } else { lanes };
-            trees[dof.tree] = trees[dof.tree].or(vibrates(stiffness * mobility, damping * mobility)).or(drag);
-        }
-        for (servo, inertia) in compiled.servos.iter().zip(&actuator_forces.effective_inertias) {
-            let actuator = &compiled.actuators[servo.actuator];
-            let [stiffness, damping] = servo_stiffness_and_damping(compiled, &context.forces_at(&state.v), servo.actuator, actuator_forces);
-            let grows = vibrates(stiffness * inertia.mobility, inertia.rate(damping));
-            let variable = actuator.variable_moment.iter().flat_map(|moment| &moment.dofs).map(|&(dof, _)| dof);
-            for dof in actuator.moment.iter().map(|&(_, dof, _)| dof).chain(variable) {
-                let tree = compiled.dofs[dof].tree;
-                trees[tree] = trees[tree].or(grows);
+        for tree in 0..compiled.ntree {
+            let mut may_grow = R::Mask::splat(!compiled.fluid.is_empty());
+            let (mut vibration, mut decay) = (R::zero(), R::zero());
+            // Joints, then servos: coordinates with a stiffness, a damping and a moment.
+            for i in 0..compiled.nv + compiled.servos.len() {
+                arm.fill(R::zero());
+                let ([stiffness, damping], moves_tree) = if i < compiled.nv {
+                    arm[i] = R::one();
+                    let DofParams { damping, stiffness, .. } = compiled.params.dof(i);
+                    ([stiffness, damping], compiled.dofs[i].tree == tree)
+                } else {
+                    let actuator = compiled.servos[i - compiled.nv].actuator;
+                    let moves_tree = set_arms(compiled, actuator_forces, actuator, tree, arm);
+                    // At a bound of its force, a servo is neither stiff nor damped.
+                    (servo_stiffness_and_damping(compiled, &context.forces_at(&state.v), actuator, actuator_forces), moves_tree)
+                };
+                if !moves_tree || (stiffness + damping).gt(R::zero()).none() {
+                    continue;
+                }
+                smooth.mass.solve_lower_transposed(compiled, arm);
+                let mut mobility = R::zero();
+                for (&y, &inverse) in arm.iter().zip(&smooth.mass.inv_d) {
+                    mobility += y * y * inverse;
+                }
+                let (square, rate) = (stiffness * mobility * scheme.h.square(), damping * mobility * scheme.h);
+                (vibration, decay) = (vibration + square, decay + rate);
+                may_grow = may_grow.or(rate.square().lt(square * R::of(MIN_DAMPING)));
             }
+            let is_slow = vibration.le(R::of(MAX_VIBRATION)).and(decay.le(R::of(MAX_DECAY)));
+            let is_rigid = (vibration + decay).le(R::zero());
+            let extrapolates = is_rigid.or(is_slow.and(R::Mask::splat(scheme.in_the_middle))).and_not(may_grow);
+            trees[tree] = trees[tree].or(lanes.and_not(extrapolates));
         }
     });
+}
+
+/// Sets `arm`, nv, which is zero, to the moment of an actuator. Returns whether the actuator moves the kinematic tree `tree`.
+#[inline(always)]
+fn set_arms<R: Real>(compiled: &LaneModel<R>, forces: &ActuatorForces<R>, actuator: usize, tree: usize, arm: &mut [R]) -> bool {
+    let actuator = &compiled.actuators[actuator];
+    let mut moves_tree = false;
+    for &(_, dof, own) in &actuator.moment {
+        arm[dof] = R::splat(own);
+        moves_tree |= compiled.dofs[dof].tree == tree;
+    }
+    if let Some(moment) = &actuator.variable_moment {
+        for (&(dof, _), &own) in moment.dofs.iter().zip(&forces.arms[moment.arms..]) {
+            arm[dof] = own;
+            moves_tree |= compiled.dofs[dof].tree == tree;
+        }
+    }
+    moves_tree
 }
 
 /// Extrapolates velocity, configuration and activations after two halves of an interval, in the lanes `lanes`. `rough` has the lanes of

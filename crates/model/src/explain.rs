@@ -79,9 +79,9 @@ impl Model {
     }
 
     fn joint_kinds(&self) -> Vec<Line> {
-        let kinds = [(JointKind::Free, "free"), (JointKind::Ball, "ball"), (JointKind::Slide, "slide"), (JointKind::Hinge, "hinge")];
+        let kinds = [JointKind::Free, JointKind::Ball, JointKind::Slide, JointKind::Hinge];
         let count = |kind| self.joints.iter().filter(|j| j.kind == kind).count();
-        kinds.map(|(kind, name)| Line::new(count(kind), format!("{name} joints"), format!("{name} joints"))).to_vec()
+        kinds.map(|kind| Line::new(count(kind), format!("{} joints", kind.name()), format!("{} joints", kind.name()))).to_vec()
     }
 
     fn collision(&self) -> Vec<Line> {

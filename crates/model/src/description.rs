@@ -489,6 +489,15 @@ impl Description {
             _ => self.geom_label(i),
         }
     }
+    /// Index of the mesh to which the shape refers. It is `None` for shapes that are no mesh, and if the description has no mesh of that
+    /// name.
+    pub(super) fn mesh_index(&self, shape: &Shape) -> Option<usize> {
+        match shape {
+            Shape::Mesh { asset, .. } => self.meshes.iter().position(|m| m.name == *asset),
+            _ => None,
+        }
+    }
+
     /// Mesh to which the shape refers. It is `None` for shapes that are no mesh, and if the description has no mesh of that name.
     pub fn mesh_of(&self, shape: &Shape) -> Option<&Mesh> {
         Some(&self.meshes[self.mesh_index(shape)?])

@@ -41,6 +41,10 @@ pub(crate) enum Verdict {
 }
 
 impl Verdict {
+    pub(super) const fn collides(self) -> bool {
+        matches!(self, Self::Collides | Self::Explicit)
+    }
+
     pub(super) const fn why(self) -> &'static str {
         match self {
             Self::Collides => "can collide",

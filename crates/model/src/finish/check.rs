@@ -215,7 +215,7 @@ fn joints(model: &Description) -> Checked {
 fn geoms(model: &Description) -> Checked {
     for (at, geom) in elements("geom", &model.geoms, |geom| &geom.name) {
         match geom.shape {
-            Shape::Plane | Shape::HeightField { .. } => {}
+            Shape::Plane | Shape::HeightField { .. } | Shape::Mesh { .. } => {}
             Shape::Sphere { radius } => at.positive("radius", &[radius], " m")?,
             Shape::Capsule { radius, half_length } => {
                 at.positive("radius", &[radius], " m")?;
@@ -227,7 +227,6 @@ fn geoms(model: &Description) -> Checked {
             }
             Shape::Ellipsoid { radii } => at.positive("semi-axis", &radii, " m")?,
             Shape::Box { half } => at.positive("half size", &half, " m")?,
-            Shape::Mesh { .. } => {}
         }
         at.finite("pos", &geom.pos)?;
         at.finite("surface velocity", &geom.surface_velocity)?;
@@ -249,9 +248,7 @@ fn geoms(model: &Description) -> Checked {
 fn pairs(model: &Description) -> Checked {
     for (at, pair) in elements("pair", &model.pairs, |pair| &pair.name) {
         pair.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
-        if pair.geoms[0] == pair.geoms[1] {
-            return at.fail(format!("both elements are geom {:?}", model.geom_label(pair.geoms[0])), "name two geoms");
-        }
+        at.distinct("geom", pair.geoms, |geom| model.geom_label(geom), "name two geoms")?;
         at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
         at.spring(pair.spring)?;
         at.softness(&pair.softness)?;
@@ -338,15 +335,13 @@ fn equalities(model: &Description) -> Checked {
         match &equality.kind {
             EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. } => {
                 bodies.iter().try_for_each(|&b| at.index("body", b, model.bodies.len()))?;
-                if bodies[0] == bodies[1] {
-                    return at.fail(format!("both elements are body {:?}", model.body_label(bodies[0])), "name two bodies");
-                }
+                at.distinct("body", *bodies, |body| model.body_label(body), "name two bodies")?;
             }
             &EqualityKind::Joint { joint, other, .. } => {
                 at.scalar_joint(model, joint)?;
-                other.map_or(Ok(()), |j| at.scalar_joint(model, j))?;
-                if other == Some(joint) {
-                    return at.fail(format!("both elements are joint {:?}", model.joint_label(joint)), "name two joints, or one");
+                if let Some(other) = other {
+                    at.scalar_joint(model, other)?;
+                    at.distinct("joint", [joint, other], |joint| model.joint_label(joint), "name two joints, or one")?;
                 }
             }
             &EqualityKind::Tendon { tendon, other, .. } => {

@@ -70,6 +70,11 @@ impl Element {
         self.fail_if(index >= count, format_args!("refers to {what} {index} of {count}"), remedy)
     }
 
+    /// Checks that the indices of two elements of the kind `kind` differ. `label` returns the label of such an element.
+    pub(crate) fn distinct(&self, kind: &str, [a, b]: [usize; 2], label: impl Fn(usize) -> String, remedy: &str) -> Checked {
+        if a == b { self.fail(format!("both elements are {kind} {:?}", label(a)), remedy) } else { Ok(()) }
+    }
+
     pub(crate) fn length(&self, what: &str, x: &[f64], expected: usize, sum: &str) -> Checked {
         if x.len() == expected {
             return self.finite(what, x);
@@ -80,13 +85,12 @@ impl Element {
     /// Checks that the joint with index `joint` is a hinge or slide.
     pub(crate) fn scalar_joint(&self, model: &Description, joint: usize) -> Checked {
         self.index("joint", joint, model.joints.len())?;
-        match model.joints[joint].kind {
-            JointKind::Slide | JointKind::Hinge => Ok(()),
-            kind => {
-                let what = format!("refers to joint {:?}, a {} joint", model.joint_label(joint), kind.name());
-                self.fail(what, "refer to a hinge or slide")
-            }
+        let kind = model.joints[joint].kind;
+        if matches!(kind, JointKind::Slide | JointKind::Hinge) {
+            return Ok(());
         }
+        let what = format!("refers to joint {:?}, a {} joint", model.joint_label(joint), kind.name());
+        self.fail(what, "refer to a hinge or slide")
     }
 
     /// Checks a softness in MuJoCo's contact law.

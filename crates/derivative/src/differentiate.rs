@@ -32,9 +32,9 @@ pub fn differentiate(sim: &mut Simulation, ctrl: &[f64], query: &DerivativeQuery
     check_length("offsets", query.offsets.len(), n * query.points * columns)?;
     check_length("slopes", rows.slopes.len(), n * (2 * nv + na) * columns)?;
     check_length("causes", rows.causes.len(), n * columns)?;
-    for (name, found) in [("distance", rows.distance.len()), ("sound", rows.sound.len()), ("residual", rows.residual.len())] {
-        check_length(name, found, n)?;
-    }
+    check_length("distance", rows.distance.len(), n)?;
+    check_length("sound", rows.sound.len(), n)?;
+    check_length("residual", rows.residual.len(), n)?;
     check_length("status", rows.status.len(), n)?;
     for (state, width) in rows.state.iter().zip([nq, nv, na]) {
         check_length("state", state.len(), n * width)?;

@@ -165,8 +165,7 @@ fn edges(options: &StepSettings) -> Vec<f64> {
     let StepSettings { stabilization, baumgarte, slop, .. } = *options;
     match stabilization {
         Stabilization::Baumgarte if baumgarte == 1.0 && slop == 0.0 => vec![],
-        Stabilization::None => vec![0.0],
-        _ if slop == 0.0 => vec![0.0],
-        _ => vec![0.0, -slop],
+        Stabilization::Baumgarte | Stabilization::Split if slop != 0.0 => vec![0.0, -slop],
+        _ => vec![0.0],
     }
 }

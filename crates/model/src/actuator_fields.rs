@@ -61,9 +61,7 @@ impl Actuator {
         };
         (factors, if bias == BiasType::Affine { self.bias } else { ZERO })
     }
-}
 
-impl Actuator {
     /// Values of this actuator in the field `actuator_gear`. For an actuator on a site, the values are force and torque per unit of
     /// actuator force. For other transmissions, the first value scales length, velocity and force, and the other values are 0.
     pub fn gear_row(&self) -> [f64; GEAR] {

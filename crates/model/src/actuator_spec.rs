@@ -209,35 +209,31 @@ impl ActuatorSpec {
     }
 
     fn check(&self, num_envs: usize, h: f64) -> Result<(), DeviceError> {
+        use Range::*;
         let mut lists: Vec<(&'static str, &[f64], Range)> = vec![
-            ("delay", &self.delay, Range::FiniteAtLeastZero),
-            ("delay_steps", &self.delay_steps, Range::FiniteAtLeastZero),
-            ("lag", &self.lag, Range::FiniteAtLeastZero),
-            ("limits", &self.low, Range::Any),
-            ("limits", &self.high, Range::Any),
-            ("friction", &self.friction, Range::FiniteAtLeastZero),
-            ("stribeck_friction", &self.stribeck_friction, Range::FiniteAtLeastZero),
-            ("stribeck_velocity", &self.stribeck_velocity, Range::FiniteAtLeastZero),
+            ("delay", &self.delay, FiniteAtLeastZero),
+            ("delay_steps", &self.delay_steps, FiniteAtLeastZero),
+            ("lag", &self.lag, FiniteAtLeastZero),
+            ("limits", &self.low, Any),
+            ("limits", &self.high, Any),
+            ("friction", &self.friction, FiniteAtLeastZero),
+            ("stribeck_friction", &self.stribeck_friction, FiniteAtLeastZero),
+            ("stribeck_velocity", &self.stribeck_velocity, FiniteAtLeastZero),
         ];
         if let Some(s) = &self.servo {
-            lists.extend([
-                ("kp", &s.kp[..], Range::FiniteAtLeastZero),
-                ("ki", &s.ki, Range::FiniteAtLeastZero),
-                ("kd", &s.kd, Range::FiniteAtLeastZero),
-            ]);
-            lists.push(("integral_limit", &s.integral_limit, Range::AtLeastZero));
-            lists.extend((!s.period.is_empty()).then_some(("period", &s.period[..], Range::Positive)));
+            lists.extend([("kp", &s.kp[..], FiniteAtLeastZero), ("ki", &s.ki, FiniteAtLeastZero), ("kd", &s.kd, FiniteAtLeastZero)]);
+            lists.push(("integral_limit", &s.integral_limit, AtLeastZero));
+            lists.extend((!s.period.is_empty()).then_some(("period", &s.period[..], Positive)));
         }
         if let Some(m) = &self.motor {
-            lists.push(("efficiency", &m.efficiency, Range::Share));
+            lists.push(("efficiency", &m.efficiency, Share));
             if !m.stall_torque.is_empty() {
-                lists
-                    .extend([("stall_torque", &m.stall_torque[..], Range::Positive), ("no_load_speed", &m.no_load_speed, Range::Positive)]);
+                lists.extend([("stall_torque", &m.stall_torque[..], Positive), ("no_load_speed", &m.no_load_speed, Positive)]);
             } else if m.voltage {
                 return Err(DeviceError::VoltageWithoutCurve);
             }
-            Range::FiniteAtLeastZero.check("rotor_inertia", &[m.rotor_inertia])?;
-            Range::Positive.check("gear", &[m.gear])?;
+            FiniteAtLeastZero.check("rotor_inertia", &[m.rotor_inertia])?;
+            Positive.check("gear", &[m.gear])?;
         }
         for (name, x, range) in lists {
             if x.len() != 1 && x.len() != num_envs {

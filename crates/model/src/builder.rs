@@ -1,13 +1,14 @@
 //! Builder of models in code.
 
-/// Declares methods of a builder that set one field each and return the builder, such as `gear(gear: f64) { actuator.gear = gear }`.
+/// Declares methods of a builder that set fields and return the builder, such as `gear(gear: f64) { actuator.gear = gear }`. Semicolons
+/// separate several fields.
 macro_rules! setters {
-    ($builder:ident $($(#[$doc:meta])* $name:ident($($argument:ident: $type:ty),*) { $($field:ident).+ = $value:expr })*) => {
+    ($builder:ident $($(#[$doc:meta])* $name:ident($($argument:ident: $type:ty),*) { $($($field:ident).+ = $value:expr);+ })*) => {
         impl $builder {
             $(
                 $(#[$doc])*
                 pub fn $name(mut self, $($argument: $type),*) -> Self {
-                    self.$($field).+ = $value;
+                    $(self.$($field).+ = $value;)+
                     self
                 }
             )*

@@ -126,6 +126,16 @@ pub enum JointKind {
 }
 
 impl JointKind {
+    /// Type in MJCF.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Free => "free",
+            Self::Ball => "ball",
+            Self::Slide => "slide",
+            Self::Hinge => "hinge",
+        }
+    }
+
     /// Number of configuration coordinates.
     #[inline]
     pub const fn nq(self) -> usize {
@@ -448,16 +458,8 @@ impl Description {
 
     /// Index of the first coordinate in q and of the first degree of freedom in v, for every joint.
     pub fn joint_addresses(&self) -> Vec<(usize, usize)> {
-        let (mut q, mut v) = (0, 0);
-        self.joints
-            .iter()
-            .map(|j| {
-                let here = (q, v);
-                q += j.kind.nq();
-                v += j.kind.nv();
-                here
-            })
-            .collect()
+        let dims = self.joints.iter().map(|j| (j.kind.nq(), j.kind.nv()));
+        dims.scan((0, 0), |next, (nq, nv)| Some(std::mem::replace(next, (next.0 + nq, next.1 + nv)))).collect()
     }
 
     /// Label of body `i`, such as "torso"; "#3" for a body without a name or an index out of range.
@@ -487,6 +489,28 @@ impl Description {
             _ => self.geom_label(i),
         }
     }
+    /// Index of the mesh to which the shape refers. It is `None` for shapes that are no mesh, and if the description has no mesh of that
+    /// name.
+    pub(super) fn mesh_index(&self, shape: &Shape) -> Option<usize> {
+        match shape {
+            Shape::Mesh { asset, .. } => self.meshes.iter().position(|m| m.name == *asset),
+            _ => None,
+        }
+    }
+
+    /// Mesh to which the shape refers. It is `None` for shapes that are no mesh, and if the description has no mesh of that name.
+    pub fn mesh_of(&self, shape: &Shape) -> Option<&Mesh> {
+        Some(&self.meshes[self.mesh_index(shape)?])
+    }
+
+    /// Height field to which the shape refers. It is `None` for shapes that are no height field, and if the description has no height field
+    /// of that name.
+    pub fn height_field_of(&self, shape: &Shape) -> Option<&HeightField> {
+        match shape {
+            Shape::HeightField { asset } => self.height_fields.iter().find(|h| h.name == *asset),
+            _ => None,
+        }
+    }
 }
 
 /// Label of an element: its name, or its index such as "#3" if it has none.
@@ -504,22 +528,6 @@ impl Geom {
             Shape::Ellipsoid { radii } => Some(radii),
             Shape::Box { half } => Some(half),
             Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. } => None,
-        }
-    }
-}
-
-impl Description {
-    /// Mesh to which the shape refers. It is `None` for shapes that are no mesh, and if the description has no mesh of that name.
-    pub fn mesh_of(&self, shape: &Shape) -> Option<&Mesh> {
-        Some(&self.meshes[self.mesh_index(shape)?])
-    }
-
-    /// Height field to which the shape refers. It is `None` for shapes that are no height field, and if the description has no height field
-    /// of that name.
-    pub fn height_field_of(&self, shape: &Shape) -> Option<&HeightField> {
-        match shape {
-            Shape::HeightField { asset } => self.height_fields.iter().find(|h| h.name == *asset),
-            _ => None,
         }
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt::Display;
 
 use crate::Kernel;
-use crate::pairs::{Verdict, weld_groups};
+use crate::pairs::weld_groups;
 use crate::{Activation, Actuator, Body, Equality, Joint, JointKind, Model, Pair, Requested, Tendon, Transmission, label};
 
 /// Phenomena that rigid-body simulation does not model, in any scene.
@@ -79,9 +79,9 @@ impl Model {
     }
 
     fn joint_kinds(&self) -> Vec<Line> {
-        let kinds = [(JointKind::Free, "free"), (JointKind::Ball, "ball"), (JointKind::Slide, "slide"), (JointKind::Hinge, "hinge")];
+        let kinds = [JointKind::Free, JointKind::Ball, JointKind::Slide, JointKind::Hinge];
         let count = |kind| self.joints.iter().filter(|j| j.kind == kind).count();
-        kinds.map(|(kind, name)| Line::new(count(kind), format!("{name} joints"), format!("{name} joints"))).to_vec()
+        kinds.map(|kind| Line::new(count(kind), format!("{} joints", kind.name()), format!("{} joints", kind.name()))).to_vec()
     }
 
     fn collision(&self) -> Vec<Line> {
@@ -236,12 +236,6 @@ impl Requested {
         let line = "friction cone: the source has MuJoCo's default, a pyramid, whose friction is up to 29 % smaller between its edges; the default \
                     options use the exact circular cone";
         pyramid.then(|| (false, line.to_owned()))
-    }
-}
-
-impl Verdict {
-    const fn collides(self) -> bool {
-        matches!(self, Self::Collides | Self::Explicit)
     }
 }
 

@@ -20,6 +20,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -56,15 +57,8 @@ struct Added {
 
 impl Added {
     fn of(model: &Description) -> Self {
-        let limits: Vec<Option<f64>> = model.joints.iter().map(|j| j.velocity_limit).collect();
-        let velocity_limits = if limits.iter().any(Option::is_some) { limits } else { vec![] };
+        let velocity_limits = unless_all_default(model.joints.iter().map(|joint| joint.velocity_limit));
         Self { velocity_limits, excluded_overlaps: model.excluded_overlaps.clone() }
-    }
-
-    /// Writes the stored values to their fields in a description.
-    fn write_to(self, model: &mut Description) {
-        model.joints.iter_mut().zip(self.velocity_limits).for_each(|(joint, limit)| joint.velocity_limit = limit);
-        model.excluded_overlaps = self.excluded_overlaps;
     }
 }
 
@@ -77,18 +71,8 @@ struct PathsAndMuscles {
 
 impl PathsAndMuscles {
     fn of(model: &Description) -> Self {
-        let paths: Vec<_> = model.tendons.iter().map(|tendon| tendon.path.clone()).collect();
-        let muscles: Vec<_> = model.actuators.iter().map(|actuator| actuator.muscle).collect();
-        Self {
-            paths: if paths.iter().all(Vec::is_empty) { vec![] } else { paths },
-            muscles: if muscles.iter().all(|muscle| *muscle == Muscle::default()) { vec![] } else { muscles },
-        }
-    }
-
-    /// Writes the stored values to their fields in a description.
-    fn write_to(self, model: &mut Description) {
-        model.tendons.iter_mut().zip(self.paths).for_each(|(tendon, path)| tendon.path = path);
-        model.actuators.iter_mut().zip(self.muscles).for_each(|(actuator, muscle)| actuator.muscle = muscle);
+        let paths = unless_all_default(model.tendons.iter().map(|tendon| tendon.path.clone()));
+        Self { paths, muscles: unless_all_default(model.actuators.iter().map(|actuator| actuator.muscle)) }
     }
 }
 
@@ -98,13 +82,7 @@ struct Early(Vec<bool>);
 
 impl Early {
     fn of(model: &Description) -> Self {
-        let early: Vec<bool> = model.actuators.iter().map(|actuator| actuator.early).collect();
-        Self(if early.contains(&true) { early } else { vec![] })
-    }
-
-    /// Writes the stored values to their fields in a description.
-    fn write_to(self, model: &mut Description) {
-        model.actuators.iter_mut().zip(self.0).for_each(|(actuator, early)| actuator.early = early);
+        Self(unless_all_default(model.actuators.iter().map(|actuator| actuator.early)))
     }
 }
 
@@ -117,12 +95,6 @@ impl ForceModels {
     fn of(model: &Description) -> Self {
         let usual = model.actuators.iter().all(|a| a.force_model == ForceModel::of_parameters(&a.gain, &a.bias));
         Self(if usual { vec![] } else { model.actuators.iter().map(|a| a.force_model).collect() })
-    }
-
-    /// Sets the force models in a description.
-    fn write_to(self, model: &mut Description) {
-        model.actuators.iter_mut().for_each(|a| a.force_model = ForceModel::of_parameters(&a.gain, &a.bias));
-        model.actuators.iter_mut().zip(self.0).for_each(|(actuator, own)| actuator.force_model = own);
     }
 }
 
@@ -214,9 +186,10 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     })
 }
 
-/// Whether the list `values` of a file is empty or has one value for each element.
-fn fits<V, E>(values: &[V], elements: &[E]) -> bool {
-    values.is_empty() || values.len() == elements.len()
+/// List of the values, or an empty list if each of them is the default.
+fn unless_all_default<T: Default + PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let values: Vec<T> = values.collect();
+    if values.iter().all(|value| *value == T::default()) { vec![] } else { values }
 }
 
 /// Bytes of a file: the header with the format version `version`, then the encoded payload `data`.
@@ -251,40 +224,51 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
     if digest != &Sha256::digest(payload)[..] {
         return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
     }
-    let (none, late) = (PathsAndMuscles::default, Early::default);
-    let read = match version {
-        WITHOUT_NOSLIP => postcard::take_from_bytes::<(Description, Surfaces)>(payload)
-            .map(|((m, s), rest)| ((m, s, NoSlip::default(), Added::default(), ForceModels::default(), none(), late()), rest)),
-        WITHOUT_ADDED => postcard::take_from_bytes::<(Description, Surfaces, NoSlip)>(payload)
-            .map(|((m, s, n), rest)| ((m, s, n, Added::default(), ForceModels::default(), none(), late()), rest)),
-        WITHOUT_FORCE_MODELS => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added)>(payload)
-            .map(|((m, s, n, a), rest)| ((m, s, n, a, ForceModels::default(), none(), late()), rest)),
-        WITHOUT_PATHS => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels)>(payload)
-            .map(|((m, s, n, a, f), rest)| ((m, s, n, a, f, none(), late()), rest)),
-        WITHOUT_EARLY => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels, PathsAndMuscles)>(payload)
-            .map(|((m, s, n, a, f, p), rest)| ((m, s, n, a, f, p, late()), rest)),
-        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels, PathsAndMuscles, Early)>(payload),
-    };
-    match read {
-        Ok(((mut model, surfaces, noslip, added, forces, paths, early), []))
-            if fits(&added.velocity_limits, &model.joints)
-                && fits(&forces.0, &model.actuators)
-                && fits(&paths.paths, &model.tendons)
-                && fits(&paths.muscles, &model.actuators)
-                && fits(&early.0, &model.actuators) =>
-        {
-            added.write_to(&mut model);
-            forces.write_to(&mut model);
-            paths.write_to(&mut model);
-            early.write_to(&mut model);
-            model.soft.noslip = noslip;
-            model.check(Source::Kept(&surfaces))
-        }
-        _ => refuse(
+    match read(payload, version) {
+        Some((model, surfaces)) => model.check(Source::Kept(&surfaces)),
+        None => refuse(
             "not readable by this version of stepper, although its SHA-256 is right".into(),
             "save the model again with this version of stepper",
         ),
     }
+}
+
+/// Reads the description and the surfaces of its hulls from the payload of a file with this version of the format. Returns `None` for any
+/// other payload.
+fn read(mut payload: &[u8], version: u32) -> Option<(Description, Surfaces)> {
+    let (mut model, surfaces): (Description, Surfaces) = take(&mut payload, true)?;
+    model.soft.noslip = take(&mut payload, version > WITHOUT_NOSLIP)?;
+    let added: Added = take(&mut payload, version > WITHOUT_ADDED)?;
+    assign(&mut model.joints, added.velocity_limits, |joint, limit| joint.velocity_limit = limit)?;
+    model.excluded_overlaps = added.excluded_overlaps;
+    let ForceModels(force_models) = take(&mut payload, version > WITHOUT_FORCE_MODELS)?;
+    model.actuators.iter_mut().for_each(|a| a.force_model = ForceModel::of_parameters(&a.gain, &a.bias));
+    assign(&mut model.actuators, force_models, |actuator, force_model| actuator.force_model = force_model)?;
+    let PathsAndMuscles { paths, muscles } = take(&mut payload, version > WITHOUT_PATHS)?;
+    assign(&mut model.tendons, paths, |tendon, path| tendon.path = path)?;
+    assign(&mut model.actuators, muscles, |actuator, muscle| actuator.muscle = muscle)?;
+    let Early(early) = take(&mut payload, version > WITHOUT_EARLY)?;
+    assign(&mut model.actuators, early, |actuator, early| actuator.early = early)?;
+    payload.is_empty().then_some((model, surfaces))
+}
+
+/// Reads a value from the front of the payload, or returns the default if the payload has no such value.
+fn take<T: DeserializeOwned + Default>(payload: &mut &[u8], is_present: bool) -> Option<T> {
+    if !is_present {
+        return Some(T::default());
+    }
+    let (value, rest) = postcard::take_from_bytes(payload).ok()?;
+    *payload = rest;
+    Some(value)
+}
+
+/// Sets one value in each element. An empty list leaves the elements unchanged. Returns `None` for a list of another length.
+fn assign<E, V>(elements: &mut [E], values: Vec<V>, set: fn(&mut E, V)) -> Option<()> {
+    if !values.is_empty() && values.len() != elements.len() {
+        return None;
+    }
+    elements.iter_mut().zip(values).for_each(|(element, value)| set(element, value));
+    Some(())
 }
 
 #[cfg(test)]

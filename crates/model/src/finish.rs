@@ -7,6 +7,7 @@ mod scope;
 mod sensors;
 
 pub(crate) use check::parameters as check_parameters;
+pub(crate) use element::{Checked, Element};
 pub(crate) use inertia::check as check_inertia;
 
 use crate::hulls::Source;
@@ -37,8 +38,7 @@ impl Description {
     pub(super) fn finish_with(self, strict: bool, hulls: Source<'_>) -> Result<Model, ModelError> {
         let Model { description: mut model, hulls } = self.check(hulls)?;
         model.omitted.retain(|o| !scope::is_own(o));
-        let mut found = scope::not_simulated(&model);
-        model.omitted.append(&mut found);
+        model.omitted.extend(scope::not_simulated(&model));
         let missing: Vec<_> = model.omitted.iter().filter(|o| o.changes_motion).cloned().collect();
         if strict && !missing.is_empty() { Err(ModelError::Unsupported(missing)) } else { Ok(Model { description: model, hulls }) }
     }

@@ -66,9 +66,7 @@ impl Model {
     pub(crate) fn unchecked_mut(&mut self) -> &mut Description {
         &mut self.description
     }
-}
 
-impl Model {
     /// Disables collisions between the bodies of overlapping geoms. If one of the bodies is the world, only collisions between the two
     /// geoms are disabled.
     ///

@@ -5,8 +5,6 @@ use std::sync::Arc;
 use stepper_geometry::{Hull, HullError};
 
 use crate::asset::Mesh;
-use crate::description::Description;
-use crate::shape::Shape;
 
 /// Convex hulls, one entry per mesh. A mesh has a hull if the hull is the collision shape of a geom that can touch other geoms.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -55,16 +53,5 @@ impl Hulls {
     /// Triangles of the convex hull of each mesh, as stored in a model file; `None` for meshes without a hull.
     pub(super) fn surfaces(&self) -> Surfaces {
         self.0.iter().map(|hull| hull.as_ref().map(|hull| hull.surface())).collect()
-    }
-}
-
-impl Description {
-    /// Index of the mesh to which the shape refers. It is `None` for shapes that are no mesh, and if the description has no mesh of that
-    /// name.
-    pub(super) fn mesh_index(&self, shape: &Shape) -> Option<usize> {
-        match shape {
-            Shape::Mesh { asset, .. } => self.meshes.iter().position(|m| m.name == *asset),
-            _ => None,
-        }
     }
 }

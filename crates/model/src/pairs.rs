@@ -41,6 +41,10 @@ pub(crate) enum Verdict {
 }
 
 impl Verdict {
+    pub(super) const fn collides(self) -> bool {
+        matches!(self, Self::Collides | Self::Explicit)
+    }
+
     pub(super) const fn why(self) -> &'static str {
         match self {
             Self::Collides => "can collide",
@@ -275,15 +279,13 @@ fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
 /// equal priorities each coefficient is the larger of the two. Restitution is the larger of the two, whatever the priorities.
 fn mix(geoms: [usize; 2], [a, b]: [&Geom; 2]) -> Pair {
     let (order, condim) = precedence([a, b]);
-    let friction = match order {
-        Ordering::Greater => a.friction,
-        Ordering::Less => b.friction,
-        Ordering::Equal => std::array::from_fn(|k| a.friction[k].max(b.friction[k])),
-    };
-    let softness = match order {
-        Ordering::Greater => a.softness,
-        Ordering::Less => b.softness,
-        Ordering::Equal => Softness::mix(a.softness, b.softness, mixing_share([a.solmix, b.solmix])),
+    let (friction, softness) = match order {
+        Ordering::Greater => (a.friction, a.softness),
+        Ordering::Less => (b.friction, b.softness),
+        Ordering::Equal => {
+            let share = mixing_share([a.solmix, b.solmix]);
+            (std::array::from_fn(|k| a.friction[k].max(b.friction[k])), Softness::mix(a.softness, b.softness, share))
+        }
     };
     let spring = ContactSpring::in_series([a.spring, b.spring]);
     let restitution = bounce(spring, a.restitution.max(b.restitution));

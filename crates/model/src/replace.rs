@@ -36,11 +36,16 @@ impl Visited for Option<[f64; 2]> {
     }
 }
 
+/// Calls `f` with the number `x` that stands for a value. Returns the number, which `f` may have changed.
+fn visited(mut x: f64, f: &mut dyn FnMut(&mut f64)) -> f64 {
+    f(&mut x);
+    x
+}
+
 /// Limit. A missing limit is infinity.
 impl Visited for Option<f64> {
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
-        let mut value = self.unwrap_or(f64::INFINITY);
-        f(&mut value);
+        let value = visited(self.unwrap_or(f64::INFINITY), f);
         *self = (value != f64::INFINITY).then_some(value);
     }
 }
@@ -48,27 +53,21 @@ impl Visited for Option<f64> {
 /// Flag as the number 0 or 1. Any new value other than 0 sets the flag.
 impl Visited for bool {
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
-        let mut value = f64::from(u8::from(*self));
-        f(&mut value);
-        *self = value != 0.0;
+        *self = visited(f64::from(u8::from(*self)), f) != 0.0;
     }
 }
 
 /// Integer. A new value is truncated to an integer, and clamped to the range of the integer type.
 impl Visited for u8 {
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
-        let mut value = f64::from(*self);
-        f(&mut value);
-        *self = value as Self;
+        *self = visited(f64::from(*self), f) as Self;
     }
 }
 
 /// Integer. A new value is truncated to an integer, and clamped to the range of the integer type.
 impl Visited for u32 {
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
-        let mut value = f64::from(*self);
-        f(&mut value);
-        *self = value as Self;
+        *self = visited(f64::from(*self), f) as Self;
     }
 }
 

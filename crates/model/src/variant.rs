@@ -3,10 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::finish::{check_inertia, check_parameters, normalise_welds};
+use crate::finish::{Checked, Element, check_inertia, check_parameters, normalise_welds};
 use crate::overridden_geom_fields::OverriddenGeomFields;
 use crate::replace::{find, write};
-use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
+use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError};
 
 /// Declares [`Parameter`] with the names of the model's fields.
 macro_rules! parameters {
@@ -149,30 +149,28 @@ fn same_structure(base: &Model, model: &Model) -> Checked {
     base.actuators.iter().zip(&model.actuators).enumerate().try_for_each(|(i, (old, new))| actuator(i, old, new))
 }
 
-type Checked = Result<(), ModelError>;
-
 /// Error for a new value of a variant that needs a feature that the base model lacks.
 ///
-/// `place` is the label of the element, and `new` the new value of its field `field`. `lack` describes the missing feature, such as "no
+/// `at` is the element, and `new` the new value of its field `field`. `lack` describes the missing feature, such as "no
 /// spring there". `first` completes the remedy "first give the model ...".
-fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
+fn lacks(at: Element, field: &str, new: &str, lack: &str, first: &str) -> Checked {
     let remedy = format!("first give the model {first}, with model.replace({field:?}, ..), and create the simulation of that model");
-    Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))
+    at.fail(format!("{field} is {new}, and the model has {lack}"), remedy)
 }
 
 fn joint(i: usize, old: &Joint, new: &Joint) -> Checked {
-    let place = || format!("joint {:?}", label(&new.name, i));
+    let at = || Element::new("joint", &new.name, i);
     if new.frictionloss > 0.0 && old.frictionloss == 0.0 {
-        return lacks(place(), "dof_frictionloss", &new.frictionloss.to_string(), "no dry friction there", "some dry friction");
+        return lacks(at(), "dof_frictionloss", &new.frictionloss.to_string(), "no dry friction there", "some dry friction");
     }
     if new.stiffness != 0.0 && old.stiffness == 0.0 {
-        return lacks(place(), "jnt_stiffness", &new.stiffness.to_string(), "no spring there", "a spring");
+        return lacks(at(), "jnt_stiffness", &new.stiffness.to_string(), "no spring there", "a spring");
     }
     match (old.range, new.range) {
-        (None, Some(range)) => lacks(place(), "jnt_range", &format!("{range:?}"), "no limit there", "a limit"),
+        (None, Some(range)) => lacks(at(), "jnt_range", &format!("{range:?}"), "no limit there", "a limit"),
         (Some(range), None) => {
             let what = format!("jnt_range is infinite, but the model limits this joint to {range:?}");
-            Err(ModelError::invalid(place(), what, "give a finite range that the joint never reaches"))
+            at().fail(what, "give a finite range that the joint never reaches")
         }
         _ => Ok(()),
     }
@@ -184,7 +182,7 @@ fn body(i: usize, old: &Body, new: &Body) -> Checked {
     }
     let what = format!("body_mass is {} kg, and {} kg in the model", new.mass, old.mass);
     let remedy = "give a mass above 0 to each body that has mass in the model, and 0 to all others";
-    Err(ModelError::invalid(format!("body {:?}", label(&new.name, i)), what, remedy))
+    Element::new("body", &new.name, i).fail(what, remedy)
 }
 
 fn geom(i: usize, old: &Geom, new: &Geom) -> Checked {
@@ -193,20 +191,20 @@ fn geom(i: usize, old: &Geom, new: &Geom) -> Checked {
     }
     let what = "geom_size differs from the model's, but the geom has fluidshape=\"ellipsoid\", and its fluid forces would not change";
     let remedy = "keep its size, or remove fluidshape=\"ellipsoid\"";
-    Err(ModelError::invalid(format!("geom {:?}", label(&new.name, i)), what, remedy))
+    Element::new("geom", &new.name, i).fail(what, remedy)
 }
 
 fn actuator(i: usize, old: &Actuator, new: &Actuator) -> Checked {
+    let at = || Element::new("actuator", &new.name, i);
     if old.muscle != new.muscle {
         let what =
             "actuator_gainprm or actuator_biasprm differs from the model's, but the parameters of muscles are the same in all environments";
-        let remedy = "change them for all by model.replace";
-        return Err(ModelError::invalid(format!("actuator {:?}", label(&new.name, i)), what, remedy));
+        return at().fail(what, "change them for all by model.replace");
     }
     if !new.force_depends_on_motion() || old.force_depends_on_motion() {
         return Ok(());
     }
     let (field, row) = if new.gain == old.gain { ("actuator_biasprm", new.bias) } else { ("actuator_gainprm", new.gain) };
     let lack = "an actuator there whose force does not depend on its length or velocity";
-    lacks(format!("actuator {:?}", label(&new.name, i)), field, &format!("{row:?}"), lack, "a small number in place of a 0")
+    lacks(at(), field, &format!("{row:?}"), lack, "a small number in place of a 0")
 }

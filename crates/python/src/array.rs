@@ -2,7 +2,7 @@
 
 use numpy::npyffi::NPY_ARRAY_WRITEABLE;
 use numpy::{
-    IntoPyArray, PyArrayDescr, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods, dtype,
+    Element, IntoPyArray, PyArrayDescr, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods, dtype,
     ndarray::ArrayD,
 };
 use pyo3::exceptions::{PyAttributeError, PyTypeError, PyValueError};
@@ -16,11 +16,16 @@ use crate::error::ModelError;
 
 /// New NumPy array with the given shape and numbers. Its dtype is float64 or float32, by `precision`.
 pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, precision: Precision) -> PyResult<Bound<'py, PyAny>> {
-    let shaped = ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))?;
-    Ok(match precision {
-        Precision::F64 => shaped.into_pyarray(py).into_any(),
-        Precision::F32 => shaped.mapv(|x| x as f32).into_pyarray(py).into_any(),
-    })
+    match precision {
+        Precision::F64 => shaped(py, shape, data),
+        Precision::F32 => shaped(py, shape, data.into_iter().map(|x| x as f32).collect()),
+    }
+}
+
+/// New NumPy array with the given numbers.
+pub(crate) fn shaped<'py, T: Element>(py: Python<'py>, shape: &[usize], data: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
+    let array = ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(array.into_pyarray(py).into_any())
 }
 
 /// Buffer of f64 or f32 numbers, for a new NumPy array.
@@ -48,13 +53,10 @@ impl OwnNumbers {
 
     /// NumPy array of the given shape with the numbers of this buffer.
     pub(crate) fn into_array<'py>(self, py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
-        fn shaped<T>(shape: &[usize], data: Vec<T>) -> PyResult<ArrayD<T>> {
-            ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))
+        match self {
+            Self::F64(x) => shaped(py, shape, x),
+            Self::F32(x) => shaped(py, shape, x),
         }
-        Ok(match self {
-            Self::F64(x) => shaped(shape, x)?.into_pyarray(py).into_any(),
-            Self::F32(x) => shaped(shape, x)?.into_pyarray(py).into_any(),
-        })
     }
 }
 
@@ -166,8 +168,12 @@ pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> 
     if allowed.contains(&found) {
         return Ok(());
     }
-    let must: Vec<String> = allowed.iter().map(|s| shape_text(s)).collect();
-    Err(PyValueError::new_err(format!("{name} has shape {}, must be {}", shape_text(found), must.join(" or "))))
+    Err(PyValueError::new_err(format!("{name} has shape {}, must be {}", shape_text(found), any_of(allowed))))
+}
+
+/// Text of the allowed shapes, such as "(4, 3) or (3,)".
+fn any_of(allowed: &[&[usize]]) -> String {
+    allowed.iter().map(|shape| shape_text(shape)).collect::<Vec<_>>().join(" or ")
 }
 
 /// Whether the argument `given` is a single number instead of an array. `found` is the shape after its conversion to an array: (1,) for
@@ -182,8 +188,7 @@ pub(crate) fn check_shape_of(given: &Bound<'_, PyAny>, name: &str, found: &[usiz
     if allowed.contains(&found) || !is_single_number(given, found)? {
         return check_shape(name, found, allowed);
     }
-    let must: Vec<String> = allowed.iter().map(|s| shape_text(s)).collect();
-    let must = must.join(" or ");
+    let must = any_of(allowed);
     Err(PyValueError::new_err(format!("{name} is {}, a single number, must be an array of shape {must}", described(given))))
 }
 

@@ -3,12 +3,13 @@
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use stepper_core::analysis::configurations::joint_without_orientation;
+use stepper_core::analysis::configurations::{differentiate, integrate, joint_without_orientation};
 use stepper_core::model::Model as Core;
 use stepper_core::{Error, Precision};
 
 use crate::array::{array, float64_array, shape_text};
 use crate::error::value_error;
+use crate::model::Model;
 
 /// Array argument whose last axis is one configuration or displacement: a single row, (width,), or several rows, (..., width).
 struct Rows<'py> {
@@ -21,10 +22,8 @@ impl<'py> Rows<'py> {
     fn new(given: &Bound<'py, PyAny>, name: &'static str, width: usize) -> PyResult<Self> {
         let numbers = float64_array(given, name)?;
         if numbers.shape().last() != Some(&width) {
-            return Err(PyValueError::new_err(format!(
-                "{name} has shape {}, must be ({width},) or (..., {width})",
-                shape_text(numbers.shape())
-            )));
+            let shape = shape_text(numbers.shape());
+            return Err(PyValueError::new_err(format!("{name} has shape {shape}, must be ({width},) or (..., {width})")));
         }
         let rows = Self { name, numbers, width };
         match rows.numbers.as_slice()?.iter().position(|x| !x.is_finite()) {
@@ -83,14 +82,43 @@ fn each_row<'py>(
     array(py, &shape, out, Precision::F64)
 }
 
-/// Implementation of `Model.integrate_pos`.
-pub(crate) fn integrate<'py>(model: &Core, q: &Bound<'py, PyAny>, dv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-    let rows = [Rows::of_configurations(q, "q", model)?, Rows::new(dv, "dv", model.nv())?];
-    each_row(q.py(), rows, model.nq(), |q, dv| stepper_core::analysis::configurations::integrate(model, q, dv))
-}
+#[pymethods]
+impl Model {
+    /// Configurations after displacements, with unit quaternions, as MuJoCo's mj_integratePos with dt = 1.
+    ///
+    /// Args:
+    ///     q: Configurations, (..., nq).
+    ///     dv: Displacements on the tangent space, in the coordinates of qvel, (..., nv). Rotations of ball and free joints are rotation
+    ///         vectors in the body's frame. The leading axes equal the leading axes of `q`, or one of the arguments has no leading axes.
+    ///
+    /// Returns:
+    ///     Configurations, (..., nq) float64.
+    ///
+    /// Raises:
+    ///     ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
+    fn integrate_pos<'py>(&self, q: &Bound<'py, PyAny>, dv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let model = &*self.core;
+        let rows = [Rows::of_configurations(q, "q", model)?, Rows::new(dv, "dv", model.nv())?];
+        each_row(q.py(), rows, model.nq(), |q, dv| integrate(model, q, dv))
+    }
 
-/// Implementation of `Model.differentiate_pos`.
-pub(crate) fn differentiate<'py>(model: &Core, q1: &Bound<'py, PyAny>, q2: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-    let rows = [Rows::of_configurations(q1, "q1", model)?, Rows::of_configurations(q2, "q2", model)?];
-    each_row(q1.py(), rows, model.nv(), |q1, q2| stepper_core::analysis::configurations::differentiate(model, q1, q2))
+    /// Shortest displacements from one configuration to another, as MuJoCo's mj_differentiatePos with dt = 1.
+    ///
+    /// This is the inverse of `integrate_pos`.
+    ///
+    /// Args:
+    ///     q1: Initial configurations, (..., nq).
+    ///     q2: Final configurations, (..., nq). The leading axes equal the leading axes of `q1`, or one of the arguments has no leading
+    ///         axes.
+    ///
+    /// Returns:
+    ///     Displacements, (..., nv) float64.
+    ///
+    /// Raises:
+    ///     ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
+    fn differentiate_pos<'py>(&self, q1: &Bound<'py, PyAny>, q2: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let model = &*self.core;
+        let rows = [Rows::of_configurations(q1, "q1", model)?, Rows::of_configurations(q2, "q2", model)?];
+        each_row(q1.py(), rows, model.nv(), |q1, q2| differentiate(model, q1, q2))
+    }
 }

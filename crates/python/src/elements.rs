@@ -6,7 +6,7 @@ use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use stepper_core::Precision;
-use stepper_core::model::{Activation, JointKind, Keyframe as CoreKeyframe, Model as Core, Shape, Transmission};
+use stepper_core::model::{Activation, Keyframe as CoreKeyframe, Model as Core, Shape, Transmission};
 
 use crate::array::{array, assign_attribute, described, hint, read_only};
 use crate::model::Model;
@@ -160,19 +160,13 @@ elements! {
     /// Joint of a model.
     Joint, |v, model, joint, i| {
         let (qposadr, dofadr) = model.joint_addresses()[i];
-        let kind = match joint.kind {
-            JointKind::Free => "free",
-            JointKind::Ball => "ball",
-            JointKind::Slide => "slide",
-            JointKind::Hinge => "hinge",
-        };
     } {
         /// Index of the joint.
         id: v.of(i),
         /// Name of the joint; may be empty.
         name: v.of(&joint.name),
         /// Type: "free", "ball", "slide" or "hinge".
-        r#type: v.of(kind),
+        r#type: v.of(joint.kind.name()),
         /// Index of the body that the joint moves.
         bodyid: v.of(joint.body),
         /// Address of the joint's first coordinate in qpos.
@@ -256,8 +250,7 @@ elements! {
     names geom_names;
 
     /// Explicit pair of geoms of a model. The geoms collide independent of filters, with the parameters of the pair.
-    Pair, |v, model, pair, i| {
-    } {
+    Pair, |v, model, pair, i| {} {
         /// Index of the pair.
         id: v.of(i),
         /// Name of the pair; may be empty.
@@ -287,8 +280,7 @@ elements! {
     names pair_names;
 
     /// Site of a model.
-    Site, |v, model, site, i| {
-    } {
+    Site, |v, model, site, i| {} {
         /// Index of the site.
         id: v.of(i),
         /// Name of the site; may be empty.
@@ -364,8 +356,7 @@ elements! {
     names actuator_names;
 
     /// Sensor of a model.
-    Sensor, |v, model, sensor, i| {
-    } {
+    Sensor, |v, model, sensor, i| {} {
         /// Index of the sensor.
         id: v.of(i),
         /// Name of the sensor; may be empty.
@@ -458,8 +449,7 @@ elements! {
     names equality_names;
 
     /// Keyframe of a model: a named state for `Stepper.reset(keyframe=)`.
-    Keyframe, |v, model, key, i| {
-    } {
+    Keyframe, |v, model, key, i| {} {
         /// Index of the keyframe.
         id: v.of(i),
         /// Name of the keyframe; may be empty.
@@ -521,9 +511,8 @@ impl Kind {
             }
             return Err(PyKeyError::new_err(text));
         }
-        let index = given.py().import("operator")?.call_method1("index", (given,));
-        let index = index
-            .map_err(|_| PyTypeError::new_err(format!("{word}, if it is no name, is {}, must be a whole number", described(given))))?;
+        let wrong = |_| PyTypeError::new_err(format!("{word}, if it is no name, is {}, must be a whole number", described(given)));
+        let index = given.py().import("operator")?.call_method1("index", (given,)).map_err(wrong)?;
         let n = names.len() as isize;
         let at = index.extract::<isize>().ok().map(|i| if i < 0 { i.saturating_add(n) } else { i });
         match at {

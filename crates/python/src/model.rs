@@ -11,13 +11,12 @@ use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyTuple, PyType};
 use serde::de::DeserializeOwned;
 use stepper_core::analysis::contact_stiffness::{EquivalentSpring, equivalent_springs};
 use stepper_core::analysis::overlaps;
-use stepper_core::model::{Description, Field, HeightField, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
+use stepper_core::model::{Description, Field, HeightField, Mesh, Model as Core, Omission, Overlap, REPLACEABLE, Sensor};
 use stepper_core::{Integrator, Options, Parameter, Precision};
 
 use crate::array::{
     array, assign_attribute, check_shape, check_shape_of, float64_array, hint, no_mapping, read_only, unknown_field, whole,
 };
-use crate::configurations;
 use crate::error::{ModelError, to_py, value_error};
 use crate::getters::getters;
 use crate::phrases::in_python;
@@ -290,40 +289,6 @@ impl Model {
         Ok(table)
     }
 
-    /// Configurations after displacements, with unit quaternions, as MuJoCo's mj_integratePos with dt = 1.
-    ///
-    /// Args:
-    ///     q: Configurations, (..., nq).
-    ///     dv: Displacements on the tangent space, in the coordinates of qvel, (..., nv). Rotations of ball and free joints are rotation
-    ///         vectors in the body's frame. The leading axes equal the leading axes of `q`, or one of the arguments has no leading axes.
-    ///
-    /// Returns:
-    ///     Configurations, (..., nq) float64.
-    ///
-    /// Raises:
-    ///     ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
-    fn integrate_pos<'py>(&self, q: &Bound<'py, PyAny>, dv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        configurations::integrate(&self.core, q, dv)
-    }
-
-    /// Shortest displacements from one configuration to another, as MuJoCo's mj_differentiatePos with dt = 1.
-    ///
-    /// This is the inverse of `integrate_pos`.
-    ///
-    /// Args:
-    ///     q1: Initial configurations, (..., nq).
-    ///     q2: Final configurations, (..., nq). The leading axes equal the leading axes of `q1`, or one of the arguments has no leading
-    ///         axes.
-    ///
-    /// Returns:
-    ///     Displacements, (..., nv) float64.
-    ///
-    /// Raises:
-    ///     ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
-    fn differentiate_pos<'py>(&self, q1: &Bound<'py, PyAny>, q2: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        configurations::differentiate(&self.core, q1, q2)
-    }
-
     /// Indices of the geoms that rays from the site with index `site` can hit: geoms of other bodies with a shape in the model.
     fn geoms_seen_from(&self, site: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
         let (site, count) = (whole(site, "site", 0)? as usize, self.core.sites.len());
@@ -364,12 +329,6 @@ impl Model {
         asked.transpose().map_err(|e| PyValueError::new_err(e.to_string()))
     }
 
-    /// Name of the scene; may be empty.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.core.name
-    }
-
     /// Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and
     /// interval. The datatype is "real", "positive", "axis" or "quaternion". The last four are properties from the source file, and 0 if
     /// the file does not specify them.
@@ -388,12 +347,6 @@ impl Model {
             Ok(out)
         };
         self.core.sensors.iter().zip(self.core.sensor_addresses()).map(one).collect()
-    }
-
-    /// Elements of the source file that this model omits, as tuples (kind of element, name, reason).
-    #[getter]
-    fn omitted(&self) -> Vec<(&str, &str, &str)> {
-        self.core.omitted.iter().map(|o| (o.kind.as_str(), o.name.as_str(), o.reason.as_str())).collect()
     }
 
     fn __eq__(&self, other: &Self) -> bool {
@@ -439,6 +392,12 @@ getters! { Model, |slf, _py| (PyRef<'py, Self>) -> usize;
 }
 
 getters! { Model, |slf, _py| (PyRef<'py, Self>);
+    /// Name of the scene; may be empty.
+    name -> String { slf.core.name.clone() }
+    /// Elements of the source file that this model omits, as tuples (kind of element, name, reason).
+    omitted -> Vec<(String, String, String)> {
+        slf.core.omitted.iter().cloned().map(|Omission { kind, name, reason, .. }| (kind, name, reason)).collect()
+    }
     /// Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
     /// Each is a line of text.
     deviations -> Vec<String> { slf.core.deviations(false).into_iter().map(in_python).collect() }

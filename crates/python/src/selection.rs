@@ -122,19 +122,17 @@ impl Numbers<'_> {
 pub(crate) fn indices(array: &Bound<'_, PyAny>, n: usize, name: &str) -> PyResult<Vec<usize>> {
     let shape = shape_of(array)?;
     if shape.len() > 1 {
-        return Err(PyValueError::new_err(format!(
-            "{name} has shape {}, must be a mask ({n},) of bool, or indices of environments (k,)",
-            shape_text(&shape)
-        )));
+        let shape = shape_text(&shape);
+        let message = format!("{name} has shape {shape}, must be a mask ({n},) of bool, or indices of environments (k,)");
+        return Err(PyValueError::new_err(message));
     }
     let listed: Vec<Bound<'_, PyAny>> = array.call_method0("ravel")?.call_method0("tolist")?.extract()?;
     // NumPy stores integers of more than 64 bits as objects.
     let large = |index: &Bound<'_, PyAny>| index.is_instance_of::<PyInt>() && !index.is_instance_of::<PyBool>();
     if !listed.is_empty() && !matches!(kind_of(array)?.as_str(), "i" | "u") && !listed.iter().all(large) {
+        let (first, dtype) = (listed[0].repr()?, array.getattr("dtype")?);
         return Err(PyTypeError::new_err(format!(
-            "{name} has {}, of type {}: give a mask ({n},) of bool, or indices of environments, which are integers",
-            listed[0].repr()?,
-            array.getattr("dtype")?
+            "{name} has {first}, of type {dtype}: give a mask ({n},) of bool, or indices of environments, which are integers"
         )));
     }
     listed

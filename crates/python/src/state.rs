@@ -6,6 +6,7 @@ use stepper_core::SavedState;
 
 use crate::array::hint;
 use crate::error::value_error;
+use crate::getters::getters;
 
 /// Complete state of one or all environments of a `Stepper`; see `Stepper.get_state`.
 ///
@@ -25,8 +26,7 @@ pub(crate) struct State {
 impl State {
     #[new]
     fn new(bytes: &[u8]) -> PyResult<Self> {
-        let saved = SavedState::from_bytes(bytes).map_err(value_error)?;
-        Ok(Self { saved })
+        SavedState::from_bytes(bytes).map(|saved| Self { saved }).map_err(value_error)
     }
 
     fn __getattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
@@ -34,29 +34,23 @@ impl State {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let args = (slf.get().bytes(slf.py()),).into_pyobject(slf.py())?;
+        let args = (PyBytes::new(slf.py(), &slf.get().saved.to_bytes()),).into_pyobject(slf.py())?;
         Ok((slf.get_type().into_any(), args))
     }
 
     fn __eq__(&self, other: &Self) -> bool {
         self.saved == other.saved
     }
+}
 
+getters! { State, |slf, py| (PyRef<'py, Self>);
     /// Bytes for `State(bytes)`: the state with a checksum and the digest of its model.
-    #[getter]
-    fn bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.saved.to_bytes())
-    }
-
+    bytes -> Bound<'py, PyBytes> { PyBytes::new(py, &slf.saved.to_bytes()) }
     /// SHA-256 digest of the model to which the state belongs.
-    #[getter]
-    fn digest<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.saved.model())
-    }
+    digest -> Bound<'py, PyBytes> { PyBytes::new(py, &slf.saved.model()) }
+}
 
+getters! { State, |slf, _py| (PyRef<'py, Self>);
     /// Length of `bytes`.
-    #[getter]
-    fn nbytes(&self) -> usize {
-        self.saved.nbytes()
-    }
+    nbytes -> usize { slf.saved.nbytes() }
 }

@@ -1,11 +1,9 @@
 //! `stepper.Stepper`: construction, attributes, and shared functions. The other methods are in modules by topic.
 
 mod applied;
-mod derived;
-mod implicit_derivatives;
+mod derivatives;
 mod in_python;
 mod interruption;
-mod kinks;
 mod memory;
 mod outcome;
 mod pickling;
@@ -17,18 +15,17 @@ mod rollout;
 mod sensing;
 mod state;
 mod stepping;
-mod taking_over;
 
 use std::ops::{Deref, DerefMut};
 
-use numpy::{PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::{Precision, Simulation};
 
 use crate::arguments::{Env, Whole, no_others};
-use crate::array::{assign_attribute, check_shape_of, described, float64_array, hint, read_only, whole};
+use crate::array::{assign_attribute, check_shape_of, described, float64_array, hint, read_only, shaped, whole};
 use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
 use crate::error::value_error;
@@ -93,11 +90,14 @@ impl Stepper {
     }
 
     fn per_env<'py, T: numpy::Element>(&self, py: Python<'py>, read: impl Fn(usize) -> T) -> PyResult<Bound<'py, PyAny>> {
-        let data: Vec<T> = (0..self.n()).map(read).collect();
-        let shape = self.shape(&[]);
-        let out = numpy::PyArray1::from_vec(py, data).reshape(shape)?;
+        let values = shaped(py, &self.shape(&[]), (0..self.n()).map(read).collect())?;
         // A single environment gives a scalar instead of an array without axes.
-        if self.batched { read_only(out.into_any()) } else { out.call_method0("item") }
+        if self.batched { read_only(values) } else { values.call_method0("item") }
+    }
+
+    /// Read-only array of numbers of the environments, one environment after the other: (num_envs, *tail).
+    fn counts<'py>(&self, py: Python<'py>, tail: &[usize], counts: impl Iterator<Item = u32>) -> PyResult<Bound<'py, PyAny>> {
+        read_only(shaped(py, &self.shape(tail), counts.collect())?)
     }
 
     /// Selection of environments by an argument `envs`. None selects all environments.
@@ -154,7 +154,7 @@ impl<'py> TryFrom<&Bound<'py, Stepper>> for Writing<'py> {
     type Error = PyErr;
 
     fn try_from(slf: &Bound<'py, Stepper>) -> PyResult<Self> {
-        borrow(slf).map(Self)
+        slf.try_borrow_mut().map(Self).map_err(|_| PyRuntimeError::new_err(BUSY))
     }
 }
 
@@ -170,11 +170,6 @@ impl<B: DerefMut<Target = Stepper>> DerefMut for Borrowed<B> {
     fn deref_mut(&mut self) -> &mut Stepper {
         &mut self.0
     }
-}
-
-/// Exclusive borrow of a stepper. If another thread uses the stepper, the result is an error.
-fn borrow<'py>(slf: &Bound<'py, Stepper>) -> PyResult<PyRefMut<'py, Stepper>> {
-    slf.try_borrow_mut().map_err(|_| PyRuntimeError::new_err(BUSY))
 }
 
 const BUSY: &str = "another thread uses this Stepper; wait until its call has returned, or use one Stepper per thread";
@@ -278,4 +273,9 @@ getters! { Stepper, |slf, py| (Reading<'_>);
     actuators -> Option<Py<PyAny>> { slf.actuators.as_ref().map(|a| a.clone_ref(py)) }
     /// Sensor model given at construction. None means ideal sensors.
     sensors -> Option<Py<PyAny>> { slf.sensors.as_ref().map(|s| s.clone_ref(py)) }
+    /// Recorder that is notified of `step`, `reset`, `set_state` and `randomize` (see `stepper.Recorder`). None means that no recorder is
+    /// set.
+    recorder -> Option<Py<PyAny>> { slf.recorder.as_ref().map(|r| r.clone_ref(py)) }
+    /// Parameters per environment, as a dictionary of arguments of `randomize`: arrays by field, and an `ActuatorModel` as "actuators".
+    randomized -> PyResult<Bound<'py, PyDict>> { slf.parameters(py) }
 }

@@ -44,13 +44,6 @@ impl BodyBuilder {
         self
     }
 
-    /// Sets mass (kg), centre of mass (m) and principal moments of inertia (kg m^2). These replace the values from the geoms. The principal
-    /// axes are the body's axes, unless [`BodyBuilder::inertial_quat`] sets others.
-    pub fn inertial(mut self, mass: f64, com: impl Into<[f64; 3]>, moments: impl Into<[f64; 3]>) -> Self {
-        (self.body.mass, self.body.ipos, self.body.inertia, self.inertial) = (mass, com.into(), moments.into(), true);
-        self
-    }
-
     pub(super) fn add_to(&self, model: &mut Description, index: usize) {
         let mut body = self.body.clone();
         if !self.inertial && index != WORLD {
@@ -75,6 +68,11 @@ setters! { BodyBuilder
     pos(pos: impl Into<[f64; 3]>) { body.pos = pos.into() }
     /// Sets the orientation in the parent's frame: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion` with the feature `nalgebra`.
     quat(quat: impl Into<Orientation>) { body.quat = quat.into().0 }
+    /// Sets mass (kg), centre of mass (m) and principal moments of inertia (kg m^2). These replace the values from the geoms. The principal
+    /// axes are the body's axes, unless [`BodyBuilder::inertial_quat`] sets others.
+    inertial(mass: f64, com: impl Into<[f64; 3]>, moments: impl Into<[f64; 3]>) {
+        body.mass = mass; body.ipos = com.into(); body.inertia = moments.into(); inertial = true
+    }
     /// Sets the orientation of the principal axes for [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion`
     /// with the feature `nalgebra`.
     inertial_quat(quat: impl Into<Orientation>) { body.iquat = quat.into().0 }

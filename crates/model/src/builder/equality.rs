@@ -7,14 +7,15 @@ use crate::{Description, Equality, EqualityKind, ModelError, Softness};
 #[derive(Clone, Debug)]
 pub struct EqualityBuilder {
     equality: Equality,
-    names: [Option<String>; 2],
+    first: String,
+    second: Option<String>,
 }
 
 impl EqualityBuilder {
     fn new(name: &str, kind: EqualityKind, first: &str, second: Option<&str>) -> Self {
-        let equality =
-            Equality { name: name.into(), kind, active: true, stiffness: f64::INFINITY, damping: 0.0, softness: Softness::default() };
-        Self { equality, names: [Some(first.into()), second.map(Into::into)] }
+        let (name, softness) = (name.into(), Softness::default());
+        let equality = Equality { name, kind, active: true, stiffness: f64::INFINITY, damping: 0.0, softness };
+        Self { equality, first: first.into(), second: second.map(Into::into) }
     }
 
     /// Creates a builder of an equality that makes a point of one body coincide with a point of another. `bodies` has the names of the two
@@ -56,37 +57,15 @@ impl EqualityBuilder {
         self
     }
 
-    /// Makes the equality a spring with a damper instead of a hard constraint. `stiffness` is in N/m (or N m/rad), `damping` in N s/m (or N
-    /// m s/rad).
-    pub fn soft(mut self, stiffness: f64, damping: f64) -> Self {
-        (self.equality.stiffness, self.equality.damping) = (stiffness, damping);
-        self
-    }
-
-    /// Disables the equality by default (`eq_active0`).
-    pub fn inactive(mut self) -> Self {
-        self.equality.active = false;
-        self
-    }
-
     pub(super) fn resolve(&self, model: &Description) -> Result<Equality, ModelError> {
         let mut equality = self.equality.clone();
         let place = format!("equality {:?}", equality.name);
-        let index = |name: &Option<String>, kind: &str| -> Result<Option<usize>, ModelError> {
-            let Some(name) = name else { return Ok(None) };
-            match kind {
-                "body" => find(model.bodies.iter().map(|b| &b.name), name, kind, &place),
-                "tendon" => find(model.tendons.iter().map(|t| &t.name), name, kind, &place),
-                _ => find_joint(model, name, &place),
-            }
-            .map(Some)
+        let index = |name: &String| match equality.kind {
+            EqualityKind::Connect { .. } | EqualityKind::Weld { .. } => find(model.bodies.iter().map(|b| &b.name), name, "body", &place),
+            EqualityKind::Joint { .. } => find_joint(model, name, &place),
+            EqualityKind::Tendon { .. } => find(model.tendons.iter().map(|t| &t.name), name, "tendon", &place),
         };
-        let kind = match equality.kind {
-            EqualityKind::Connect { .. } | EqualityKind::Weld { .. } => "body",
-            EqualityKind::Joint { .. } => "joint",
-            EqualityKind::Tendon { .. } => "tendon",
-        };
-        let (first, second) = (index(&self.names[0], kind)?.unwrap_or_default(), index(&self.names[1], kind)?);
+        let (first, second) = (index(&self.first)?, self.second.as_ref().map(index).transpose()?);
         match &mut equality.kind {
             EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. } => *bodies = [first, second.unwrap_or_default()],
             EqualityKind::Joint { joint, other, .. } => (*joint, *other) = (first, second),
@@ -94,4 +73,12 @@ impl EqualityBuilder {
         }
         Ok(equality)
     }
+}
+
+setters! { EqualityBuilder
+    /// Makes the equality a spring with a damper instead of a hard constraint. `stiffness` is in N/m (or N m/rad), `damping` in N s/m (or N
+    /// m s/rad).
+    soft(stiffness: f64, damping: f64) { equality.stiffness = stiffness; equality.damping = damping }
+    /// Disables the equality by default (`eq_active0`).
+    inactive() { equality.active = false }
 }

@@ -86,18 +86,6 @@ impl GeomBuilder {
         self.pos(pose.translation.vector).quat(pose.rotation)
     }
 
-    /// Sets the density, kg/m^3.
-    pub fn density(mut self, density: f64) -> Self {
-        (self.mass, self.density) = (None, density);
-        self
-    }
-
-    /// Sets the collision bit masks `contype` and `conaffinity`. A geom with (0, 0) collides with nothing, except in explicit pairs.
-    pub fn masks(mut self, contype: u32, conaffinity: u32) -> Self {
-        (self.geom.contype, self.geom.conaffinity) = (contype, conaffinity);
-        self
-    }
-
     pub(super) fn mass_properties(&self, model: &Description) -> MassProperties {
         let g = &self.geom;
         let solid = match (model.mesh_of(&g.shape), self.mass) {
@@ -123,6 +111,10 @@ setters! { GeomBuilder
     quat(quat: impl Into<Orientation>) { geom.quat = quat.into().0 }
     /// Sets the mass, kg. The value 0 makes a shape without mass.
     mass(mass: f64) { mass = Some(mass) }
+    /// Sets the density, kg/m^3.
+    density(density: f64) { mass = None; density = density }
+    /// Sets the collision bit masks `contype` and `conaffinity`. A geom with (0, 0) collides with nothing, except in explicit pairs.
+    masks(contype: u32, conaffinity: u32) { geom.contype = contype; geom.conaffinity = conaffinity }
     /// Sets the dimension of contacts: 1 for frictionless, 3 for sliding, 4 also for torsional, and 6 also for rolling friction.
     condim(condim: u8) { geom.condim = condim }
     /// Sets the priority. A contact has the friction and condim of its geom with the higher priority.

@@ -37,14 +37,6 @@ impl JointBuilder {
         Self::new(name, JointKind::Hinge, unit(axis.into()))
     }
 
-    /// Sets a spring of the stiffness `stiffness`, N/m or N m/rad. The rest position is `rest` (m or rad) for a hinge or slide, and the
-    /// initial pose for a ball or free joint.
-    pub fn spring(mut self, stiffness: f64, rest: f64) -> Self {
-        self.joint.stiffness = stiffness;
-        self.rest = Some(rest);
-        self
-    }
-
     /// Coordinates of the joint at reset, and at the rest position of its spring.
     pub(super) fn reference(&self, body: &Body) -> (Vec<f64>, Vec<f64>) {
         match self.joint.kind {
@@ -63,6 +55,9 @@ setters! { JointBuilder
     pos(pos: impl Into<[f64; 3]>) { joint.pos = pos.into() }
     /// Sets the lowest and highest position, m or rad.
     range(low: f64, high: f64) { joint.range = Some([low, high]) }
+    /// Sets a spring of the stiffness `stiffness`, N/m or N m/rad. The rest position is `rest` (m or rad) for a hinge or slide, and the
+    /// initial pose for a ball or free joint.
+    spring(stiffness: f64, rest: f64) { joint.stiffness = stiffness; rest = Some(rest) }
     /// Sets the viscous damping, N s/m or N m s/rad.
     damping(damping: f64) { joint.damping = damping }
     /// Sets the armature (rotor inertia), kg or kg m^2.

@@ -48,23 +48,19 @@ fn tree(model: &Description) -> Checked {
     let Some(world) = model.bodies.first() else {
         return Element("model".into()).fail("there are no bodies", "begin with the world body");
     };
-    if world.parent != 0 || world.mocap {
-        return Element::new("body", &world.name, 0).fail("the world has a parent or is mocap", "give parent 0 and mocap false");
-    }
+    let is_misplaced = world.parent != 0 || world.mocap;
+    Element::new("body", &world.name, 0).fail_if(is_misplaced, "the world has a parent or is mocap", "give parent 0 and mocap false")?;
     let joint_counts = joint_counts(model);
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
         let at = Element::new("body", &body.name, i);
-        if body.parent >= i {
-            return at.fail(format!("its parent is body {}, itself body {i}", body.parent), "list parents before their children");
-        }
+        let what = format_args!("its parent is body {}, itself body {i}", body.parent);
+        at.fail_if(body.parent >= i, what, "list parents before their children")?;
         if body.mocap && body.parent != 0 {
-            let parent = model.body_label(body.parent);
-            return at
-                .fail(format!("it is a mocap body, and its parent is body {parent:?}"), "make it a child of the world, or remove mocap");
+            let what = format!("it is a mocap body, and its parent is body {:?}", model.body_label(body.parent));
+            return at.fail(what, "make it a child of the world, or remove mocap");
         }
-        if body.mocap && joint_counts[i] > 0 {
-            return at.fail("it is a mocap body, and has joints", "remove its joints, or remove mocap");
-        }
+        let has_joints = joint_counts[i] > 0;
+        at.fail_if(body.mocap && has_joints, "it is a mocap body, and has joints", "remove its joints, or remove mocap")?;
     }
     Ok(())
 }
@@ -74,12 +70,8 @@ fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody
     for (i, (name, body)) in elements.enumerate() {
         let at = Element::new(kind, name, i);
         at.index("body", body, nbody)?;
-        if body < last {
-            return at.fail(
-                format!("belongs to body {body}, and the {kind} before it to body {last}"),
-                format!("list {kind}s in the order of bodies"),
-            );
-        }
+        let what = format_args!("belongs to body {body}, and the {kind} before it to body {last}");
+        at.fail_if(body < last, what, format_args!("list {kind}s in the order of bodies"))?;
         last = body;
     }
     Ok(())
@@ -88,20 +80,17 @@ fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody
 fn joints_fit_bodies(model: &Description) -> Checked {
     let joint_counts = joint_counts(model);
     for (at, joint) in elements("joint", &model.joints, |joint| &joint.name) {
-        if joint.body == 0 {
-            return at.fail("belongs to the world, which does not move", "give it to another body");
-        }
+        at.fail_if(joint.body == 0, "belongs to the world, which does not move", "give it to another body")?;
         if joint.kind != JointKind::Free {
             continue;
         }
         let body = model.body_label(joint.body);
         if model.bodies[joint.body].parent != 0 {
-            return at
-                .fail(format!("is the free joint of body {body:?}, whose parent is not the world"), "make the body a child of the world");
+            let what = format!("is the free joint of body {body:?}, whose parent is not the world");
+            return at.fail(what, "make the body a child of the world");
         }
-        if joint_counts[joint.body] > 1 {
-            return at.fail(format!("is a free joint, and body {body:?} has other joints too"), "remove the other joints of the body");
-        }
+        let what = format_args!("is a free joint, and body {body:?} has other joints too");
+        at.fail_if(joint_counts[joint.body] > 1, what, "remove the other joints of the body")?;
     }
     Ok(())
 }
@@ -163,8 +152,8 @@ fn names(model: &Description) -> Checked {
         let mut seen = HashSet::new();
         for name in names.filter(|n| !n.is_empty()) {
             if !seen.insert(name) {
-                return Element(format!("{kind} {name:?}"))
-                    .fail(format!("another {kind} has the same name"), "give each its own name, or none");
+                let what = format!("another {kind} has the same name");
+                return Element(format!("{kind} {name:?}")).fail(what, "give each its own name, or none");
             }
         }
         Ok(())
@@ -189,12 +178,12 @@ fn bodies(model: &Description) -> Checked {
         at.size("inertia", &body.inertia, " kg m^2")?;
         at.finite("gravcomp", &[body.gravcomp])?;
         let [a, b, c] = sorted(body.inertia);
-        if c > (a + b) * (1.0 + TRIANGLE) {
-            return at.fail(
-                format!("principal moments {:?} violate the triangle inequality: {c} > {a} + {b}; no body has such moments", body.inertia),
-                "correct the moments or their units, or compute them from geoms (MJCF: compiler inertiafromgeom or balanceinertia)",
-            );
-        }
+        let moments = body.inertia;
+        at.fail_if(
+            c > (a + b) * (1.0 + TRIANGLE),
+            format_args!("principal moments {moments:?} violate the triangle inequality: {c} > {a} + {b}; no body has such moments"),
+            "correct the moments or their units, or compute them from geoms (MJCF: compiler inertiafromgeom or balanceinertia)",
+        )?;
     }
     Ok(())
 }
@@ -211,9 +200,8 @@ fn joints(model: &Description) -> Checked {
         at.size("damping", &[joint.damping], "")?;
         at.size("armature", &[joint.armature], "")?;
         at.size("frictionloss", &[joint.frictionloss], "")?;
-        if joint.range.is_some() && joint.kind == JointKind::Free {
-            return at.fail("is a free joint with a range", "remove the range: free joints have no limits");
-        }
+        let is_limited_free = joint.range.is_some() && joint.kind == JointKind::Free;
+        at.fail_if(is_limited_free, "is a free joint with a range", "remove the range: free joints have no limits")?;
         at.range("range", joint.range)?;
         at.finite("range", &joint.range.unwrap_or_default())?;
         at.range("actuator_force_range", joint.actuator_force_range)?;
@@ -227,7 +215,7 @@ fn joints(model: &Description) -> Checked {
 fn geoms(model: &Description) -> Checked {
     for (at, geom) in elements("geom", &model.geoms, |geom| &geom.name) {
         match geom.shape {
-            Shape::Plane | Shape::HeightField { .. } => {}
+            Shape::Plane | Shape::HeightField { .. } | Shape::Mesh { .. } => {}
             Shape::Sphere { radius } => at.positive("radius", &[radius], " m")?,
             Shape::Capsule { radius, half_length } => {
                 at.positive("radius", &[radius], " m")?;
@@ -239,7 +227,6 @@ fn geoms(model: &Description) -> Checked {
             }
             Shape::Ellipsoid { radii } => at.positive("semi-axis", &radii, " m")?,
             Shape::Box { half } => at.positive("half size", &half, " m")?,
-            Shape::Mesh { .. } => {}
         }
         at.finite("pos", &geom.pos)?;
         at.finite("surface velocity", &geom.surface_velocity)?;
@@ -261,9 +248,7 @@ fn geoms(model: &Description) -> Checked {
 fn pairs(model: &Description) -> Checked {
     for (at, pair) in elements("pair", &model.pairs, |pair| &pair.name) {
         pair.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
-        if pair.geoms[0] == pair.geoms[1] {
-            return at.fail(format!("both elements are geom {:?}", model.geom_label(pair.geoms[0])), "name two geoms");
-        }
+        at.distinct("geom", pair.geoms, |geom| model.geom_label(geom), "name two geoms")?;
         at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
         at.spring(pair.spring)?;
         at.softness(&pair.softness)?;
@@ -306,17 +291,14 @@ fn path(at: &Element, model: &Description, path: &[PathElement]) -> Checked {
             }
             PathElement::Pulley(divisor) => {
                 at.positive("divisor of a pulley", &[divisor], "")?;
-                if !ends_in_site || (k > 0 && count < 2) {
-                    return at.fail("a branch of its path has no two sites", "end each branch with a site, and give it two sites");
-                }
+                let is_short = !ends_in_site || (k > 0 && count < 2);
+                at.fail_if(is_short, "a branch of its path has no two sites", "end each branch with a site, and give it two sites")?;
                 (after_site, count) = (false, 0);
             }
         }
     }
-    if !path.is_empty() && count < 2 {
-        return at.fail("the last branch of its path has no two sites", "give each branch two sites");
-    }
-    Ok(())
+    let is_short = !path.is_empty() && count < 2;
+    at.fail_if(is_short, "the last branch of its path has no two sites", "give each branch two sites")
 }
 
 fn tendons(model: &Description) -> Checked {
@@ -332,10 +314,9 @@ fn tendons(model: &Description) -> Checked {
         at.finite("spring_length", &tendon.spring_length)?;
         at.size("damping", &[tendon.damping], "")?;
         at.size("armature", &[tendon.armature], "")?;
-        if tendon.armature > 0.0 && tendon.path.iter().any(|element| matches!(element, PathElement::Wrap { .. })) {
-            let what = format!("armature is {}, and its path wraps around a geom", tendon.armature);
-            return at.fail(what, "leave out the geom, or give the armature to joints");
-        }
+        let wraps = tendon.path.iter().any(|element| matches!(element, PathElement::Wrap { .. }));
+        let what = format_args!("armature is {}, and its path wraps around a geom", tendon.armature);
+        at.fail_if(tendon.armature > 0.0 && wraps, what, "leave out the geom, or give the armature to joints")?;
         at.size("frictionloss", &[tendon.frictionloss], "")?;
         at.softness(&tendon.limit_softness)?;
         at.softness(&tendon.friction_softness)?;
@@ -346,31 +327,27 @@ fn tendons(model: &Description) -> Checked {
 fn equalities(model: &Description) -> Checked {
     for (at, equality) in elements("equality", &model.equalities, |equality| &equality.name) {
         at.finite("data", &equality.data())?;
-        if equality.stiffness.is_nan() || equality.stiffness < 0.0 {
-            return at.fail(format!("stiffness is {}", equality.stiffness), "give a number of at least 0, or infinity for a hard equality");
-        }
+        let stiffness = equality.stiffness;
+        let remedy = "give a number of at least 0, or infinity for a hard equality";
+        at.fail_if(stiffness.is_nan() || stiffness < 0.0, format_args!("stiffness is {stiffness}"), remedy)?;
         at.size("damping", &[equality.damping], "")?;
         at.softness(&equality.softness)?;
         match &equality.kind {
             EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. } => {
                 bodies.iter().try_for_each(|&b| at.index("body", b, model.bodies.len()))?;
-                if bodies[0] == bodies[1] {
-                    return at.fail(format!("both elements are body {:?}", model.body_label(bodies[0])), "name two bodies");
-                }
+                at.distinct("body", *bodies, |body| model.body_label(body), "name two bodies")?;
             }
             &EqualityKind::Joint { joint, other, .. } => {
                 at.scalar_joint(model, joint)?;
-                other.map_or(Ok(()), |j| at.scalar_joint(model, j))?;
-                if other == Some(joint) {
-                    return at.fail(format!("both elements are joint {:?}", model.joint_label(joint)), "name two joints, or one");
+                if let Some(other) = other {
+                    at.scalar_joint(model, other)?;
+                    at.distinct("joint", [joint, other], |joint| model.joint_label(joint), "name two joints, or one")?;
                 }
             }
             &EqualityKind::Tendon { tendon, other, .. } => {
                 at.index("tendon", tendon, model.tendons.len())?;
                 other.map_or(Ok(()), |t| at.index("tendon", t, model.tendons.len()))?;
-                if other == Some(tendon) {
-                    return at.fail(format!("both elements are tendon {tendon}"), "name two tendons, or one");
-                }
+                at.fail_if(other == Some(tendon), format_args!("both elements are tendon {tendon}"), "name two tendons, or one")?;
             }
         }
         if let EqualityKind::Weld { torquescale, .. } = equality.kind {
@@ -382,17 +359,14 @@ fn equalities(model: &Description) -> Checked {
 
 fn force_model(at: &Element, actuator: &Actuator) -> Checked {
     let ForceModel { gain, bias, .. } = actuator.force_model;
-    let dc_motor = gain == GainType::DcMotor;
     let fits = match gain {
         GainType::Fixed | GainType::Affine | GainType::Muscle => bias != BiasType::DcMotor,
         GainType::DcMotor => bias == BiasType::DcMotor,
         GainType::PidPosition | GainType::PidVelocity => bias == BiasType::Affine,
     };
-    if !fits {
-        let what = format!("gaintype is {:?} and biastype is {:?}", gain.word(), bias.word());
-        return at.fail(what, "give \"dcmotor\" both or neither, and \"affine\" as the bias of \"pid\"");
-    }
-    if dc_motor {
+    let what = format_args!("gaintype is {:?} and biastype is {:?}", gain.word(), bias.word());
+    at.fail_if(!fits, what, "give \"dcmotor\" both or neither, and \"affine\" as the bias of \"pid\"")?;
+    if gain == GainType::DcMotor {
         at.positive("resistance, column 0 of gainprm,", &actuator.gain[..1], " Ohm")?;
     }
     at.finite("muscle parameters", &actuator.muscle.parameters())?;
@@ -408,10 +382,8 @@ fn actuators(model: &Description) -> Checked {
             Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,
             Transmission::Body(b) => {
                 at.index("body", b, model.bodies.len())?;
-                if actuator.force_depends_on_motion() {
-                    let what = "acts on the contacts of a body, and its force depends on its length or velocity";
-                    return at.fail(what, "give gain and bias no coefficients of length and velocity");
-                }
+                let what = "acts on the contacts of a body, and its force depends on its length or velocity";
+                at.fail_if(actuator.force_depends_on_motion(), what, "give gain and bias no coefficients of length and velocity")?;
             }
             Transmission::JointWrench { joint, wrench, .. } => {
                 at.index("joint", joint, model.joints.len())?;
@@ -441,10 +413,9 @@ fn actuators(model: &Description) -> Checked {
             Activation::None | Activation::Integrator => {}
         }
         at.finite("gear", &[actuator.gear])?;
-        if !(actuator.gear * actuator.gear).is_finite() {
-            return at
-                .fail(format!("gear is {:e}, and its square, which scales inertia, is not finite", actuator.gear), "give a smaller one");
-        }
+        let gear = actuator.gear;
+        let what = format_args!("gear is {gear:e}, and its square, which scales inertia, is not finite");
+        at.fail_if(!(gear * gear).is_finite(), what, "give a smaller one")?;
         at.size("delay", &[actuator.delay], " s")?;
         at.finite("gain", &actuator.gain)?;
         at.finite("bias", &actuator.bias)?;

@@ -1,5 +1,7 @@
 //! Elements of a model with the names that errors use, and common checks of their values.
 
+use std::fmt::Display;
+
 use crate::description::{Description, JointKind, label};
 use crate::error::ModelError;
 use crate::softness::{ContactSpring, Softness};
@@ -26,8 +28,13 @@ impl Element {
         Err(ModelError::invalid(&self.0, what, remedy))
     }
 
+    /// Fails if `wrong` is true. `what` and `remedy` are formatted only then, see [`format_args`].
+    pub(crate) fn fail_if(&self, wrong: bool, what: impl Display, remedy: impl Display) -> Checked {
+        if wrong { self.fail(what.to_string(), remedy.to_string()) } else { Ok(()) }
+    }
+
     pub(crate) fn finite(&self, what: &str, x: &[f64]) -> Checked {
-        if x.iter().all(|v| v.is_finite()) { Ok(()) } else { self.fail(format!("{what} is {x:?}"), "give finite numbers") }
+        self.fail_if(x.iter().any(|v| !v.is_finite()), format_args!("{what} is {x:?}"), "give finite numbers")
     }
 
     /// Checks that all values are finite and at least 0. An error contains the name `what` of the quantity, and its unit.
@@ -45,25 +52,27 @@ impl Element {
     /// Checks that the lower end of a range is not above the upper end. Infinite ends are allowed. An error contains the name `what` of the
     /// range.
     pub(crate) fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
-        match range {
-            Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),
-            Some([low, high]) if low > high => self.fail(
-                format!("{what} is [{low}, {high}], with the lower bound above the upper bound"),
-                "give the lower bound first, or no range",
-            ),
-            Some([low, high]) if low == f64::INFINITY || high == f64::NEG_INFINITY => self.fail(
-                format!("{what} is [{low}, {high}], which contains no number"),
-                "give finite bounds, or -inf as the lower and inf as the upper one",
-            ),
-            _ => Ok(()),
-        }
+        let Some([low, high]) = range else { return Ok(()) };
+        let (wrong, remedy) = if low.is_nan() || high.is_nan() {
+            ("", "give numbers")
+        } else if low > high {
+            (", with the lower bound above the upper bound", "give the lower bound first, or no range")
+        } else if low == f64::INFINITY || high == f64::NEG_INFINITY {
+            (", which contains no number", "give finite bounds, or -inf as the lower and inf as the upper one")
+        } else {
+            return Ok(());
+        };
+        self.fail(format!("{what} is [{low}, {high}]{wrong}"), remedy)
     }
 
     pub(crate) fn index(&self, what: &str, index: usize, count: usize) -> Checked {
-        if index < count {
-            return Ok(());
-        }
-        self.fail(format!("refers to {what} {index} of {count}"), format!("give the index of a {what} of this model, counted from 0"))
+        let remedy = format_args!("give the index of a {what} of this model, counted from 0");
+        self.fail_if(index >= count, format_args!("refers to {what} {index} of {count}"), remedy)
+    }
+
+    /// Checks that the indices of two elements of the kind `kind` differ. `label` returns the label of such an element.
+    pub(crate) fn distinct(&self, kind: &str, [a, b]: [usize; 2], label: impl Fn(usize) -> String, remedy: &str) -> Checked {
+        if a == b { self.fail(format!("both elements are {kind} {:?}", label(a)), remedy) } else { Ok(()) }
     }
 
     pub(crate) fn length(&self, what: &str, x: &[f64], expected: usize, sum: &str) -> Checked {
@@ -76,12 +85,12 @@ impl Element {
     /// Checks that the joint with index `joint` is a hinge or slide.
     pub(crate) fn scalar_joint(&self, model: &Description, joint: usize) -> Checked {
         self.index("joint", joint, model.joints.len())?;
-        let kind = match model.joints[joint].kind {
-            JointKind::Free => "free",
-            JointKind::Ball => "ball",
-            JointKind::Slide | JointKind::Hinge => return Ok(()),
-        };
-        self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
+        let kind = model.joints[joint].kind;
+        if matches!(kind, JointKind::Slide | JointKind::Hinge) {
+            return Ok(());
+        }
+        let what = format!("refers to joint {:?}, a {} joint", model.joint_label(joint), kind.name());
+        self.fail(what, "refer to a hinge or slide")
     }
 
     /// Checks a softness in MuJoCo's contact law.
@@ -93,24 +102,19 @@ impl Element {
     /// Checks stiffness and damping of a compliant contact.
     pub(crate) fn spring(&self, spring: ContactSpring) -> Checked {
         let ContactSpring { stiffness, damping } = spring;
-        if stiffness.is_nan() || stiffness <= 0.0 {
-            return self.fail(format!("stiffness is {stiffness} N/m"), "give a number above 0, infinity for a rigid surface");
-        }
+        let remedy = "give a number above 0, infinity for a rigid surface";
+        self.fail_if(stiffness.is_nan() || stiffness <= 0.0, format_args!("stiffness is {stiffness} N/m"), remedy)?;
         self.size("damping", &[damping], " N s/m")?;
-        if spring.is_rigid() && damping > 0.0 {
-            return self.fail(format!("damping is {damping} N s/m, but the surface is rigid"), "give a finite stiffness too");
-        }
-        Ok(())
+        let what = format_args!("damping is {damping} N s/m, but the surface is rigid");
+        self.fail_if(spring.is_rigid() && damping > 0.0, what, "give a finite stiffness too")
     }
 
     pub(crate) fn contact(&self, condim: u8, friction: &[f64], restitution: f64, margin: f64, gap: f64) -> Checked {
-        if !DIMENSIONS.contains(&condim) {
-            return self.fail(format!("condim is {condim}"), "give 1 (frictionless), 3 (sliding), 4 (torsional) or 6 (rolling)");
-        }
+        let remedy = "give 1 (frictionless), 3 (sliding), 4 (torsional) or 6 (rolling)";
+        self.fail_if(!DIMENSIONS.contains(&condim), format_args!("condim is {condim}"), remedy)?;
         self.size("friction", friction, "")?;
-        if !(0.0..=1.0).contains(&restitution) {
-            return self.fail(format!("restitution is {restitution}"), "give a number from 0 (no bounce) to 1 (elastic)");
-        }
+        let remedy = "give a number from 0 (no bounce) to 1 (elastic)";
+        self.fail_if(!(0.0..=1.0).contains(&restitution), format_args!("restitution is {restitution}"), remedy)?;
         self.finite("margin", &[margin])?;
         self.size("gap", &[gap], " m")
     }

@@ -12,7 +12,7 @@ use std::ops::{Index, IndexMut};
 
 use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
-use crate::{Description, JointKind, MassProperties, ModelError};
+use crate::{Body, Description, JointKind, MassProperties, ModelError};
 
 /// Ratio of a degree of freedom's pivot (see the top of this file) to its diagonal entry of the mass matrix, below which the pivot counts
 /// as zero. The diagonal entry is the inertia of the whole subtree that the degree of freedom moves.
@@ -68,32 +68,25 @@ pub(crate) fn check(model: &Description) -> Result<(), ModelError> {
     let Some(dof) = first_without_inertia(&mut matrix, &dofs) else { return Ok(()) };
     let joint = dofs[dof].joint;
     let body = model.joints[joint].body;
-    let place = format!("body {:?}", model.body_label(body));
+    let name = model.joint_label(joint);
     let partners = partners(&matrix, &whole, &dofs, dof);
-    Err(if partners.is_empty() {
-        ModelError::invalid(
-            place,
-            format!(
-                "joint {:?} moves no inertia: the body has mass {} kg and principal moments {:?} kg m^2, and its children and fixed bodies have none",
-                model.joint_label(joint),
-                model.bodies[body].mass,
-                model.bodies[body].inertia
-            ),
-            "give the body mass and inertia (a geom with density, or <inertial>), give the joint armature, or remove the joint",
-        )
+    let (what, remedy) = if partners.is_empty() {
+        let Body { mass, inertia, .. } = &model.bodies[body];
+        let what = format!(
+            "joint {name:?} moves no inertia: the body has mass {mass} kg and principal moments {inertia:?} kg m^2, and its children and \
+             fixed bodies have none"
+        );
+        (what, "give the body mass and inertia (a geom with density, or <inertial>), give the joint armature, or remove the joint")
     } else {
-        let names: Vec<String> = partners.iter().map(|&j| format!("{:?}", model.joint_label(j))).collect();
-        ModelError::invalid(
-            place,
-            format!(
-                "joint {:?} and {} can move without moving any inertia (their axes coincide or are linearly dependent), so that forces do not \
-                 determine their motion",
-                model.joint_label(joint),
-                names.join(", ")
-            ),
-            "remove one of these joints, give one of them armature, or give mass to a body between them",
-        )
-    })
+        let others: Vec<String> = partners.iter().map(|&j| format!("{:?}", model.joint_label(j))).collect();
+        let what = format!(
+            "joint {name:?} and {} can move without moving any inertia (their axes coincide or are linearly dependent), so that forces do not \
+             determine their motion",
+            others.join(", ")
+        );
+        (what, "remove one of these joints, give one of them armature, or give mass to a body between them")
+    };
+    Err(ModelError::invalid(format!("body {:?}", model.body_label(body)), what, remedy))
 }
 
 /// Degree of freedom `first` and its ancestors, towards the root.

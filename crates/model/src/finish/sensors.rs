@@ -70,11 +70,8 @@ fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
             seen.iter().try_for_each(|&g| formed(model, &at, g))?;
             rays.iter().try_for_each(|ray| {
                 let length = ray.iter().map(|x| x * x).sum::<f64>().sqrt();
-                if (length - 1.0).abs() <= 1e-9 {
-                    Ok(())
-                } else {
-                    at.fail(format!("ray {ray:?} has length {length}"), "give one of length 1")
-                }
+                let is_unit = (length - 1.0).abs() <= 1e-9;
+                at.fail_if(!is_unit, format_args!("ray {ray:?} has length {length}"), "give one of length 1")
             })
         }
         K::Proximity { from, to, cutoff, .. } => {
@@ -87,7 +84,7 @@ fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
             side(model, &at, *first)?;
             side(model, &at, *second)?;
             ascending(&at, fields)?;
-            if *slots == 0 { at.fail("it has 0 slots for contacts", "give one slot or more") } else { Ok(()) }
+            at.fail_if(*slots == 0, "it has 0 slots for contacts", "give one slot or more")
         }
         K::Combination(terms) => combination(model, &at, i, terms),
     }
@@ -214,25 +211,18 @@ fn open(model: &Description, at: &Element, site: usize, acts: impl Fn(usize) -> 
 }
 
 fn ascending<T: Ord + std::fmt::Debug>(at: &Element, fields: &[T]) -> Checked {
-    if !fields.is_empty() && fields.windows(2).all(|w| w[0] < w[1]) {
-        return Ok(());
-    }
-    at.fail(format!("its fields are {fields:?}"), "give one or more, each once, in the order of their definition")
+    let is_ascending = !fields.is_empty() && fields.windows(2).all(|w| w[0] < w[1]);
+    let remedy = "give one or more, each once, in the order of their definition";
+    at.fail_if(!is_ascending, format_args!("its fields are {fields:?}"), remedy)
 }
 
 fn combination(model: &Description, at: &Element, index: usize, terms: &[(usize, f64)]) -> Checked {
-    if terms.is_empty() {
-        return at.fail("its terms are empty", "give one term or more");
-    }
+    at.fail_if(terms.is_empty(), "its terms are empty", "give one term or more")?;
     let dim = |s: usize| model.sensors[s].dim(&model.sensors);
     for &(sensor, coefficient) in terms {
         at.finite("coefficient", &[coefficient])?;
-        if sensor >= index {
-            return at.fail(
-                format!("is sensor {index}, and combines sensor {sensor}, which does not come before it"),
-                "combine sensors that come before it",
-            );
-        }
+        let what = format_args!("is sensor {index}, and combines sensor {sensor}, which does not come before it");
+        at.fail_if(sensor >= index, what, "combine sensors that come before it")?;
         if dim(sensor) != dim(terms[0].0) {
             let (a, b) = (model.sensor_label(terms[0].0), model.sensor_label(sensor));
             let what = format!("combines {a:?} of dimension {} with {b:?} of dimension {}", dim(terms[0].0), dim(sensor));

@@ -4,7 +4,7 @@
 
 use std::borrow::Cow;
 
-use numpy::{BorrowError, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{BorrowError, Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use stepper_core::AppliedInput;
@@ -49,22 +49,16 @@ impl<'py> Applied<'py> {
 
     /// Writes `row` to the array, in the row of each of the environments `envs`. For `eq_active`, 0 is false.
     fn write_rows(&self, envs: &[usize], row: &[f64]) -> PyResult<()> {
-        let width = row.len();
-        match self {
-            Self::Numbers(array) => {
-                let mut array = array.try_readwrite()?;
-                let all = array.as_slice_mut()?;
-                envs.iter().for_each(|&env| all[env * width..][..width].copy_from_slice(row));
-            }
-            Self::Truths(array) => {
-                let mut array = array.try_readwrite()?;
-                let all = array.as_slice_mut()?;
-                for &env in envs {
-                    all[env * width..][..width].iter_mut().zip(row).for_each(|(truth, x)| *truth = *x != 0.0);
-                }
-            }
+        fn write<T: Element + Copy>(array: &Bound<'_, PyArrayDyn<T>>, envs: &[usize], row: &[T]) -> PyResult<()> {
+            let mut array = array.try_readwrite()?;
+            let all = array.as_slice_mut()?;
+            envs.iter().for_each(|&env| all[env * row.len()..][..row.len()].copy_from_slice(row));
+            Ok(())
         }
-        Ok(())
+        match self {
+            Self::Numbers(array) => write(array, envs, row),
+            Self::Truths(array) => write(array, envs, &row.iter().map(|x| *x != 0.0).collect::<Vec<_>>()),
+        }
     }
 
     /// Calls `read` with the numbers of the array, and returns its result. Booleans are passed as 0 and 1. `name` is the name of the array
@@ -126,15 +120,12 @@ impl Stepper {
     pub(super) fn assign(&mut self, py: Python<'_>, input: AppliedInput, value: &Bound<'_, PyAny>) -> PyResult<()> {
         self.applied_array(py, input)?;
         let (name, shape) = (input.name(), shape_text(&self.applied_shape(input)));
-        if input == AppliedInput::EqActive {
+        let numbers = if input == AppliedInput::EqActive {
             let dtype = py.import("numpy")?.call_method1("asarray", (value,))?.getattr("dtype")?;
             if dtype.getattr("kind")?.extract::<String>()? != "b" {
-                return Err(PyValueError::new_err(format!(
-                    "{name} is {dtype}, must be bool {shape}: compare numbers first, e.g. values > 0.5"
-                )));
+                let message = format!("{name} is {dtype}, must be bool {shape}: compare numbers first, e.g. values > 0.5");
+                return Err(PyValueError::new_err(message));
             }
-        }
-        let numbers = if input == AppliedInput::EqActive {
             value.clone()
         } else {
             py.import("stepper._arrays")?.call_method1("array_of", (name, value))?

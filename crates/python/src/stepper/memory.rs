@@ -7,7 +7,7 @@ use std::cell::Cell;
 
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{IntoPyDict, PyDict};
 
 use crate::stepper::{Reading, Stepper};
 
@@ -77,14 +77,15 @@ impl Stepper {
         let (state, parameters) = (simulation.bytes(), simulation.parameter_bytes());
         let inputs = simulation.input_bytes() + slf.applied_bytes(py);
         let (threads, per_thread) = (simulation.threads(), slf.bytes_per_thread());
-        let report = PyDict::new(py);
-        report.set_item("per_env", (state + parameters + inputs).div_ceil(slf.n()))?;
-        report.set_item("per_thread", per_thread)?;
-        report.set_item("state", state)?;
-        report.set_item("parameters", parameters)?;
-        report.set_item("inputs", inputs)?;
-        report.set_item("threads", threads)?;
-        report.set_item("total", state + parameters + inputs + threads * per_thread)?;
-        Ok(report)
+        let report = [
+            ("per_env", (state + parameters + inputs).div_ceil(slf.n())),
+            ("per_thread", per_thread),
+            ("state", state),
+            ("parameters", parameters),
+            ("inputs", inputs),
+            ("threads", threads),
+            ("total", state + parameters + inputs + threads * per_thread),
+        ];
+        report.into_py_dict(py)
     }
 }

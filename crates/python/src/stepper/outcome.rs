@@ -2,13 +2,11 @@
 
 use std::path::PathBuf;
 
-use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::StepInputs;
 
 use crate::arguments::{Env, no_others};
-use crate::array::read_only;
 use crate::contacts::structured;
 use crate::error::value_error;
 use crate::getters::getters;
@@ -16,15 +14,6 @@ use crate::stepper::{Reading, Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
-    /// Number of steps in the last call of `step` in which each actuator force was clipped, (num_envs, nu) uint32. Bounds are the
-    /// `forcerange` of the actuator, the `actuatorfrcrange` of the joint, and the limits and torque-speed curve of the drive.
-    #[getter]
-    fn actuator_saturation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.actuator_saturation(env)).collect();
-        let shape = slf.shape(&[slf.simulation.model().nu()]);
-        read_only(PyArray1::from_vec(py, counts).reshape(shape)?.into_any())
-    }
-
     /// Contacts of the last step: all that the solver considered. If the state was set since then, those of a trial step.
     ///
     /// They are the contacts that the motion can close within the step. Contacts that do not touch (distance > 0) mostly have no force.
@@ -105,16 +94,26 @@ impl Stepper {
     ) -> PyResult<()> {
         no_others("Stepper.save_problem", others, &["path", "env", "ctrl"])?;
         let env = slf.env(env)?;
-        let ctrl = match ctrl {
-            Some(ctrl) => slf.rows(&ctrl, "ctrl", slf.simulation.model().nu())?.as_slice()?.to_vec(),
-            None => Vec::new(),
-        };
+        let ctrl = ctrl.map(|ctrl| slf.rows(&ctrl, "ctrl", slf.simulation.model().nu())).transpose()?;
+        let ctrl = ctrl.as_ref().map_or(Ok(&[][..]), |rows| rows.as_slice())?;
         slf.apply(py)?;
-        slf.simulation.save_problem(env, &StepInputs { ctrl: &ctrl, ..StepInputs::default() }, path).map_err(value_error)
+        slf.simulation.save_problem(env, &StepInputs { ctrl, ..StepInputs::default() }, path).map_err(value_error)
     }
 }
 
 getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
+    /// Number of steps in the last call of `step` in which each actuator force was clipped, (num_envs, nu) uint32. Bounds are the
+    /// `forcerange` of the actuator, the `actuatorfrcrange` of the joint, and the limits and torque-speed curve of the drive.
+    actuator_saturation: {
+        let counts = (0..slf.n()).flat_map(|env| slf.simulation.actuator_saturation(env));
+        slf.counts(py, &[slf.simulation.model().nu()], counts)
+    },
+    /// Numbers of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. Column 0 is the number of clipped
+    /// readings, and column 1 the number of lost samples.
+    sensor_faults: {
+        let counts = (0..slf.n()).flat_map(|env| slf.simulation.sensor_faults(env)).flatten();
+        slf.counts(py, &[slf.simulation.model().sensors.len(), 2], counts)
+    },
     /// Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`.
     status: slf.per_env(py, |env| slf.simulation.status(env).bits()),
     /// Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero

@@ -11,7 +11,7 @@ use crate::device_models::drives;
 use crate::error::value_error;
 use crate::selection::Selection;
 use crate::stepper::recording::notify;
-use crate::stepper::{Reading, Stepper, borrow};
+use crate::stepper::{Stepper, Writing};
 
 /// Name of the argument of `randomize` that takes an actuator model. All other names are fields of the model.
 const ACTUATORS: &str = "actuators";
@@ -171,18 +171,12 @@ impl Stepper {
                 Some(selectors.call_method1("randomized_fields", (slf, values, envs.as_ref(), fields))?.cast_into::<PyDict>()?)
             }
         };
-        let mut this = borrow(slf)?;
+        let mut this = Writing::try_from(slf)?;
         let selection = this.selection(envs.as_ref())?;
         if selection.envs.is_empty() {
             return Ok(());
         }
         this.randomize_from_dict(fields.as_ref(), &selection)?;
         notify(slf, this, "randomize", &[("envs", envs), ("fields", fields.map(Bound::into_any))])
-    }
-
-    /// Parameters per environment, as a dictionary of arguments of `randomize`: arrays by field, and an `ActuatorModel` as "actuators".
-    #[getter]
-    fn randomized<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        slf.parameters(py)
     }
 }

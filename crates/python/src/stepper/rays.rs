@@ -1,17 +1,16 @@
 //! Ray casting in all environments.
 
 use numpy::PyUntypedArrayMethods;
-use numpy::{IntoPyArray, ndarray::ArrayD};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::RayCast;
 
 use crate::arguments::{no_others, required};
-use crate::array::{OwnNumbers, check_shape, float64_array, shape_text};
+use crate::array::{OwnNumbers, check_shape, float64_array, shape_text, shaped};
 use crate::elements::Kind;
 use crate::error::value_error;
-use crate::stepper::{Stepper, borrow};
+use crate::stepper::{Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
@@ -61,7 +60,7 @@ impl Stepper {
             let placed = py.import("stepper._quantities")?.call_method1("around_body", (slf, points, directions, body, axes))?;
             (points, directions) = placed.extract()?;
         }
-        let mut slf = borrow(slf)?;
+        let mut slf = Writing::try_from(slf)?;
         let model = slf.simulation.model().clone();
         let except = exclude.or(body).map(|body| Kind::Body.find(&model, &body)).transpose()?;
         let geoms = match geoms {
@@ -91,7 +90,6 @@ impl Stepper {
         })
         .map_err(value_error)?;
         let shape = slf.shape(&[count]);
-        let met = ArrayD::from_shape_vec(&shape[..], met).map_err(|e| PyValueError::new_err(e.to_string()))?;
-        Ok((distances.into_array(py, &shape)?, met.into_pyarray(py).into_any()))
+        Ok((distances.into_array(py, &shape)?, shaped(py, &shape, met)?))
     }
 }

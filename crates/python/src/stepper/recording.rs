@@ -6,16 +6,11 @@ use pyo3::types::PyDict;
 use stepper_core::Precision;
 
 use crate::array::{array, described};
-use crate::stepper::{Reading, Stepper, Writing, borrow};
+use crate::stepper::{Stepper, Writing};
 
 /// Calls the method `what` of the recorder, if the stepper `this` has one, with the stepper and the keyword arguments `given`: pairs of
 /// name and value. The function ends the borrow `this` first, so that other threads can use the stepper while the recorder runs.
-pub(super) fn notify(
-    slf: &Bound<'_, Stepper>,
-    this: PyRefMut<'_, Stepper>,
-    what: &str,
-    given: &[(&str, Option<Bound<'_, PyAny>>)],
-) -> PyResult<()> {
+pub(super) fn notify(slf: &Bound<'_, Stepper>, this: Writing<'_>, what: &str, given: &[(&str, Option<Bound<'_, PyAny>>)]) -> PyResult<()> {
     let Some(recorder) = this.recorder.as_ref().map(|recorder| recorder.clone_ref(slf.py())) else { return Ok(()) };
     drop(this);
     let arguments = PyDict::new(slf.py());
@@ -30,7 +25,7 @@ pub(super) fn notify(
 
 /// Tells the recorder that the stepper made `nstep` steps with the current controls and applied inputs.
 #[cold]
-pub(super) fn notify_recorder_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, nstep: usize) -> PyResult<()> {
+pub(super) fn notify_recorder_of_step(slf: &Bound<'_, Stepper>, this: Writing<'_>, nstep: usize) -> PyResult<()> {
     let py = slf.py();
     let ctrl = array(py, &[this.n(), this.simulation.model().nu()], this.simulation.ctrl().to_vec(), Precision::F64)?;
     let applied = this.applied.iter().map(|a| a.as_ref().map(|a| a.clone_ref(py))).collect::<Vec<_>>().into_pyobject(py)?;
@@ -49,15 +44,8 @@ impl Stepper {
     #[pyo3(signature = (path, **settings))]
     fn record<'py>(slf: &Bound<'py, Self>, path: Bound<'py, PyAny>, settings: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         let recorder = slf.py().import("stepper")?.getattr("Recorder")?.call((slf, path), settings)?;
-        borrow(slf)?.recorder = Some(recorder.clone().unbind());
+        Writing::try_from(slf)?.recorder = Some(recorder.clone().unbind());
         Ok(recorder)
-    }
-
-    /// Recorder that is notified of `step`, `reset`, `set_state` and `randomize` (see `stepper.Recorder`). None means that no recorder is
-    /// set.
-    #[getter]
-    fn recorder(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
-        slf.recorder.as_ref().map(|r| r.clone_ref(py))
     }
 
     #[setter]

@@ -12,8 +12,8 @@ use crate::array::{check_shape, described, float64_array, shape_text};
 use crate::error::value_error;
 use crate::options::unknown;
 use crate::stepper::interruption::watched;
-use crate::stepper::taking_over::states_of;
-use crate::stepper::{Stepper, borrow};
+use crate::stepper::state::states_of;
+use crate::stepper::{Stepper, Writing};
 
 /// Names of the arrays that the result of every rollout contains, so that unsolved steps are visible.
 const CERTIFICATE: [&str; 2] = ["status", "residual"];
@@ -31,15 +31,11 @@ struct Output<'py, T: Element> {
 impl<'py, T: Element + Copy> Output<'py, T> {
     fn new(py: Python<'py>, name: &'static str, shape: &[usize], out: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
         let given = out.map(|out| out.get_item(name)).transpose()?.flatten();
-        let given = given.map(|given| destination(py, name, shape, given)).transpose()?;
+        let given = given.map(|given| destination(name, shape, given)).transpose()?;
         // Allocated by NumPy, so that an oversized array raises MemoryError.
         let made = py.import("numpy")?.call_method1("zeros", (PyTuple::new(py, shape)?, T::get_dtype(py)))?;
         let made = made.cast_into::<PyArrayDyn<T>>().map_err(PyErr::from)?;
         Ok(Self { name, made: made.readwrite(), given })
-    }
-
-    fn numbers(&mut self) -> PyResult<&mut [T]> {
-        Ok(self.made.as_slice_mut()?)
     }
 
     /// Adds the array to the dictionary `result`. If the caller gave an array in `out`, the results of the first `controls` controls are
@@ -53,37 +49,18 @@ impl<'py, T: Element + Copy> Output<'py, T> {
     }
 }
 
-/// Result array of a rollout in float64 or float32.
-enum FloatOutput<'py> {
-    F64(Output<'py, f64>),
-    F32(Output<'py, f32>),
-}
-
-impl<'py> FloatOutput<'py> {
-    fn numbers(&mut self) -> PyResult<Numbers<'_>> {
-        Ok(match self {
-            Self::F64(output) => Numbers::F64(output.numbers()?),
-            Self::F32(output) => Numbers::F32(output.numbers()?),
-        })
-    }
-
-    fn enter(self, controls: usize, result: &Bound<'py, PyDict>) -> PyResult<()> {
-        match self {
-            Self::F64(output) => output.enter(controls, result),
-            Self::F32(output) => output.enter(controls, result),
-        }
-    }
-}
-
 impl Stepper {
     /// Implementation of the Python method `rollout`. The caller has set the initial state, and checked that the stepper is not recorded.
-    fn roll_out<'py>(
+    ///
+    /// `T` is the type of the numbers in the result arrays. `numbers` makes the destination of a recording from such numbers.
+    fn roll_out<'py, T: Element + Copy>(
         &mut self,
         py: Python<'py>,
         ctrl: &Bound<'py, PyAny>,
         nstep: usize,
         fields: Option<Vec<String>>,
         out: Option<&Bound<'py, PyDict>>,
+        numbers: impl for<'a> Fn(&'a mut [T]) -> Numbers<'a>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let ctrl = self.controls(ctrl)?;
         let calls = ctrl.shape()[0];
@@ -91,17 +68,14 @@ impl Stepper {
         let mut arrays = Vec::with_capacity(quantities.len());
         for quantity in quantities {
             let shape = self.rollout_shape(calls, &[quantity.width(self.simulation.model())]);
-            let array = match self.simulation.precision() {
-                Precision::F64 => FloatOutput::F64(Output::new(py, quantity.name(), &shape, out)?),
-                Precision::F32 => FloatOutput::F32(Output::new(py, quantity.name(), &shape, out)?),
-            };
-            arrays.push((quantity, array));
+            arrays.push((quantity, Output::new(py, quantity.name(), &shape, out)?));
         }
         let shape = self.rollout_shape(calls, &[]);
         let mut status = Output::<u32>::new(py, CERTIFICATE[0], &shape, out)?;
         let mut residual = Output::<f64>::new(py, CERTIFICATE[1], &shape, out)?;
-        let quantities = arrays.iter_mut().map(|(quantity, array)| Ok((*quantity, array.numbers()?))).collect::<PyResult<_>>()?;
-        let recording = Recording { quantities, status: status.numbers()?, residual: residual.numbers()? };
+        let quantities =
+            arrays.iter_mut().map(|(quantity, array)| Ok((*quantity, numbers(array.made.as_slice_mut()?)))).collect::<PyResult<_>>()?;
+        let recording = Recording { quantities, status: status.made.as_slice_mut()?, residual: residual.made.as_slice_mut()? };
 
         let controls = ctrl.as_slice()?.to_vec();
         self.apply(py)?;
@@ -185,7 +159,7 @@ impl Stepper {
         no_others("Stepper.rollout", others, &["ctrl", "nstep", "initial", "fields", "out"])?;
         let ctrl = required("Stepper.rollout", "ctrl", ctrl)?;
         let nstep = nstep.from(0, "nstep")? as usize;
-        let mut slf = borrow(slf)?;
+        let mut slf = Writing::try_from(slf)?;
         if slf.recorder.is_some() {
             return Err(PyRuntimeError::new_err(
                 "this stepper is being recorded, and recordings do not contain rollouts: call step for every control, or close the recording",
@@ -193,15 +167,17 @@ impl Stepper {
         }
         if let Some(initial) = initial {
             let Some(states) = states_of(&initial) else {
-                return Err(PyTypeError::new_err(format!(
-                    "initial is {}, must be a stepper.State or a list of stepper.State",
-                    described(&initial)
-                )));
+                let message = format!("initial is {}, must be a stepper.State or a list of stepper.State", described(&initial));
+                return Err(PyTypeError::new_err(message));
             };
             let all = slf.selection(None)?;
             slf.take_states(py, &states, &all)?;
         }
-        slf.roll_out(py, &ctrl, nstep, fields, out.as_ref())
+        let out = out.as_ref();
+        match slf.simulation.precision() {
+            Precision::F64 => slf.roll_out(py, &ctrl, nstep, fields, out, |x| Numbers::F64(x)),
+            Precision::F32 => slf.roll_out(py, &ctrl, nstep, fields, out, |x| Numbers::F32(x)),
+        }
     }
 }
 
@@ -224,17 +200,12 @@ fn chosen(fields: Option<Vec<String>>, out: Option<&Bound<'_, PyDict>>) -> PyRes
 }
 
 /// Mutable borrow of the array `name` in the caller's `out`, after checks of its dtype, shape and layout.
-fn destination<'py, T: Element>(
-    py: Python<'py>,
-    name: &str,
-    shape: &[usize],
-    given: Bound<'py, PyAny>,
-) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
+fn destination<'py, T: Element>(name: &str, shape: &[usize], given: Bound<'py, PyAny>) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
     let what = format!("out[\"{name}\"]");
     let array = given.cast_into::<PyArrayDyn<T>>().map_err(|e| {
         let given = e.into_inner();
         let found = given.getattr("dtype").map_or_else(|_| described(&given), |dtype| format!("of {dtype}"));
-        PyTypeError::new_err(format!("{what} is {found}, must be an array of {}", T::get_dtype(py)))
+        PyTypeError::new_err(format!("{what} is {found}, must be an array of {}", T::get_dtype(given.py())))
     })?;
     check_shape(&what, array.shape(), &[shape])?;
     if !array.is_c_contiguous() {

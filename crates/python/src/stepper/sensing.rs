@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use crate::array::{array, check_shape, described, read_only};
 use crate::error::value_error;
 use crate::getters::getters;
-use crate::stepper::{Reading, Stepper, Writing};
+use crate::stepper::{Stepper, Writing};
 
 impl Stepper {
     /// Readings of all sensors in all environments, (num_envs, nsensordata). `truth` selects the readings of ideal sensors.
@@ -27,15 +27,6 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Numbers of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. Column 0 is the number of clipped
-    /// readings, and column 1 the number of lost samples.
-    #[getter]
-    fn sensor_faults<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.sensor_faults(env)).flatten().collect();
-        let shape = slf.shape(&[slf.simulation.model().sensors.len(), 2]);
-        read_only(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any())
-    }
-
     /// Writable copy of `sensordata`, (num_envs, nsensordata). If an array `out` is given, the result is that array.
     #[pyo3(signature = (out=None))]
     fn observe<'py>(mut slf: Writing<'_>, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {

@@ -1,20 +1,21 @@
 //! Methods that read, set, save and restore the state of the environments.
 
+use std::collections::BTreeMap;
+
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict};
-use stepper_core::{Episode, Field, StateRows};
+use pyo3::types::{PyBool, PyDict, PyList, PyTuple};
+use stepper_core::{Episode, Field, SavedState, StateRows};
 
-use crate::arguments::{Env, Flag, no_others};
+use crate::arguments::{Env, Flag, no_others, required};
 use crate::array::{array, check_shape, float64_array, read_only, seeds};
 use crate::error::value_error;
 use crate::getters::getters;
-use crate::selection::{Numbers, Selection};
+use crate::selection::{Numbers, Selection, indices};
 use crate::state::State;
 use crate::stepper::recording::notify;
-use crate::stepper::taking_over::states_of;
-use crate::stepper::{Reading, Stepper, borrow};
+use crate::stepper::{Reading, Stepper, Writing};
 
 /// Numbers of an array argument that may be None.
 type Given<'py> = Option<Numbers<'py>>;
@@ -23,14 +24,31 @@ fn numbers<'a>(given: &'a Given<'_>) -> PyResult<Option<&'a [f64]>> {
     given.as_ref().map(Numbers::as_slice).transpose()
 }
 
+/// One state for all selected environments, or one state for each of them.
+pub(super) enum States<'py> {
+    One(Bound<'py, State>),
+    Each(Vec<Bound<'py, State>>),
+}
+
+/// States from an argument that is a `State`, or a list or tuple of `State` objects. The result is None for other arguments.
+pub(super) fn states_of<'py>(given: &Bound<'py, PyAny>) -> Option<States<'py>> {
+    if let Ok(state) = given.cast::<State>() {
+        return Some(States::One(state.clone()));
+    }
+    let listed: Vec<Bound<'py, PyAny>> = match given.cast::<PyList>() {
+        Ok(list) => list.iter().collect(),
+        Err(_) => given.cast::<PyTuple>().ok()?.iter().collect(),
+    };
+    let states: Vec<_> = listed.iter().map_while(|item| item.cast::<State>().ok().cloned()).collect();
+    (!states.is_empty() && states.len() == listed.len()).then_some(States::Each(states))
+}
+
 impl Stepper {
     fn gather<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
         let width = field.width(self.simulation.model());
         let mut data = vec![0.0; self.n() * width];
-        if width > 0 {
-            data.chunks_exact_mut(width)
-                .enumerate()
-                .for_each(|(env, row)| self.simulation.get(field, env, row).expect("a row of an environment"));
+        for (env, row) in data.chunks_exact_mut(width.max(1)).enumerate() {
+            self.simulation.get(field, env, row).expect("a row of an environment");
         }
         read_only(array(py, &self.shape(&[width]), data, self.simulation.precision())?)
     }
@@ -50,6 +68,35 @@ impl Stepper {
         }
         check_shape("time", times.shape(), &[&[selection.rows(self.n())], &[]])?;
         Ok(Some(Numbers::Scattered(selection.scattered(times.as_slice()?, self.n()))))
+    }
+
+    /// Restores one state in all selected environments, or one state in each of them. If any restore fails, no environment changes.
+    pub(super) fn take_states(&mut self, py: Python<'_>, states: &States<'_>, selection: &Selection) -> PyResult<()> {
+        self.apply(py)?;
+        self.restore_states(states, selection)?;
+        self.refresh_eq_active(py)
+    }
+
+    fn restore_states(&mut self, states: &States<'_>, selection: &Selection) -> PyResult<()> {
+        let states = match states {
+            States::One(state) => {
+                return self.simulation.restore_state_in(&state.get().saved, &selection.ascending()).map_err(value_error);
+            }
+            States::Each(states) => states,
+        };
+        if states.len() != selection.envs.len() {
+            let (found, must) = (states.len(), selection.envs.len());
+            let message = format!("there are {found} states, must be {must}: one for each environment of envs, or a single state for all");
+            return Err(PyValueError::new_err(message));
+        }
+        let before = self.simulation.save_state();
+        for (k, (state, &env)) in states.iter().zip(&selection.envs).enumerate() {
+            if let Err(error) = self.simulation.restore_state_in(&state.get().saved, &[env]) {
+                self.simulation.restore_state(&before).map_err(value_error)?;
+                return Err(PyValueError::new_err(format!("state {k}, of environment {env}: {error}")));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -85,7 +132,7 @@ impl Stepper {
         others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
         no_others("Stepper.reset", others, &["envs", "qpos", "qvel", "seed", "keyframe"])?;
-        let mut this = borrow(slf)?;
+        let mut this = Writing::try_from(slf)?;
         let selection = this.selection(envs.as_ref())?;
         let new_seeds = seed.as_ref().map(|seed| seeds(seed, selection.rows(this.n()))).transpose()?;
         let new_seeds = new_seeds.map(|seeds| if seeds.len() == 1 { seeds } else { selection.scattered(&seeds, this.n()) });
@@ -143,13 +190,13 @@ impl Stepper {
     ) -> PyResult<()> {
         no_others("Stepper.set_state", others, &["qpos", "qvel", "envs", "act", "time", "keep_warmstart"])?;
         let keep_warmstart = keep_warmstart.from("keep_warmstart")?;
-        let mut this = borrow(slf)?;
+        let mut this = Writing::try_from(slf)?;
         let selection = this.selection(envs.as_ref())?;
         if let Some(states) = qpos.as_ref().and_then(states_of) {
             if qvel.is_some() || act.is_some() || time.is_some() || keep_warmstart {
-                return Err(PyValueError::new_err(
-                    "set_state(state) accepts only envs as a further argument: the State contains positions, velocities and the rest",
-                ));
+                let message =
+                    "set_state(state) accepts only envs as a further argument: the State contains positions, velocities and the rest";
+                return Err(PyValueError::new_err(message));
             }
             if selection.envs.is_empty() {
                 return Ok(());
@@ -179,7 +226,7 @@ impl Stepper {
     #[pyo3(signature = (env=None, **others), text_signature = "($self, env=None)")]
     fn get_state(slf: &Bound<'_, Self>, env: Option<Env>, others: Option<&Bound<'_, PyDict>>) -> PyResult<State> {
         no_others("Stepper.get_state", others, &["env"])?;
-        let mut this = borrow(slf)?;
+        let mut this = Writing::try_from(slf)?;
         this.apply(slf.py())?;
         let saved = match env {
             Some(env) => this.simulation.save_state_of(this.env(env)?),
@@ -188,12 +235,57 @@ impl Stepper {
         Ok(State { saved })
     }
 
-    /// Current controls, (num_envs, nu): the controls of the last step. After a reset, the controls are those of the keyframe, or zero
-    /// without a keyframe.
-    #[getter]
-    fn ctrl<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let held = array(py, &slf.shape(&[slf.simulation.model().nu()]), slf.simulation.ctrl().to_vec(), slf.simulation.precision())?;
-        read_only(held)
+    /// Copies states between environments: environment `envs[k]` gets the state of environment `sources[k]`; see `get_state`.
+    ///
+    /// All states are read before any is changed. The copies have independent random sensor errors.
+    ///
+    /// Args:
+    ///     sources: Indices of the source environments: one for each environment in `envs`, or a single integer for all of them. Indices
+    ///         may repeat.
+    ///     envs: Target environments, as in `reset`.
+    ///
+    /// Raises:
+    ///     TypeError: An index is no integer.
+    ///     ValueError: The number of sources differs from the number of environments.
+    ///     IndexError: An index is out of range.
+    #[pyo3(signature = (sources=None, envs=None, **others), text_signature = "($self, sources, envs=None)")]
+    fn copy_state<'py>(
+        slf: &Bound<'py, Self>,
+        sources: Option<Bound<'py, PyAny>>,
+        envs: Option<Bound<'_, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
+        no_others("Stepper.copy_state", others, &["sources", "envs"])?;
+        let sources = required("Stepper.copy_state", "sources", sources)?;
+        let mut this = Writing::try_from(slf)?;
+        let targets = this.selection(envs.as_ref())?.envs;
+        let from = slf.py().import("numpy")?.call_method1("asarray", (&sources,))?;
+        let single = from.getattr("ndim")?.extract::<usize>()? == 0;
+        let mut from = indices(&from, this.n(), "sources")?;
+        if single {
+            from = vec![from[0]; targets.len()];
+        }
+        if from.len() != targets.len() {
+            let (found, must) = (from.len(), targets.len());
+            let message = format!("sources has {found} environments, must have {must}: one for each environment of envs, or one for all");
+            return Err(PyValueError::new_err(message));
+        }
+        this.apply(slf.py())?;
+        let mut moved: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (&source, &target) in from.iter().zip(&targets).filter(|(source, target)| source != target) {
+            moved.entry(source).or_default().push(target);
+        }
+        if moved.is_empty() {
+            return Ok(());
+        }
+        let states: Vec<(SavedState, Vec<usize>)> =
+            moved.into_iter().map(|(source, targets)| (this.simulation.save_state_of(source), targets)).collect();
+        for (state, mut targets) in states {
+            targets.sort_unstable();
+            this.simulation.restore_state_in(&state, &targets).map_err(value_error)?;
+        }
+        this.refresh_eq_active(slf.py())?;
+        notify(slf, this, "set_state", &[("state", Some(sources))])
     }
 }
 
@@ -204,6 +296,9 @@ getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     qvel: slf.gather(py, Field::Qvel),
     /// Activations of actuators, (num_envs, na). `set_state(act=...)` sets them.
     act: slf.gather(py, Field::Act),
+    /// Current controls, (num_envs, nu): the controls of the last step. After a reset, the controls are those of the keyframe, or zero
+    /// without a keyframe.
+    ctrl: read_only(array(py, &slf.shape(&[slf.simulation.model().nu()]), slf.simulation.ctrl().to_vec(), slf.simulation.precision())?),
     /// Simulated time, (num_envs,), s. `set_state(time=...)` sets it.
     time: slf.per_env(py, |env| slf.simulation.time(env)),
 }

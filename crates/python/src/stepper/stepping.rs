@@ -10,7 +10,7 @@ use crate::error::value_error;
 use crate::selection::Selection;
 use crate::stepper::interruption::{Interrupted, watched};
 use crate::stepper::recording::notify_recorder_of_step;
-use crate::stepper::{Stepper, borrow};
+use crate::stepper::{Stepper, Writing};
 
 impl Stepper {
     /// Copies the controls of the argument `ctrl` to the simulation, where they apply until they are replaced. None keeps the current
@@ -86,7 +86,7 @@ impl Stepper {
 #[cold]
 fn step_some_recorded(
     slf: &Bound<'_, Stepper>,
-    this: PyRefMut<'_, Stepper>,
+    this: Writing<'_>,
     ctrl: Option<&Bound<'_, PyAny>>,
     nstep: usize,
     selection: &Selection,
@@ -110,7 +110,7 @@ fn step_some_recorded(
 /// Creates the exception that an interrupted call of `step` with `nstep` steps raises. Also notifies the recorder of the steps that were
 /// made before the interruption; an error of the recorder becomes the result.
 #[cold]
-fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted: Interrupted, nstep: usize) -> PyErr {
+fn end_early(slf: &Bound<'_, Stepper>, this: Writing<'_>, interrupted: Interrupted, nstep: usize) -> PyErr {
     let (py, made) = (slf.py(), interrupted.steps);
     let mut also = "";
     if this.recorder.is_some() {
@@ -155,7 +155,7 @@ impl Stepper {
         others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
         no_others("Stepper.step", others, &["ctrl", "nstep", "envs"])?;
-        let mut this = borrow(slf)?;
+        let mut this = Writing::try_from(slf)?;
         let nstep = nstep.from(0, "nstep")? as usize;
         let interrupted = match envs {
             None => {

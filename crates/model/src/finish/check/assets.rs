@@ -12,12 +12,12 @@ use crate::{Description, Filter, HeightField, Mesh, ModelError, Shape};
 pub(super) fn check(model: &Description, source: Source<'_>) -> Result<Hulls, ModelError> {
     model.meshes.iter().enumerate().try_for_each(|(i, m)| mesh(m, i))?;
     model.height_fields.iter().enumerate().try_for_each(|(i, h)| height_field(h, i))?;
-    if !model.geoms.iter().any(|g| matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. })) {
+    let has_asset = |g: usize| matches!(model.geoms[g].shape, Shape::Mesh { .. } | Shape::HeightField { .. });
+    if !(0..model.geoms.len()).any(has_asset) {
         return Ok(Hulls::default());
     }
     // Geoms that touch nothing need no asset: meshes for visualization may be missing.
     let filter = Filter::new(model);
-    let has_asset = |g: usize| matches!(model.geoms[g].shape, Shape::Mesh { .. } | Shape::HeightField { .. });
     let used: BTreeSet<usize> = filter.colliding(has_asset).into_iter().flatten().filter(|&g| has_asset(g)).collect();
     let mut hulls = Hulls::default();
     used.into_iter().try_for_each(|g| form(model, g, &mut hulls, source))?;
@@ -39,9 +39,7 @@ fn mesh(mesh: &Mesh, index: usize) -> Checked {
 fn height_field(field: &HeightField, index: usize) -> Checked {
     let at = Element::new("height field", &field.name, index);
     let [rows, columns] = field.shape;
-    if rows < 2 || columns < 2 {
-        return at.fail(format!("it has {rows} rows and {columns} columns"), "give at least 2 of each");
-    }
+    at.fail_if(rows < 2 || columns < 2, format_args!("it has {rows} rows and {columns} columns"), "give at least 2 of each")?;
     at.length("elevation", &field.elevation, rows * columns, "rows times columns")?;
     at.positive("half extent", &field.half, " m")?;
     at.size("base", &[field.base], " m")

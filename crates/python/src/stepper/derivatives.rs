@@ -1,15 +1,16 @@
-//! Derivatives of a step by the implicit function theorem, for `stepper.derivatives`.
+//! Derivatives of a step by the implicit function theorem, and kinks between perturbed copies of environments (differences in kind, such
+//! as stick and slip), for `stepper.derivatives`.
 
-use numpy::{IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::Precision;
-use stepper_derivative::{DerivativeQuery, DerivativeRows, StatePart, differentiate};
+use stepper_derivative::{DerivativeQuery, DerivativeRows, PerturbedCopies, StatePart, differentiate, find_kinks};
 
-use crate::array::{array, float64_array};
+use crate::array::{array, float64_array, shaped};
 use crate::error::value_error;
-use crate::stepper::{Stepper, Writing};
+use crate::stepper::{Reading, Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
@@ -62,7 +63,7 @@ impl Stepper {
         let out = PyDict::new(py);
         let numbers = |shape: &[usize], data| array(py, shape, data, Precision::F64);
         out.set_item("slopes", numbers(&[n, rows, columns], slopes)?)?;
-        out.set_item("causes", causes.into_pyarray(py).call_method1("reshape", (n, columns))?)?;
+        out.set_item("causes", shaped(py, &[n, columns], causes)?)?;
         out.set_item("distance", distance.into_pyarray(py))?;
         out.set_item("sound", sound.into_pyarray(py))?;
         out.set_item("residual", residual.into_pyarray(py))?;
@@ -71,6 +72,47 @@ impl Stepper {
             out.set_item(name, numbers(&[n, width], data)?)?;
         }
         Ok(out)
+    }
+
+    /// Kinks between copies of environments after a step, such as a contact that pushes in one copy only.
+    ///
+    /// `stepper.derivatives.kinks` documents the arguments.
+    ///
+    /// Returns:
+    ///     Flags of `Kink` for each column of the derivative, (environments, columns) uint32, and the distance to the nearest kink as a
+    ///     multiple of the perturbation, (environments,).
+    #[pyo3(signature = (*, count, sides, one_sided, limited, ranges, limit_positions, rubbing, smooth_at_rest, tolerance))]
+    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
+    fn _find_kinks<'py>(
+        slf: Reading<'_>,
+        py: Python<'py>,
+        count: usize,
+        sides: usize,
+        one_sided: PyReadonlyArrayDyn<'py, bool>,
+        limited: Vec<[usize; 2]>,
+        ranges: Bound<'py, PyAny>,
+        limit_positions: Bound<'py, PyAny>,
+        rubbing: Vec<usize>,
+        smooth_at_rest: bool,
+        tolerance: f64,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
+        let (ranges, limit_positions) = (float64_array(&ranges, "ranges")?, float64_array(&limit_positions, "limit_positions")?);
+        let columns = one_sided.shape().last().copied().unwrap_or(0);
+        let copies = PerturbedCopies {
+            count,
+            columns,
+            sides,
+            one_sided: one_sided.as_slice()?,
+            limited: &limited,
+            ranges: ranges.as_slice()?,
+            limit_positions: limit_positions.as_slice()?,
+            rubbing: &rubbing,
+            smooth_at_rest,
+            tolerance,
+        };
+        let kinks = find_kinks(&slf.simulation, &copies).map_err(value_error)?;
+        let environments = kinks.distance.len();
+        Ok((shaped(py, &[environments, columns], kinks.causes)?, kinks.distance.into_pyarray(py)))
     }
 }
 

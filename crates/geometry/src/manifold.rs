@@ -141,8 +141,8 @@ impl Clipper {
         } else if !self.level_faces(pair, &axes, tilts, facing, reach, out) {
             self.lines(pair, &views, &axes, corners, reach, out);
         }
-        // The search prefers the normal of a face to directions that are better only by rounding. The closest corner can then be just beside
-        // the face. Its edge is clipped at the border of the face, at a point farther away.
+        // The search prefers the normal of a face to directions that are better only by rounding. The closest corner can then be just
+        // beside the face. Its edge is clipped at the border of the face, at a point farther away.
         let [x, y] = found.points;
         let equal = EQUAL_DEPTH * pair.size;
         let misses_closest = is_flat && norm(sub(y, x)) <= found.separation + equal && out.deepest() > distance + equal;

@@ -99,8 +99,8 @@ pub struct PositionInput<'a, R: Real> {
 /// Corrects the configuration `position.q`, which has advanced with `velocity.v`, and writes the result to `position.q_corrected`. Returns
 /// the lanes whose position errors provably cannot be removed, and stores the worst constraint of these lanes in `velocity.worst`.
 ///
-/// The caller has copied the rows of the velocity solve and the free velocity. The solve starts
-/// from the impulses of the velocity solution and overwrites them.
+/// The caller, `correct_positions`, has copied the rows of the velocity solve and the free velocity. The solve starts from the impulses of
+/// the velocity solution and overwrites them.
 #[inline(always)]
 pub fn stabilise<R: Real>(
     input: &PositionInput<'_, R>,

@@ -19,6 +19,9 @@ use crate::stages::s03_detect::detect;
 /// With Euler's rule and the implicit rule, the point is the beginning of the substep, with the midpoint rule its middle. The midpoint rule
 /// has an exception. A very fast body could pass through a thin geom before the middle, so its mechanism is evaluated at the beginning,
 /// with those in contact with it. A flight ends at the first elastic impact of its lane. An impact is evaluated at its configuration.
+///
+/// The loop ends: mechanisms move to the beginning and never back, and the search for impacts makes at most
+/// [`MAX_FLIGHT_CHANGES`](crate::tuning::MAX_FLIGHT_CHANGES) changes and one evaluation after them.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     evaluation.place(input.options, evaluation.substep.longest);

@@ -44,8 +44,8 @@ const MAX_VIBRATION: f64 = 0.25;
 /// Largest sum of the products of time step and decay rate in a tree that is extrapolated. Mass includes the implicit terms of dampers.
 const MAX_DECAY: f64 = 1.5;
 
-/// Smallest ratio of the squared product of time step and decay rate to that of time step and frequency, of a spring or servo that is
-/// extrapolated. The ratio is 4 times the square of the damping ratio, which is then 0.05.
+/// Smallest ratio of squared decay rate and squared frequency of a spring or servo that is extrapolated. The ratio is 4 times the square of
+/// the damping ratio, which is then 0.05.
 const MIN_DAMPING: f64 = 0.01;
 
 /// Adds to `trees` the kinematic trees whose vibrations an extrapolation of the last part could excite, in the lanes `lanes`. These are

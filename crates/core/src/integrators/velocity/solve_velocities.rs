@@ -67,6 +67,9 @@ impl<R: Real> VelocityLoop<'_, R> {
 
     /// Solves the assembled problem, and again the lanes in which the solution contradicts an assumption ([`Self::find_contradictions`]).
     /// The second result has the lanes in which an impact became inelastic.
+    ///
+    /// The number of solves is bounded. Each activates a deferred contact, recomputes inertial forces (once), makes impacts inelastic
+    /// (some, then all), or leaves out Baumgarte's bias (once).
     #[inline(always)]
     fn solve_assembled(&mut self, probe: impl Probe) -> (Outcome<R>, R::Mask) {
         let compiled = self.context.input.compiled;
@@ -87,7 +90,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 
     /// Finds the lanes whose solution contradicts an assumption of the assembled problem, and changes the problem there. It checks
-    /// four assumptions in this order, and ends at the first that fails in any lane:
+    /// four assumptions in this order, and ends at the first that fails in any lane. The other lanes are checked after the next solve, with
+    /// the same results:
     ///
     /// 1. Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact that collides becomes
     ///    active.

@@ -102,6 +102,8 @@ fn contacts_at_start<S: LaneScalar>(
             if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || capacity == compiled.contact_points {
                 break;
             }
+            // The full buffer also has contacts that the reduction of redundant contacts removes later.
+            most = most.max(capacity);
             capacity = (2 * capacity).min(compiled.contact_points);
             worker = make(capacity);
         }

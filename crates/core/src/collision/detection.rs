@@ -7,6 +7,7 @@ use stepper_geometry::pairs::segments;
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::collision::broad_phase::Broad;
+use crate::collision::contact_reduction::ContactReduction;
 use crate::collision::contact_set::Contacts;
 use crate::collision::joint_path::across_symmetry;
 use crate::collision::separation_cache::SeparationCache;
@@ -41,6 +42,7 @@ pub struct CollisionWorkspace<R: Real> {
     pub(crate) unreliable: Vec<R::Mask>,
     /// Workspace of the narrow phase.
     pub(crate) narrow_phase: NarrowWorkspace,
+    pub(crate) reduction: ContactReduction,
 }
 
 /// Ranges of [`CollisionWorkspace::runs`].
@@ -125,6 +127,7 @@ impl<R: Real> CollisionWorkspace<R> {
             near_count: 0,
             broad: Broad::default(),
             unreliable: vec![R::Mask::splat(false); compiled.mechanisms.count],
+            reduction: ContactReduction::default(),
             narrow_phase: NarrowWorkspace::new(compiled, R::LANES),
         };
         workspace.update_static_poses(compiled);

@@ -2,6 +2,7 @@
 
 pub(crate) mod adhesion;
 pub mod broad_phase;
+pub(crate) mod contact_reduction;
 pub mod contact_set;
 pub mod detection;
 pub(crate) mod joint_path;

@@ -1,6 +1,7 @@
 //! Compiled collision geometry: geoms with their frames, and the pairs that can collide.
 
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -291,6 +292,27 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         scalar: PhantomData,
     });
     (geoms, pairs, dynamic_pairs)
+}
+
+/// Number in [`pair_groups`](crate::compile::ModelStructure::pair_groups) of a pair without a pair group.
+pub const NO_PAIR_GROUP: u32 = u32::MAX;
+
+/// Number of the pair group of each pair in `pairs`; [`NO_PAIR_GROUP`] for a pair without a group. A pair group has all listed pairs that
+/// join the same two frames in the same order, and at least two pairs.
+///
+/// A pair group has two or more listed pairs whose first geoms have the same frame, and whose second geoms have the same frame. Pairs with
+/// torsional or rolling friction or with contact springs have no group.
+pub(super) fn pair_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
+    let mut of_frames: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+    for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3 && pair.spring.is_none()) {
+        of_frames.entry(pair.geoms.map(|g| geoms[g].frame)).or_default().push(i);
+    }
+    let mut pair_groups = vec![];
+    for (pairs_of_group, number) in of_frames.values().filter(|pairs| pairs.len() > 1).zip(0..) {
+        pair_groups.resize(pairs.len(), NO_PAIR_GROUP);
+        pairs_of_group.iter().for_each(|&i| pair_groups[i] = number);
+    }
+    pair_groups
 }
 
 /// For each geom, whether it is a member of the dynamic pairs, which the broad phase finds in every step. There are no members if the

@@ -108,6 +108,9 @@ pub struct ModelStructure<S: Scalar> {
     /// Listed pairs: pairs of geoms that can collide, that have a collision function, and that are not in `dynamic_pairs`. Their order is
     /// fixed.
     pub pairs: Vec<CompiledPair<S>>,
+    /// Number of the pair group of each pair in `pairs`; `NO_PAIR_GROUP` for a pair without a group. The list
+    /// is empty if no pair has a group. `pair_groups` in `compile/collision.rs` defines the groups.
+    pub pair_groups: Vec<u32>,
     /// Whether any pair has contact springs.
     pub has_contact_springs: bool,
     /// Dynamic pairs: pairs of geoms that are too numerous to list. `None` if all pairs are listed.

@@ -71,6 +71,7 @@ impl<S: Scalar> CompiledModel<S> {
             moved_dofs,
             mocap,
             bodies: merging::bodies(model, &merged),
+            pair_groups: collision::pair_groups(&geoms, &pairs),
             moving_geoms: (0..geoms.len()).filter(|&g| geoms[g].frame != 0).collect(),
             geoms,
             has_rolling_friction: dynamic_pairs.as_ref().is_some_and(|pairs| pairs.has_rolling_friction)

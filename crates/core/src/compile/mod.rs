@@ -30,7 +30,7 @@ pub use actuators::{
 pub(crate) use adhesion::ADHESION_REACH;
 pub use adhesion::CompiledAdhesion;
 pub(crate) use collision::Symmetry;
-pub use collision::{CompiledPair, DynamicPairs};
+pub use collision::{CompiledPair, DynamicPairs, NO_PAIR_GROUP};
 pub use compiled_model::{CompiledModel, ModelStructure};
 pub(crate) use equality::coupling_error;
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, FramePath, Spring};

@@ -62,6 +62,7 @@ impl<S: Scalar> CompiledModel<S> {
             geom_bodies: model.geoms.iter().map(|g| g.body as u32).collect(),
             order: order_by_size(model, &self.structure),
         };
+        self.structure.pair_groups.clear();
         self.structure.softness = Some(softness);
     }
 }

@@ -52,7 +52,11 @@ pub fn detect<R: Real>(
         return R::Mask::splat(false);
     }
     probe.count(Counter::NearPairs, || (collision.near_count + collision.broad.pairs.len()) as f64);
-    span!(probe, NarrowPhase, || find_contacts(compiled, kinematics, v, [h, time_before], checks_passing, collision, contacts))
+    span!(probe, NarrowPhase, || {
+        let unreliable = find_contacts(compiled, kinematics, v, [h, time_before], checks_passing, collision, contacts);
+        collision.reduction.reduce(compiled, contacts);
+        unreliable
+    })
 }
 
 /// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps. `v` is the velocity before the step,

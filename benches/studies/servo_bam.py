@@ -1,15 +1,14 @@
 """Study of real servos that swing a pendulum (Rhoban BAM): which parameters of motor and gear must be fitted to predict the position.
 
-The environment variable STEPPER_DATA names the folder that has servo_bam/servo_bam.csv and recordings.csv. Recordings of the servo XL330
-with three gains come first, those with the fourth gain last. Of the STS3250, STEPPER_HELD_OUT names the trajectory that comes last:
+The folder of data has servo_bam/servo_bam.csv and recordings.csv. Recordings of the servo XL330 with three gains come first, those with the
+fourth gain last:
 
-    STEPPER_DATA=data stepper calibrate benches/studies/servo_bam.py --recordings 12 --margin 0.005
-    export STEPPER_MOTOR=sts3250 STEPPER_HELD_OUT=sin_sin
-    STEPPER_DATA=data stepper calibrate benches/studies/servo_bam.py --recordings 3 --margin 0.005
-    STEPPER_DATA=data stepper chart benches/studies/servo_bam.py --angle --quick --horizon "0.5 s"
+    stepper calibrate benches/studies/servo_bam.py --data FOLDER --recordings 12 --margin 0.005
+    stepper chart benches/studies/servo_bam.py --data FOLDER --angle --quick --horizon "0.5 s"
+
+Of the STS3250, one of four trajectories comes last. `study(Path("FOLDER"), "sts3250", "sin_sin")` is its study in Python.
 """
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -103,13 +102,13 @@ MOTORS: dict[str, dict[str, Any]] = {
 """Mass, kg, and its distance from the axis, m, of each motor's pendulum; nominal values and ranges of its parameters, with their source."""
 
 
-def servo(folder: Path, motor: str = "xl330", last: str = HELD_OUT) -> stepper.lab.Study:
-    """Study of a motor, whose recordings with the gain or trajectory `last` come last."""
-    data, numbers = recordings(folder, motor, last), MOTORS[motor]
+def study(data: Path, motor: str = "xl330", last: str = HELD_OUT) -> stepper.lab.Study:
+    """Study of a motor in a folder of data, whose recordings with the gain or trajectory `last` come last."""
+    own, numbers = recordings(data, motor, last), MOTORS[motor]
     mass, length = numbers["mass"]
 
     def start(now: Any, _: Any) -> tuple[Array, Array]:
-        return data.q[now.episodes, 0][:, None], data.speed[now.episodes][:, None]
+        return own.q[now.episodes, 0][:, None], own.speed[now.episodes][:, None]
 
     def torque(now: Any) -> Array:
         """Torque at the joint before the losses of the gear, (num_envs, 1), N m.
@@ -119,13 +118,13 @@ def servo(folder: Path, motor: str = "xl330", last: str = HELD_OUT) -> stepper.l
         which, k = now.episodes, round(float(now.time[0]) / PERIOD)
         q, speed, kt = now.qpos[:, 0], now.qvel[:, 0], now.parameters["torque constant"]
         then = np.maximum(k - np.rint(now.parameters["command delay"] / PERIOD).astype(int), 0)
-        duty = np.clip(data.gain[which] * (data.goal[which, then] - q) * now.parameters.get("duty", FIRMWARE), -1.0, 1.0)
-        current = (duty * data.volts[which, k] - kt * speed) / now.parameters["resistance"]
-        return np.asarray(data.on[which, k] * kt * current)[:, None]
+        duty = np.clip(own.gain[which] * (own.goal[which, then] - q) * now.parameters.get("duty", FIRMWARE), -1.0, 1.0)
+        current = (duty * own.volts[which, k] - kt * speed) / now.parameters["resistance"]
+        return np.asarray(own.on[which, k] * kt * current)[:, None]
 
     def error(now: Any) -> Array:
-        k = min(round(float(now.time[0]) / PERIOD), data.q.shape[1] - 1)
-        return np.asarray(np.abs(now.qpos[:, 0] - data.q[now.episodes, k]))
+        k = min(round(float(now.time[0]) / PERIOD), own.q.shape[1] - 1)
+        return np.asarray(np.abs(now.qpos[:, 0] - own.q[now.episodes, k]))
 
     def parameter(name: str, target: str, unit: str) -> Parameter:
         nominal, low, high = numbers[name]
@@ -157,12 +156,8 @@ def servo(folder: Path, motor: str = "xl330", last: str = HELD_OUT) -> stepper.l
         actuators=stepper.ActuatorModel({"servo": drive}),
         seconds=SECONDS,
         control=PERIOD,
-        episodes=len(data.gain),
+        episodes=len(own.gain),
         batch=512,
         # The encoder has 4096 steps per turn.
-        recordings=stepper.lab.Recordings(data.q[:, 1:, None], 2.0 * np.pi / 4096.0 / np.sqrt(12.0)),
+        recordings=stepper.lab.Recordings(own.q[:, 1:, None], 2.0 * np.pi / 4096.0 / np.sqrt(12.0)),
     )
-
-
-if "STEPPER_DATA" in os.environ:
-    study = servo(Path(os.environ["STEPPER_DATA"]), os.environ.get("STEPPER_MOTOR", "xl330"), os.environ.get("STEPPER_HELD_OUT", HELD_OUT))

@@ -11,6 +11,7 @@ import typer
 
 from stepper import lab
 from stepper.cli.options import (
+    Data,
     Out,
     Seed,
     Setting,
@@ -47,6 +48,7 @@ def chart(
     angle: Annotated[bool, typer.Option("--angle", help="Measure errors as angles in rad, not distances in m.")] = False,
     episodes: Annotated[int, typer.Option(min=1, help="Number of episodes; the chart shows their medians.")] = 8,
     values: Values = None,
+    data: Data = None,
 ) -> None:
     """Draws charts of simulation error against computing time, to compare time steps, integrators, solvers, contact laws and engines.
 
@@ -58,7 +60,7 @@ def chart(
     if not Path(scene).exists():
         raise ValueError(f'there is no file "{scene}": give the path of a model or a study')
     with show_progress() as progress:
-        source = source_with(scene, values)
+        source = source_with(scene, values, data)
         unit = "rad" if angle else "m"
         found = lab.chart(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, progress=progress)
     show(found)
@@ -74,6 +76,7 @@ def tune(
     alone: Annotated[bool, typer.Option("--alone", help="Minimise the cost of a single environment, not of a batch.")] = False,
     reduce: Annotated[bool, typer.Option(help="Search for pairs of bodies that never come near each other.")] = True,
     values: Values = None,
+    data: Data = None,
 ) -> None:
     """Finds the cheapest settings within an error budget, tests them on further episodes, and prints them as Options(...).
 
@@ -82,7 +85,7 @@ def tune(
     Example: stepper tune robot.xml --error "1 mm" --horizon "0.5 s"
     """
     with show_progress() as progress:
-        chosen = source_with(source, values)
+        chosen = source_with(source, values, data)
         found = lab.tune(chosen, out, error=error, horizon=horizon, coverage=coverage, alone=alone, reduce=reduce, progress=progress)
     show(found)
 
@@ -98,6 +101,7 @@ def sweep(
         float, typer.Option(min=1e-12, max=0.5, help="Precision of a cliff's value, as a fraction of the parameter's range.")
     ] = 1e-3,
     seed: Seed = None,
+    data: Data = None,
 ) -> None:
     """Varies the parameters of a study over their ranges, one parameter at a time, and prints success rates and cliffs.
 
@@ -111,7 +115,7 @@ def sweep(
 
     Example: stepper sweep examples/studies/tray.toml --parameter friction --values push=1.5 --values 'gravity[2]=-3.7'
     """
-    own = study_of_file(study, seed)
+    own = study_of_file(study, seed, data)
     # A selector of --values becomes a parameter of the study, which the sweep does not vary.
     names = parameter or (list(own.parameters) if values else None)
     with progress_kept_in(out) as progress:
@@ -129,6 +133,7 @@ def rank(
     parameter: Varied = None,
     setting: Setting = USUAL,
     seed: Seed = None,
+    data: Data = None,
 ) -> None:
     """Ranks the parameters of a study by their influence on an outcome: Sobol indices with confidence intervals.
 
@@ -137,18 +142,18 @@ def rank(
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """
     with progress_kept_in(out) as progress:
-        own = study_of_file(study, seed)
+        own = study_of_file(study, seed, data)
         found = lab.rank(own, out, samples=samples, parameters=parameter or None, setting=setting, progress=progress)
     show(found)
 
 
-def report(study: StudyFile, out: Out = Path("out")) -> None:
+def report(study: StudyFile, out: Out = Path("out"), *, data: Data = None) -> None:
     """Writes the simulator report of a study: state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
 
     Example: stepper report examples/studies/tray.toml
     """
     with progress_kept_in(out) as progress:
-        found = lab.report(study_of_file(study), out, progress=progress)
+        found = lab.report(study_of_file(study, data=data), out, progress=progress)
     show(found)
 
 
@@ -183,6 +188,7 @@ def calibrate(
     parameter: Varied = None,
     setting: Setting = USUAL,
     seed: Seed = None,
+    data: Data = None,
 ) -> None:
     """Finds the smallest set of parameters that must be measured, so that the outcome is that of the true world to within a margin.
 
@@ -196,7 +202,7 @@ def calibrate(
     """
     found: lab.Calibration | lab.RecordedCalibration
     with progress_kept_in(out) as progress:
-        own, names = study_of_file(study, seed), parameter or None
+        own, names = study_of_file(study, seed, data), parameter or None
         if recordings is not None:
             found = lab.calibrate_on_recordings(
                 own, out, fitted=recordings, margin=margin, parameters=names, setting=setting, progress=progress

@@ -236,15 +236,25 @@ class Study:
         return cls(**({"model": source, "name": name, "controller": "random", "qvel_noise": 0.01} | changed))
 
     @classmethod
-    def from_file(cls, path: str | Path) -> Study:
-        """Reads a study from a TOML file, or from a Python file that defines a `Study` named `study`.
+    def from_file(cls, path: str | Path, data: str | Path | None = None) -> Study:
+        """Reads a study from a TOML file, or from a Python file that defines a `Study` named `study`, or a function that returns one.
+
+        Args:
+            path: The file.
+            data: Folder of the data that the function `study` of a Python file reads, its argument.
 
         Raises:
-            ValueError: The file does not contain a valid study; the message has its path.
+            ValueError: The file does not contain a valid study, or its study lacks or takes no data; the message has its path.
         """
         path = existing(path_of("path", path), "study")
+        study = getattr(controllers.load_file(path), "study", None) if path.suffix == ".py" else None
+        if callable(study) != (data is not None):
+            words = "needs data: give their folder with" if data is None else "takes no data: leave out"
+            raise ValueError(f"{path}: its study {words} --data, in Python data=")
         if path.suffix == ".py":
-            study = getattr(controllers.load_file(path), "study", None)
+            if data is not None and callable(study):
+                check_takes(study, ["data"], "study")
+                study = study(path_of("data", data))
             if not isinstance(study, Study):
                 raise ValueError(f"{path}: it has no stepper.lab.Study named study")
             # The default name is that of the file, as in TOML.

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from stepper.lab.calibration.fit import Fit, bootstrap, fit
 
+from reality.data import HALF, PERIOD, Toss, cube_tosses, free_fall, turn
 from reality.engines import Table, TossEngine
-from reality.recordings import HALF, PERIOD, Toss, cube_tosses, free_fall, turn
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

@@ -8,8 +8,8 @@ from atlas.mjcf import numbers
 from stepper.lab.engines import MujocoEngine
 
 from reality.cube import Experiment
+from reality.data import ELBOW_CENTRE, ELBOW_HALF, ELBOW_HINGE, PERIOD, elbow_bodies, elbow_tosses
 from reality.engines import Compliant, OfAtlas, Table, TossEngine
-from reality.recordings import ELBOW_CENTRE, ELBOW_HALF, ELBOW_HINGE, PERIOD, elbow_bodies, elbow_tosses
 
 MASS, INERTIA = 0.37, 0.0006167
 """Mass of a link, kg, and its moments of inertia, kg m^2, as published: nominal values, not measured ones."""

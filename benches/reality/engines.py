@@ -15,7 +15,7 @@ from atlas.world import DivergedError
 from numpy.typing import NDArray
 from stepper.lab.engines import MujocoEngine
 
-from reality.recordings import HALF, PERIOD, Toss
+from reality.data import HALF, PERIOD, Toss
 
 Array = NDArray[np.float64]
 MASS, INERTIA = 0.37, 0.00081

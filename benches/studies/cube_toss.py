@@ -2,7 +2,7 @@
 
 The folder of data has cube_toss/cube_toss.npz. A third of the tosses with even numbers come first, then those with odd numbers:
 
-    PYTHONPATH=benches stepper calibrate benches/studies/cube_toss.py --data FOLDER --recordings 92 --margin 0.01
+    PYTHONPATH=benches stepper calibrate benches/studies/cube_toss.py --data FOLDER --fit-trajectories 92 --margin 0.01
 """
 
 from pathlib import Path
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import stepper
 from numpy.typing import NDArray
+from reality.data import HALF, PERIOD, cube_tosses, turn
 from reality.engines import Table, states
-from reality.recordings import HALF, PERIOD, cube_tosses, turn
 from stepper.lab import Outcome, Parameter
 
 Array = NDArray[np.float64]

@@ -1,9 +1,9 @@
 """Study of real servos that swing a pendulum (Rhoban BAM): which parameters of motor and gear must be fitted to predict the position.
 
-The folder of data has servo_bam/servo_bam.csv and recordings.csv. Recordings of the servo XL330 with three gains come first, those with the
+The folder of data has servo_bam/servo_bam.csv and recordings.csv. Runs of the servo XL330 with three gains come first, those with the
 fourth gain last:
 
-    stepper calibrate benches/studies/servo_bam.py --data FOLDER --recordings 12 --margin 0.005
+    stepper calibrate benches/studies/servo_bam.py --data FOLDER --fit-trajectories 12 --margin 0.005
     stepper chart benches/studies/servo_bam.py --data FOLDER --angle --quick --horizon "0.5 s"
 
 Of the STS3250, one of four trajectories comes last. `study(Path("FOLDER"), "sts3250", "sin_sin")` is its study in Python.
@@ -21,25 +21,25 @@ from stepper.shared.files import read_csv
 
 Array = NDArray[np.float64]
 PERIOD, SECONDS = 0.002, 5.5
-"""Time step and control period, s; length of the part of a recording that is predicted, s."""
+"""Time step and control period, s; length of the part of a run that is predicted, s."""
 FIRMWARE = 4096.0 / (2.0 * np.pi) / (256.0 * 885.0)
 """Duty cycle of the motor per unit of gain and rad of error, in the firmware of the XL330."""
 HELD_OUT = "800"
-"""Gain of the XL330 whose recordings are held out by default."""
+"""Gain of the XL330 whose runs are held out by default."""
 
 
 @dataclass(frozen=True)
-class Recordings:
-    """Recordings of one motor on a grid of times.
+class Runs:
+    """Measured runs of one motor on a grid of times.
 
     Attributes:
-        gain: Gain of the firmware, (recordings,).
-        goal: Target angle, (recordings, times), rad.
-        q: Measured angle, (recordings, times), rad; 0 is hanging.
-        speed: Measured velocity at the first sample, (recordings,), rad/s.
-        on: Whether the motor has power, 0 or 1, (recordings, times).
-        volts: Supply voltage, (recordings, times), V.
-        names: Trajectory and gain of each recording.
+        gain: Gain of the firmware, (runs,).
+        goal: Target angle, (runs, times), rad.
+        q: Measured angle, (runs, times), rad; 0 is hanging.
+        speed: Measured velocity at the first sample, (runs,), rad/s.
+        on: Whether the motor has power, 0 or 1, (runs, times).
+        volts: Supply voltage, (runs, times), V.
+        names: Trajectory and gain of each run.
     """
 
     gain: Array
@@ -51,8 +51,8 @@ class Recordings:
     names: tuple[str, ...]
 
 
-def recordings(folder: Path, motor: str, last: str | None = None) -> Recordings:
-    """Recordings of a motor, those with the gain or trajectory `last` at the end."""
+def measured_runs(folder: Path, motor: str, last: str | None = None) -> Runs:
+    """Runs of a motor, those with the gain or trajectory `last` at the end."""
     head, *about = read_csv(folder / "servo_bam/recordings.csv", "table of recordings")
     rows = [dict(zip(head, row, strict=True)) for row in about if row[head.index("motor")] == motor]
     rows.sort(key=lambda row: last in (row["kp_firmware"], row["trajectory"]))
@@ -68,7 +68,7 @@ def recordings(folder: Path, motor: str, last: str | None = None) -> Recordings:
             made[name].append(np.interp(times, t, own[column]))
         made["on"].append(own["torque_enable"][np.clip(np.searchsorted(t, times, side="right") - 1, 0, None)])
         speed.append(own["dq_rad_s"][0])
-    return Recordings(
+    return Runs(
         gain=np.array([float(row["kp_firmware"]) for row in rows]),
         speed=np.array(speed),
         names=tuple(f"{row['trajectory']} {row['kp_firmware']}" for row in rows),
@@ -103,8 +103,8 @@ MOTORS: dict[str, dict[str, Any]] = {
 
 
 def study(data: Path, motor: str = "xl330", last: str = HELD_OUT) -> stepper.lab.Study:
-    """Study of a motor in a folder of data, whose recordings with the gain or trajectory `last` come last."""
-    own, numbers = recordings(data, motor, last), MOTORS[motor]
+    """Study of a motor in a folder of data, whose runs with the gain or trajectory `last` come last."""
+    own, numbers = measured_runs(data, motor, last), MOTORS[motor]
     mass, length = numbers["mass"]
 
     def start(now: Any, _: Any) -> tuple[Array, Array]:
@@ -159,5 +159,5 @@ def study(data: Path, motor: str = "xl330", last: str = HELD_OUT) -> stepper.lab
         episodes=len(own.gain),
         batch=512,
         # The encoder has 4096 steps per turn.
-        recordings=stepper.lab.Recordings(own.q[:, 1:, None], 2.0 * np.pi / 4096.0 / np.sqrt(12.0)),
+        trajectories=stepper.lab.MeasuredTrajectories(own.q[:, 1:, None], 2.0 * np.pi / 4096.0 / np.sqrt(12.0)),
     )

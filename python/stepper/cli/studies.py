@@ -164,7 +164,9 @@ def calibrate(
     margin: Annotated[
         float, typer.Option(help="Largest difference between world and model: of the fraction of successes, or of the outcome in its unit.")
     ],
-    samples: Annotated[int, typer.Option(min=2, help="Number of base samples of the ranking, a power of 2; not with --recordings.")] = 64,
+    samples: Annotated[
+        int, typer.Option(min=2, help="Number of base samples of the ranking, a power of 2; not with --fit-trajectories.")
+    ] = 64,
     worlds: Annotated[
         int,
         typer.Option(
@@ -175,10 +177,10 @@ def calibrate(
     tries: Annotated[
         int, typer.Option(min=1, help="Largest number of certificates that are tried; they share the probability of an error.")
     ] = 3,
-    recordings: Annotated[
+    fit_trajectories: Annotated[
         int | None,
         typer.Option(
-            min=1, help="Number of recordings to fit: the first episodes of a study whose episodes are recordings. The others check."
+            min=1, help="Number of measured trajectories to fit: the first episodes of a study whose episodes are such. The others check."
         ),
     ] = None,
     measured: Annotated[
@@ -195,17 +197,18 @@ def calibrate(
     The command ranks the parameters, searches for the set and its widest tolerances, and tests both on fresh worlds. The certificate covers
     95 % of the worlds in the ranges, with 95 % confidence. The same command continues a stopped run after the last stored result.
 
-    With --recordings N, the episodes of the study are recordings of a real system, and the outcome is the error of a prediction. The first
-    N are fitted. The fit of the smallest set exceeds the error of a fit of all parameters by at most the margin. The others check it.
+    With --fit-trajectories N, the episodes of the study are measured trajectories of a real system, and the outcome is the error of a
+    prediction. The first N are fitted. The fit of the smallest set exceeds the error of a fit of all parameters by at most the margin. The
+    others check it.
 
     Example: stepper calibrate examples/studies/pushed_box.py --margin 0.2
     """
-    found: lab.Calibration | lab.RecordedCalibration
+    found: lab.Calibration | lab.TrajectoryCalibration
     with progress_kept_in(out) as progress:
         own, names = study_of_file(study, seed, data), parameter or None
-        if recordings is not None:
-            found = lab.calibrate_on_recordings(
-                own, out, fitted=recordings, margin=margin, parameters=names, setting=setting, progress=progress
+        if fit_trajectories is not None:
+            found = lab.calibrate_on_trajectories(
+                own, out, fitted=fit_trajectories, margin=margin, parameters=names, setting=setting, progress=progress
             )  # fmt: skip
         else:
             found = lab.calibrate(

@@ -390,7 +390,7 @@ def _assumed(found: Calibration) -> Section:
     words = [
         "Parameters of the true world are independent and uniform in their ranges. A range that leaves out the true value makes the "
         "certificate void; one that is too wide makes it demand too much.",
-        "The real system is one of the simulated worlds: a phenomenon that no parameter describes is not covered. Only recordings of the "
+        "The real system is one of the simulated worlds: a phenomenon that no parameter describes is not covered. Only measurements of the "
         "real system can show that it is missing.",
         "Every measurement errs by exactly its tolerance, up or down with equal probability, independently of the others.",
         f"The outcome is that of {counted(found.study.episodes, 'episode')} per world with the study's seed, not the expectation over all "

@@ -1,7 +1,7 @@
-"""Calibration on recordings of a real system: the smallest set of parameters whose fit predicts as well as a fit of all.
+"""Calibration on measured trajectories of a real system: the smallest set of parameters whose fit predicts as well as a fit of all.
 
-Each episode of the study is a recording, and the outcome is the error of its prediction. Sets are chosen on the first recordings and
-checked on the others.
+Each episode of the study is a measured trajectory, and the outcome is the error of its prediction. Sets are chosen on the first
+trajectories and checked on the others.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class FittedSet:
     Attributes:
         names: Names of the fitted parameters.
         fit: Fitted values, in the order of `names`; None for the empty set.
-        errors: Error of each recording, (recordings,), in the unit of the outcome: fitted ones first, then those held out.
+        errors: Error of each trajectory, (trajectories,), in the unit of the outcome: fitted ones first, then those held out.
     """
 
     names: tuple[str, ...]
@@ -46,12 +46,12 @@ class FittedSet:
 
 
 @dataclass(frozen=True)
-class RecordedCalibration:
-    """Result of `calibrate_on_recordings`.
+class TrajectoryCalibration:
+    """Result of `calibrate_on_trajectories`.
 
     Attributes:
         study: The study.
-        fitted: Number of recordings that were fitted.
+        fitted: Number of trajectories that were fitted.
         margin: Largest increase of the error, in the unit of the outcome.
         every: Fit of all parameters.
         chosen: Fit of the smallest set.
@@ -71,27 +71,27 @@ class RecordedCalibration:
 
     @property
     def violations(self) -> int:
-        """Number of held-out recordings whose error with the smallest set exceeds that with all parameters by more than the margin."""
+        """Number of held-out trajectories whose error with the smallest set exceeds that with all parameters by more than the margin."""
         return violations(self.chosen, self.every, self.fitted, self.margin)
 
     @property
     def share(self) -> float:
-        """Fraction of such recordings for which the margin holds, with 95 % confidence: 0.05^(1/n) for n held out without a violation."""
+        """Fraction of such trajectories for which the margin holds, with 95 % confidence: 0.05^(1/n) for n held out without a violation."""
         held_out = len(self.every.errors) - self.fitted
         return least_share(held_out - self.violations, held_out)
 
 
 def violations(own: FittedSet, every: FittedSet, fitted: int, margin: float) -> int:
-    """Number of held-out recordings whose error exceeds that of the fit of all parameters by more than the margin."""
+    """Number of held-out trajectories whose error exceeds that of the fit of all parameters by more than the margin."""
     return int((own.errors[fitted:] - every.errors[fitted:] > margin).sum())
 
 
 class _Fitter:
-    """Fits of sets of parameters to the first recordings.
+    """Fits of sets of parameters to the first trajectories.
 
     Args:
-        study: The study, with all recordings as episodes.
-        fitted: Number of recordings that are fitted.
+        study: The study, with all trajectories as episodes.
+        fitted: Number of trajectories that are fitted.
         names: Names of all parameters.
         setting: Name of the settings.
         journal: Journal of the study.
@@ -102,7 +102,7 @@ class _Fitter:
         self.sets: dict[frozenset[str], FittedSet] = {}
 
     def __call__(self, names: Sequence[str]) -> FittedSet:
-        """Fit of a set. The held-out recordings are not run."""
+        """Fit of a set. The held-out trajectories are not run."""
         own = tuple(name for name in self._names if name in names)
         if (key := frozenset(own)) not in self.sets:
             ends = np.array([[self._study.parameters[name].low, self._study.parameters[name].high] for name in own], float)
@@ -117,12 +117,12 @@ class _Fitter:
         return self.sets[key]
 
     def whole(self, own: FittedSet) -> FittedSet:
-        """The set with the errors of all recordings, those held out among them."""
+        """The set with the errors of all trajectories, those held out among them."""
         values = np.zeros((1, 0)) if own.fit is None else own.fit.values[None]
         return replace(own, errors=self._errors(own.names, values, self._study.episodes)[0])
 
     def _errors(self, names: Sequence[str], samples: Array, count: int) -> Array:
-        """Errors of the first recordings, (samples, count); infinite if the episode diverged."""
+        """Errors of the first trajectories, (samples, count); infinite if the episode diverged."""
         study = replace(self._study, episodes=count)
         points = [point_at(study, dict(zip(names, row.tolist(), strict=True)), self._setting) for row in samples]
         rows = run_points(study, points, self._journal)
@@ -130,7 +130,7 @@ class _Fitter:
         return np.where(np.isfinite(found), found, np.inf)
 
 
-def calibrate_on_recordings(
+def calibrate_on_trajectories(
     study: Study | str | os.PathLike[str],
     out: str | os.PathLike[str] = "out",
     *,
@@ -139,33 +139,35 @@ def calibrate_on_recordings(
     parameters: Sequence[str] | None = None,
     setting: str = USUAL,
     progress: ProgressCallback | None = None,
-) -> RecordedCalibration:
-    """Finds the smallest set of parameters whose fit predicts recordings as well as a fit of all parameters, to within a margin.
+) -> TrajectoryCalibration:
+    """Finds the smallest set of parameters whose fit predicts trajectories as well as a fit of all parameters, to within a margin.
 
-    A set passes if its mean error of the fitted recordings exceeds that of the fit of all parameters by at most the margin. The other
-    recordings are run once, at the end. With n of them, all within the margin, the claim is: the margin holds for at least a fraction
-    0.05^(1/n) of such recordings, with 95 % confidence.
+    A set passes if its mean error of the fitted trajectories exceeds that of the fit of all parameters by at most the margin. The other
+    trajectories are run once, at the end. With n of them, all within the margin, the claim is: the margin holds for at least a fraction
+    0.05^(1/n) of such trajectories, with 95 % confidence.
 
     Args:
-        study: A study whose episodes are recordings and whose main outcome is the error of a prediction, or its file.
+        study: A study whose episodes are measured trajectories and whose main outcome is the error of a prediction, or its file.
         out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
-        fitted: Number of recordings that are fitted, the first episodes of the study.
+        fitted: Number of trajectories that are fitted, the first episodes of the study.
         margin: Largest increase of the error, in the unit of the outcome.
         parameters: Names, or selectors with a range; None selects all parameters with low and high.
         setting: Name of the settings.
         progress: Progress callback with a text and the fraction done.
 
     Returns:
-        The result. OUT/NAME has recordings.html and recordings.md.
+        The result. OUT/NAME has trajectories.html and trajectories.md.
 
     Raises:
-        ValueError: The study has no outcome or parameter with a range, or no recording is left to check, or the margin is not above 0.
+        ValueError: The study has no outcome or parameter with a range, or no trajectory is left to check, or the margin is not above 0.
     """
     study = study_of(study)
     check_number("margin", margin, above=0.0)
     check_whole("fitted", fitted, least=1)
     if fitted >= study.episodes:
-        raise ValueError(f"fitted is {fitted}, must be below the study's episodes, {study.episodes}, so that recordings are left to check")
+        raise ValueError(
+            f"fitted is {fitted}, must be below the study's episodes, {study.episodes}, so that trajectories are left to check"
+        )
     if not study.all_outcomes:
         raise ValueError("the study has no outcome: give it the error of a prediction")
     if parameters is not None:
@@ -191,21 +193,21 @@ def calibrate_on_recordings(
         chosen = whole.pop(frozenset(names[k] for k in best))
         everything = whole.pop(frozenset(names), chosen)
         others = tuple(sorted(whole.values(), key=lambda own: (-len(own.names), own.names)))
-        found = RecordedCalibration(study, fitted, margin, everything, chosen, others, Document(""), ())
-        document = Document(f"Calibration of {study.name} on recordings", [_answer(found), _sets(found)])
-        files = tuple(document.save(results.folder, "recordings"))
+        found = TrajectoryCalibration(study, fitted, margin, everything, chosen, others, Document(""), ())
+        document = Document(f"Calibration of {study.name} on measured trajectories", [_answer(found), _sets(found)])
+        files = tuple(document.save(results.folder, "trajectories"))
     return replace(found, document=document, files=files)
 
 
-def _answer(found: RecordedCalibration) -> Section:
+def _answer(found: TrajectoryCalibration) -> Section:
     """Section with the smallest set, its fitted values and the claim."""
     held_out, unit = len(found.every.errors) - found.fitted, found.study.all_outcomes[0].unit
     words = [
         f"To fit: {', '.join(found.chosen.names) or 'nothing'}. The other parameters may keep nominal values.",
-        f"Chosen on {counted(found.fitted, 'recording')}, checked on {held_out} others, by {measured(found.study)}. Margin: "
+        f"Chosen on {counted(found.fitted, 'trajectory')}, checked on {held_out} others, by {measured(found.study)}. Margin: "
         f"{found.margin:g} {unit} above the error with all parameters fitted.",
-        f"{found.violations} of {held_out} held-out recordings exceed the margin. So it holds for at least {found.share:.1%} of such "
-        "recordings, with 95 % confidence. Nothing is claimed about recordings of another kind.",
+        f"{found.violations} of {held_out} held-out trajectories exceed the margin. So it holds for at least {found.share:.1%} of such "
+        "trajectories, with 95 % confidence. Nothing is claimed about trajectories of another kind.",
     ]
     rows = []
     for label, own in (("smallest set", found.chosen), ("all parameters", found.every)):
@@ -216,7 +218,7 @@ def _answer(found: RecordedCalibration) -> Section:
     return Section("Answer", words, ("fit", "parameter", "value", "spread", "unit", "source of the range"), rows)
 
 
-def _sets(found: RecordedCalibration) -> Section:
+def _sets(found: TrajectoryCalibration) -> Section:
     """Section with the errors of all sets that were tried."""
     rows = []
     for own in (found.every, found.chosen, *found.others):
@@ -229,5 +231,5 @@ def _sets(found: RecordedCalibration) -> Section:
             interval,
             f"{violations(own, found.every, found.fitted, found.margin)} of {len(held_out)}",
         ])  # fmt: skip
-    head = ("fitted", "mean error, fitted recordings", "mean error, held out", "95 %, bootstrap", "held out above the margin")
+    head = ("fitted", "mean error, fitted trajectories", "mean error, held out", "95 %, bootstrap", "held out above the margin")
     return Section("Sets that were tried", ["The first row has all parameters, the second the smallest set."], head, rows)

@@ -5,7 +5,7 @@ B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world im
 published fits used all tosses; here the half with even numbers is fitted, and the odd half is predicted.
 """
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stepper.lab.calibration.fit import Fit, bootstrap, fit
 
-from reality.data import HALF, PERIOD, Toss, cube_tosses, free_fall, turn
+from reality.data import HALF, PERIOD, G, Toss, cube_tosses, turn
 from reality.engines import Table, TossEngine
 
 Array = NDArray[np.float64]
@@ -40,7 +40,6 @@ class Experiment:
         size: Length that divides squared distances in the error, half the width of a body, m.
         table: Class of the model, a `Table`.
         tosses: Function of the data folder and of gravity, m/s^2, that returns all tosses.
-        gravity: Function of the data folder and of the numbers of some tosses that returns the gravity of their flights, m/s^2.
         bodies: Function that turns recorded poses, (..., nq), into positions, m, and orientations of all bodies, (..., bodies, 7).
         bounds: Bounds of fitted parameters of the object by their name in `table`.
         nuisances: Bounds of fitted nuisances by their name in `table`.
@@ -53,7 +52,6 @@ class Experiment:
     size: float
     table: type[Table]
     tosses: Callable[[Path, float], list[Toss]]
-    gravity: Callable[[Path, NDArray[np.int64]], float]
     bodies: Callable[[Array], Array]
     nuisances: dict[str, tuple[float, float]]
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -77,7 +75,7 @@ class Experiment:
         return (distance**2 / self.size + turned**2).mean(axis=-1), distance.mean(axis=-1), turned.mean(axis=-1)
 
 
-CUBE = Experiment("cube_toss", HALF, Table, cube_tosses, free_fall, lambda pose: pose[..., None, :], OFFSETS)
+CUBE = Experiment("cube_toss", HALF, Table, cube_tosses, lambda pose: pose[..., None, :], OFFSETS)
 
 
 def fitted(
@@ -120,41 +118,34 @@ def fitted(
     return *parts(found.values), found
 
 
-def measured(engine: TossEngine, folder: Path, experiment: Experiment = CUBE, progress: Any = print) -> Iterator[Row]:
+def measured(engine: TossEngine, folder: Path, experiment: Experiment = CUBE) -> Iterator[Row]:
     """Rows of an engine, without nuisances and with them: fit of the even tosses, errors of both halves at each time step.
 
     Errors against time since the first contact follow.
     """
-    start = None
+    start, gravity, every = None, G, experiment.tosses(folder, G)
     for nuisances in (False, True):
-        start = yield from _measured(engine, folder, start, nuisances=nuisances, experiment=experiment, progress=progress)
-
-
-def _measured(
-    engine: TossEngine, folder: Path, start: Array | None, *, nuisances: bool, experiment: Experiment, progress: Any
-) -> Generator[Row, None, Array | None]:
-    """Rows of an engine with nuisances or without them. Returns the values at which the next fit starts."""
-    even = np.arange(0, len(experiment.tosses(folder, Table().gravity)), 2)
-    gravity = experiment.gravity(folder, even) if nuisances else Table().gravity
-    every = experiment.tosses(folder, gravity)
-    values, table, extra, found = fitted(engine, every[::2], gravity, nuisances=nuisances, start=start, experiment=experiment)
-    told = values | ({"gravity": gravity} if nuisances else {}) | extra
-    about = {"engine": engine.name, "nuisances": "fitted" if nuisances else "none"}
-    text = "; ".join(f"{name} {value:.4g}" for name, value in told.items())
-    progress(f"{engine.name}: {text} (loss {found.loss:.5f}, {found.evaluations} evaluations)")
-    for half, tosses in (("fitted", every[::2]), ("held out", every[1::2])):
-        for substeps in REFINED:
-            error, far, angle = experiment.errors(engine.poses(values, table, tosses, substeps), tosses)
-            whole = [np.nanmean(values[:, : experiment.samples], axis=1) for values in (error, far, angle)]
-            at_step = about | {"half": half, "tosses": len(tosses), "timestep_s": PERIOD / substeps, "horizon_s": ""}
-            yield at_step | _statistics(whole, experiment.size) | {"parameters": text}
-        for horizon in HORIZONS:
-            at = np.array([toss.impact + round(horizon / PERIOD) for toss in tosses])
-            inside = at < [len(toss.pose) for toss in tosses]
-            then = [values[inside, at[inside]] for values in (error, far, angle)]
-            at_time = about | {"half": half, "tosses": int(inside.sum()), "timestep_s": PERIOD / REFINED[-1], "horizon_s": horizon}
-            yield at_time | _statistics(then, experiment.size) | {"parameters": text}
-    return found.values if experiment.continued else None
+        if nuisances:
+            gravity = float(np.nanmedian([toss.fall for toss in every[::2]]))
+            every = experiment.tosses(folder, gravity)
+        values, table, extra, found = fitted(engine, every[::2], gravity, nuisances=nuisances, start=start, experiment=experiment)
+        start = found.values if experiment.continued else None
+        told = values | ({"gravity": gravity} if nuisances else {}) | extra
+        text = "; ".join(f"{name} {value:.4g}" for name, value in told.items())
+        print(f"{engine.name}: {text} (loss {found.loss:.5f}, {found.evaluations} evaluations)", flush=True)
+        for half, tosses in (("fitted", every[::2]), ("held out", every[1::2])):
+            about = {"engine": engine.name, "nuisances": "fitted" if nuisances else "none", "half": half}
+            for substeps in REFINED:
+                errors = experiment.errors(engine.poses(values, table, tosses, substeps), tosses)
+                whole = [np.nanmean(own[:, : experiment.samples], axis=1) for own in errors]
+                at_step = about | {"tosses": len(tosses), "timestep_s": PERIOD / substeps, "horizon_s": ""}
+                yield at_step | _statistics(whole, experiment.size) | {"parameters": text}
+            for horizon in HORIZONS:
+                at = np.array([toss.impact + round(horizon / PERIOD) for toss in tosses])
+                inside = at < [len(toss.pose) for toss in tosses]
+                then = [own[inside, at[inside]] for own in errors]
+                at_time = about | {"tosses": int(inside.sum()), "timestep_s": PUBLISHED_STEP, "horizon_s": horizon}
+                yield at_time | _statistics(then, experiment.size) | {"parameters": text}
 
 
 def _statistics(parts: Sequence[Array], size: float) -> Row:

@@ -9,7 +9,7 @@ from stepper.lab.engines import MujocoEngine
 
 from reality.cube import Experiment
 from reality.data import ELBOW_CENTRE, ELBOW_HALF, ELBOW_HINGE, PERIOD, elbow_bodies, elbow_tosses
-from reality.engines import Compliant, OfAtlas, Table, TossEngine
+from reality.engines import OfAtlas, Table, TossEngine
 
 MASS, INERTIA = 0.37, 0.0006167
 """Mass of a link, kg, and its moments of inertia, kg m^2, as published: nominal values, not measured ones."""
@@ -52,7 +52,6 @@ ELBOW = Experiment(
     0.05,
     Elbow,
     elbow_tosses,
-    lambda folder, which: float(np.median([toss.fall for toss in np.array(elbow_tosses(folder), object)[which]])),
     elbow_bodies,
     {"offset": (-0.003, 0.003), "radius": (0.0005, 0.006), "inertia": (0.3, 1.5)},
     {"hinge_damping": (0.0, 0.006), "hinge_friction": (0.0, 0.015)},
@@ -69,7 +68,7 @@ def engines() -> list[TossEngine]:
     friction = {"friction": (0.05, 0.5)}
     return [
         OfAtlas("stepper", friction | {"restitution": (0.0, 0.5)}, engine=Stepper("stepper")),
-        Compliant("stepper, compliant table", friction | {"log stiffness": (2.5, 5.5), "log damping": (0.3, 3.0)}),
+        OfAtlas("stepper, compliant table", friction | {"log stiffness": (2.5, 5.5), "log damping": (0.3, 3.0)}, engine=Stepper("stepper")),
         OfAtlas(
             "MuJoCo, elliptic cone",
             friction | {"log stiffness": (3.0, 6.5), "log damping": (1.0, 3.7), "impedance": (0.1, 0.98)},

@@ -196,6 +196,7 @@ def test_calibrate_a_study(tmp_path: Path) -> None:
     assert found.unmeasured == ("colour",)
     assert found.holds
     assert found.nominal.violations > 5
+    assert found.doubled.violations > found.certificates[-1].trial.violations
 
     def share(slope: Array, wind: Array) -> Array:
         climbed = slope[:, None] + 0.5 * wind[:, None] + 0.1 * np.arange(8) / 8.0

@@ -18,11 +18,11 @@ from stepper.lab.calibration.search import Array, smallest_set
 from stepper.lab.study.batches import USUAL, point_at, run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import least_share
-from stepper.lab.study.journal import Journal, Results
+from stepper.lab.study.journal import Results
 from stepper.lab.study.parameters import check_value_conflicts, selected
 from stepper.lab.study.report import study_of
 from stepper.lab.study.study import Study
-from stepper.lab.study.sweep import measured
+from stepper.lab.study.sweep import main_values, measured
 from stepper.shared.arguments import check_number, check_whole
 from stepper.shared.progress import ProgressCallback
 
@@ -72,7 +72,7 @@ class TrajectoryCalibration:
     @property
     def violations(self) -> int:
         """Number of held-out trajectories whose error with the smallest set exceeds that with all parameters by more than the margin."""
-        return violations(self.chosen, self.every, self.fitted, self.margin)
+        return self._violations_of(self.chosen)
 
     @property
     def share(self) -> float:
@@ -80,54 +80,9 @@ class TrajectoryCalibration:
         held_out = len(self.every.errors) - self.fitted
         return least_share(held_out - self.violations, held_out)
 
-
-def violations(own: FittedSet, every: FittedSet, fitted: int, margin: float) -> int:
-    """Number of held-out trajectories whose error exceeds that of the fit of all parameters by more than the margin."""
-    return int((own.errors[fitted:] - every.errors[fitted:] > margin).sum())
-
-
-class _Fitter:
-    """Fits of sets of parameters to the first trajectories.
-
-    Args:
-        study: The study, with all trajectories as episodes.
-        fitted: Number of trajectories that are fitted.
-        names: Names of all parameters.
-        setting: Name of the settings.
-        journal: Journal of the study.
-    """
-
-    def __init__(self, study: Study, fitted: int, names: Sequence[str], *, setting: str, journal: Journal):
-        self._study, self._fitted, self._names, self._setting, self._journal = study, fitted, list(names), setting, journal
-        self.sets: dict[frozenset[str], FittedSet] = {}
-
-    def __call__(self, names: Sequence[str]) -> FittedSet:
-        """Fit of a set. The held-out trajectories are not run."""
-        own = tuple(name for name in self._names if name in names)
-        if (key := frozenset(own)) not in self.sets:
-            ends = np.array([[self._study.parameters[name].low, self._study.parameters[name].high] for name in own], float)
-            found = None
-            if own:
-                found = fit(
-                    lambda samples: self._errors(own, samples, self._fitted).mean(axis=1), *ends.T, samples=_SAMPLES,
-                    elite=_SAMPLES // 3, rounds=_ROUNDS, seed=self._study.seed,
-                )  # fmt: skip
-            values = np.zeros((1, 0)) if found is None else found.values[None]
-            self.sets[key] = FittedSet(own, found, self._errors(own, values, self._fitted)[0])
-        return self.sets[key]
-
-    def whole(self, own: FittedSet) -> FittedSet:
-        """The set with the errors of all trajectories, those held out among them."""
-        values = np.zeros((1, 0)) if own.fit is None else own.fit.values[None]
-        return replace(own, errors=self._errors(own.names, values, self._study.episodes)[0])
-
-    def _errors(self, names: Sequence[str], samples: Array, count: int) -> Array:
-        """Errors of the first trajectories, (samples, count); infinite if the episode diverged."""
-        study = replace(self._study, episodes=count)
-        points = [point_at(study, dict(zip(names, row.tolist(), strict=True)), self._setting) for row in samples]
-        rows = run_points(study, points, self._journal)
-        found = np.array([row["outcomes"][measured(study)] for row in rows], float).reshape(len(points), count)
-        return np.where(np.isfinite(found), found, np.inf)
+    def _violations_of(self, own: FittedSet) -> int:
+        """Number of held-out trajectories whose error with a set exceeds that with all parameters by more than the margin."""
+        return int((own.errors[self.fitted :] - self.every.errors[self.fitted :] > self.margin).sum())
 
 
 def calibrate_on_trajectories(
@@ -177,21 +132,44 @@ def calibrate_on_trajectories(
     if not names:
         raise ValueError(f"{study.name} has no parameter with low and high: give it the parameters to fit")
     check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
+    ends = np.array([[study.parameters[name].low, study.parameters[name].high] for name in names], float)
+    sets: dict[frozenset[int], FittedSet] = {}
     with Results(study, out) as results:
-        fitter = _Fitter(study, fitted, names, setting=setting, journal=results.journal)
-        every = fitter(names)
+
+        def errors(chosen: Sequence[int], samples: Array, count: int = fitted) -> Array:
+            """Errors of the first trajectories, (samples, count); infinite if the episode diverged."""
+            some, own = replace(study, episodes=count), [names[k] for k in chosen]
+            points = [point_at(some, dict(zip(own, row.tolist(), strict=True)), setting) for row in samples]
+            found = main_values(some, run_points(some, points, results.journal)).reshape(len(points), count)
+            return np.where(np.isfinite(found), found, np.inf)
+
+        def fitted_set(chosen: set[int]) -> FittedSet:
+            """Fit of a set of parameters. The held-out trajectories are not run."""
+            if (key := frozenset(chosen)) not in sets:
+                own, best, values = sorted(chosen), None, np.zeros((1, 0))
+                if own:
+                    best = fit(
+                        lambda samples: errors(own, samples).mean(axis=1), *ends[own].T, samples=_SAMPLES, elite=_SAMPLES // 3,
+                        rounds=_ROUNDS, seed=study.seed,
+                    )  # fmt: skip
+                    values = best.values[None]
+                sets[key] = FittedSet(tuple(names[k] for k in own), best, errors(own, values)[0])
+            if progress:
+                progress(f"calibrate {study.name}", min(0.99, len(sets) / (2.0 * len(names) + 2.0)))
+            return sets[key]
+
+        every = set(range(len(names)))
 
         def excess(chosen: set[int]) -> float:
-            value = float(np.mean(fitter([names[k] for k in chosen]).errors - every.errors))
-            if progress:
-                progress(f"calibrate {study.name}", min(0.99, len(fitter.sets) / (2.0 * len(names) + 2.0)))
-            return value
+            return float(np.mean(fitted_set(chosen).errors - fitted_set(every).errors))
 
-        importance = np.array([excess(set(range(len(names))) - {k}) for k in range(len(names))])
-        best = smallest_set(lambda chosen: excess(chosen) <= margin, importance)
-        whole = {key: fitter.whole(own) for key, own in fitter.sets.items()}
-        chosen = whole.pop(frozenset(names[k] for k in best))
-        everything = whole.pop(frozenset(names), chosen)
+        best = smallest_set(lambda chosen: excess(chosen) <= margin, np.array([excess(every - {k}) for k in every]))
+        whole = {}
+        for key, own in sets.items():
+            values = np.zeros((1, 0)) if own.fit is None else own.fit.values[None]
+            whole[key] = replace(own, errors=errors(sorted(key), values, study.episodes)[0])
+        chosen = whole.pop(frozenset(best))
+        everything = whole.pop(frozenset(every), chosen)
         others = tuple(sorted(whole.values(), key=lambda own: (-len(own.names), own.names)))
         found = TrajectoryCalibration(study, fitted, margin, everything, chosen, others, Document(""), ())
         document = Document(f"Calibration of {study.name} on measured trajectories", [_answer(found), _sets(found)])
@@ -229,7 +207,7 @@ def _sets(found: TrajectoryCalibration) -> Section:
             float(own.errors[: found.fitted].mean()),
             float(held_out.mean()),
             interval,
-            f"{violations(own, found.every, found.fitted, found.margin)} of {len(held_out)}",
+            f"{found._violations_of(own)} of {len(held_out)}",
         ])  # fmt: skip
     head = ("fitted", "mean error, fitted trajectories", "mean error, held out", "95 %, bootstrap", "held out above the margin")
     return Section("Sets that were tried", ["The first row has all parameters, the second the smallest set."], head, rows)

@@ -75,12 +75,7 @@ def _cut(pose: Array, velocity: Array, gravity: float) -> Toss:
 
 
 def cube_tosses(folder: Path, gravity: float = G) -> list[Toss]:
-    """All tosses of the data set `cube_toss` in a data folder.
-
-    Raises:
-        FileNotFoundError: The folder lacks the data set.
-        ValueError: The archive is damaged.
-    """
+    """All tosses of the data set `cube_toss` in a data folder."""
     arrays = data_set(folder, "cube_toss")
     start, pose, velocity = arrays["start"], arrays["pose"].astype(float), arrays["vel"].astype(float)
     return [_cut(pose[a:b], velocity[a:b], gravity) for a, b in itertools.pairwise(start)]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import stepper
 from atlas.engines import DEFAULTS, Mujoco, Rapier, Stepper
 from atlas.mjcf import numbers
 from atlas.world import DivergedError
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from stepper.lab.engines import MujocoEngine
 from stepper.shared.rotations import matrices
 
@@ -39,19 +40,22 @@ class Table:
     offset: float = 0.0
     radius: float = 0.0
 
-    def corners(self) -> Array:
-        """Centres of the balls that a cube with rounded corners has in its corners, (8, 3), m. On a plane it touches with these alone."""
-        return (HALF - self.radius) * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    def corners(self, half: ArrayLike = HALF) -> Array:
+        """Centres of the balls that a box with rounded corners has in its corners, (8, 3), m. On a plane it touches with these alone."""
+        return (half - self.radius) * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+
+    def box(self, half: ArrayLike = HALF, centre: ArrayLike = 0.0) -> str:
+        """Geoms of a box in MJCF, from its half widths and its centre, (3,) or a number for all, m. It has balls in rounded corners."""
+        half, centre = np.broadcast_to(half, 3), np.broadcast_to(centre, 3)
+        if not self.radius:
+            return f'<geom type="box" size="{numbers(half)}" pos="{numbers(centre)}"/>'
+        return "".join(f'<geom type="sphere" size="{self.radius!r}" pos="{numbers(corner)}"/>' for corner in self.corners(half) + centre)
 
     def mjcf(self, geom: str, option: str = "") -> str:
         """Model of the table and the cube in MJCF."""
-        sizes = f'<geom type="box" size="{numbers([HALF] * 3)}"/>'
-        if self.radius:
-            size = numbers([self.radius])
-            sizes = "".join(f'<geom type="sphere" size="{size}" pos="{numbers(corner)}"/>' for corner in self.corners())
         return f"""<mujoco><option gravity="{numbers([0, 0, -self.gravity])}">{option}</option><default><geom {geom}/></default><worldbody>
           <geom type="plane" size="5 5 1" pos="{numbers([0, 0, self.offset])}"/><body name="cube"><freejoint/>
-          <inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>{sizes}</body></worldbody></mujoco>"""
+          <inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>{self.box()}</body></worldbody></mujoco>"""
 
 
 @dataclass(frozen=True)
@@ -247,14 +251,9 @@ def engines() -> list[TossEngine]:
         OfAtlas("MuJoCo, pyramidal cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("pyramidal", DEFAULTS))),
         OfAtlas("MuJoCo, elliptic cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("elliptic", DEFAULTS | {"cone": "elliptic"}))),
     ]
-    for module, engine in (
-        ("rapier3d", OfAtlas("rapier", _RIGID, 6, Rapier("rapier"))),
-        ("pybullet", Bullet("Bullet", _COMPLIANT | {"friction": (0.1, 0.9)})),
-        ("pydrake", Drake("Drake", {"friction": (0.05, 0.4), "log stiffness": (3.0, 5.5), "dissipation": (0.0, 2.0)}, 6)),
-    ):
-        try:
-            __import__(module)
-        except ModuleNotFoundError:
-            continue
-        made.append(engine)
-    return made
+    optional = {
+        "rapier3d": OfAtlas("rapier", _RIGID, 6, Rapier("rapier")),
+        "pybullet": Bullet("Bullet", _COMPLIANT | {"friction": (0.1, 0.9)}),
+        "pydrake": Drake("Drake", {"friction": (0.05, 0.4), "log stiffness": (3.0, 5.5), "dissipation": (0.0, 2.0)}, 6),
+    }
+    return made + [engine for module, engine in optional.items() if find_spec(module)]

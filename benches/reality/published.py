@@ -23,9 +23,9 @@ from atlas.engines import DEFAULTS, Mujoco, Stepper
 from atlas.mjcf import numbers
 from atlas.world import Array, TooSlowError, World
 from stepper.lab.engines import MujocoBatch, MujocoEngine, StepperBatch
-from stepper.shared.files import existing, write_csv
+from stepper.shared.files import existing
 
-from reality.report import BENCHMARKS
+from reality.report import BENCHMARKS, shown, write_rows
 
 Row = dict[str, Any]
 FACTORS = (0.90, 0.98, 1.00, 1.02, 1.10, 1.20)
@@ -34,30 +34,15 @@ GRASP_DT, PHASE, SETTLE, HELD, WINDOW = 0.002, 1.0, 0.4, 0.6, 0.2
 """Time step of the grasp; lengths of a phase, of the rest after the lift, of the hold, and of the force's mean at its end, s."""
 SLIP_TIME = 5.0
 """Length of the published slip test, s."""
-GRIPPER = """<mujoco><option timestep="0.002"/><default><position kp="4500" kv="450"/>
-  <default class="pad"><geom solref=".01 1" solimp=".99 .995 .01"/></default></default><worldbody>
-  <geom name="floor" type="plane" size="1 1 .1"/>
-  <body name="hand" pos="0 0 .02"><joint name="lift" type="slide" axis="0 0 1" armature="1"/>
-  <inertial pos="0 0 .1" mass=".7" diaginertia="1e-3 1e-3 1e-3"/>
-  <body name="left_finger" pos="-.008 0 0"><joint name="left" type="slide" axis="-1 0 0" range="0 .04" damping="10" armature=".1"/>
-  <geom type="box" size=".008 .009 .008" mass=".015" class="pad"/></body>
-  <body name="right_finger" pos=".008 0 0"><joint name="right" type="slide" axis="1 0 0" range="0 .04" damping="10" armature=".1"/>
-  <geom type="box" size=".008 .009 .008" mass=".015" class="pad"/></body></body>
-  <body name="obj" pos="0 0 .02"><freejoint/>
-  <geom type="box" size=".02 .02 .02" mass=".064" solref=".005 1" solimp=".99 .99 .5"/></body></worldbody>
-  <equality><joint joint1="left" joint2="right" solref=".005 1"/></equality>
-  <actuator><position joint="lift"/>
-  <general joint="left" biastype="affine" gainprm="350" biasprm="0 -350 -10" ctrlrange="0 .04"/></actuator>
-  <keyframe><key name="home" qpos=".1 .04 .04 0 0 .02 1 0 0 0" ctrl=".1 .04"/><key name="grasp" ctrl="0 .04"/>
-  <key name="lift" ctrl=".15 0"/></keyframe></mujoco>"""
-"""Gripper on a vertical slide with a block of 4 cm and 64 g, with the forces and contacts of the published scene, but an upright grasp."""
+GRIPPER = Path(__file__).parent / "gripper.xml"
+"""Scene of the grasp without the published one."""
 GRASPED = ("obj", "left_finger", "right_finger")
 """Bodies whose friction is varied."""
 
 
-def loaded(scene: Path | None, text: str = "") -> Any:
-    """Specification of a scene from a file, or from MJCF. Meshes, which only the eye needs there, and sensors are left out."""
-    spec = mujoco.MjSpec.from_string(text) if scene is None else mujoco.MjSpec.from_file(str(scene))
+def loaded(scene: Path) -> Any:
+    """Specification of a scene from a file. Meshes, which only the eye needs there, and sensors are left out."""
+    spec = mujoco.MjSpec.from_file(str(scene))
     for geom in [*spec.geoms]:
         geom.material = ""
         if geom.meshname:
@@ -108,7 +93,7 @@ def pressed(world: World) -> float:
 def grasp(scene: Path | None) -> Iterator[Row]:
     """Rows of the slip test: drop of a block, m, by engine and friction."""
     for engine in grasp_engines():
-        spec = loaded(scene, GRIPPER)
+        spec = loaded(scene or GRIPPER)
         qpos, force, weight, offset = held(engine, spec)
         for factor in FACTORS:
             world = engine.start(mjcf(spec, factor * weight / force), GRASP_DT)
@@ -287,12 +272,12 @@ def main() -> None:
     }
     rows = []
     for row in tables[given.table]():
-        rows.append({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
-        print("; ".join(f"{name} {value}" for name, value in rows[-1].items()), flush=True)
+        rows.append(row)
+        print("; ".join(f"{name} {shown(value)}" for name, value in row.items()), flush=True)
     if not rows:
         parser.error(f"no pile and engine is called {given.named!r}")
     suffix = "_published_scene" if given.table == "grasp" and given.scene else "_small" if given.small else ""
-    print(write_csv(given.out / f"published_{given.table}{suffix}.csv", [rows[0], *(row.values() for row in rows)]))
+    print(write_rows(given.out / f"published_{given.table}{suffix}.csv", rows))
 
 
 if __name__ == "__main__":

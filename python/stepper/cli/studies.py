@@ -19,6 +19,7 @@ from stepper.cli.options import (
     StudyFile,
     Values,
     Varied,
+    number_or_text,
     progress_kept_in,
     show,
     source_with,
@@ -29,6 +30,7 @@ from stepper.lab.study.batches import USUAL
 from stepper.lab.study.document import Document, Section, check_pages
 from stepper.loading import ModelWarning
 from stepper.loading.findings import explained
+from stepper.shared.arguments import name_values
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import provenance
 from stepper.shared.progress import show_files, show_progress
@@ -213,21 +215,9 @@ def calibrate(
         else:
             found = lab.calibrate(
                 own, out, margin=margin, samples=samples, worlds=worlds, tries=tries, parameters=names,
-                tolerances=_tolerances(measured), setting=setting, progress=progress,
+                tolerances=name_values(measured, "--measured", number_or_text) if measured else None, setting=setting, progress=progress,
             )  # fmt: skip
     show(found)
-
-
-def _tolerances(texts: list[str] | None) -> dict[str, float] | None:
-    """Tolerances by parameter, of texts such as "friction=0.01"; None without texts."""
-    found = {}
-    for text in texts or ():
-        name, _, value = text.rpartition("=")
-        try:
-            found[name] = float(value)
-        except ValueError:
-            raise typer.BadParameter(f"--measured is {text!r}, must be NAME=TOLERANCE, such as 'friction=0.01'") from None
-    return found or None
 
 
 def explain(

@@ -5,17 +5,3 @@
 - `trajectories`: the same for measured trajectories of a real system
 - `fit`: fits of parameters to trajectories with impacts, whose losses are rough
 """
-
-from stepper.lab.calibration.calibrate import Calibration, MeasuredParameter, calibrate
-from stepper.lab.calibration.search import Certificate
-from stepper.lab.calibration.trajectories import FittedSet, TrajectoryCalibration, calibrate_on_trajectories
-
-__all__ = [
-    "Calibration",
-    "Certificate",
-    "FittedSet",
-    "MeasuredParameter",
-    "TrajectoryCalibration",
-    "calibrate",
-    "calibrate_on_trajectories",
-]

@@ -179,10 +179,8 @@ def calibrate(
     check_whole("tries", tries, least=1)
     check_whole("worlds", worlds, least=1)
     tries = tries if tolerances is None else 1
-    if worlds < (least := worlds_for(0, tries)):
-        raise ValueError(
-            f"worlds is {worlds}, must be at least {least} for a certificate with {tries} tries: give more worlds or fewer tries"
-        )
+    if worlds < (n := worlds_for(0, tries)):
+        raise ValueError(f"worlds is {worlds}, must be at least {n} for a certificate with {tries} tries: give more worlds or fewer tries")
     ranking = rank(study, out, samples=samples, parameters=parameters, setting=setting, progress=progress)
     study, names = ranking.study, [entry.parameter for entry in ranking.ranks]
     check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
@@ -191,10 +189,9 @@ def calibrate(
     importance = np.array([entry.total for entry in ranking.ranks])
     with Results(study, out) as results:
         at = progress or (lambda *_: None)
-        expected = _COMPARISONS * len(names)
-        comparison = Comparison(study, names, setting, results.journal, lambda n: at(f"calibrate {study.name}", min(0.99, n / expected)))
-        rng = np.random.default_rng([study.seed, _SEARCH])
-        search = Search(comparison, space, margin, importance, count=worlds, rng=rng)
+        done = lambda n: at(f"calibrate {study.name}", min(0.99, n / (_COMPARISONS * len(names))))  # noqa: E731
+        comparison = Comparison(study, names, setting, results.journal, done)
+        search = Search(comparison, space, margin, importance, count=worlds, rng=np.random.default_rng([study.seed, _SEARCH]))
         chosen, fractions, certificates = _certified(search, study.seed, worlds, tries, given)
         last = certificates[-1].trial
         fresh = space.draw(np.random.default_rng([study.seed, _CERTIFICATE, len(certificates)]), worlds)
@@ -204,9 +201,8 @@ def calibrate(
         required = tuple(MeasuredParameter(names[k], float(fractions[k] * widths[k]), search.weaker(fractions, k, *proof)) for k in chosen)
         left = tuple(name for k, name in enumerate(names) if k not in chosen)
         found = Calibration(
-            study, setting, margin, required, left, tuple(certificates), nominal, search.trial(2.0 * fractions, *proof),
-            ranking, Table(list(comparison.rows.values())),
-            Document(""), (), tolerances is None,
+            study, setting, margin, required, left, tuple(certificates), nominal, search.trial(2.0 * fractions, *proof), ranking,
+            Table(list(comparison.rows.values())), Document(""), (), tolerances is None,
         )  # fmt: skip
         pictures = [_draw(found, results.folder / "calibrate.png")] if package_version("matplotlib") else []
         sections = [_answer(found, pictures[0] if pictures else None), *_measure(found), _keep(found), _assumed(found)]
@@ -255,23 +251,17 @@ def _certified(search: Search, seed: int, worlds: int, tries: int, given: Array 
 
 def summary(found: Calibration) -> dict[str, Any]:
     """Result of a calibration as JSON types."""
-    last = found.certificates[-1]
-    return {
-        "study": found.study.name,
-        "seed": found.study.seed,
-        "setting": found.setting,
-        "outcome": measured(found.study),
-        "margin": found.margin,
+    last, study = found.certificates[-1], found.study
+    about = {"study": study.name, "seed": study.seed, "setting": found.setting, "outcome": measured(study), "margin": found.margin}
+    measure = {}
+    for own in found.parameters:
+        violations = {change: trial.violations for change, trial in own.weaker.items()}
+        fails = [change for change, trial in own.weaker.items() if trial.fails_surely]
+        measure[own.name] = {"tolerance": own.tolerance, "violations_if": violations, "surely_fails_if": fails}
+    return about | {
         "holds": found.holds,
         "searched": found.searched,
-        "measure": {
-            own.name: {
-                "tolerance": own.tolerance,
-                "violations_if": {change: trial.violations for change, trial in own.weaker.items()},
-                "surely_fails_if": [change for change, trial in own.weaker.items() if trial.fails_surely],
-            }
-            for own in found.parameters
-        },
+        "measure": measure,
         "keep_nominal": list(found.unmeasured),
         "worlds": last.trial.worlds,
         "violations": [certificate.trial.violations for certificate in found.certificates],
@@ -280,11 +270,10 @@ def summary(found: Calibration) -> dict[str, Any]:
         "quantile": last.trial.quantile(last.confidence),
         "violations_without_measurement": found.nominal.violations,
         "violations_if_all_doubled": found.doubled.violations,
+        "all_doubled_surely_fails": found.doubled.fails_surely,
     }
 
 
-_STYLES = ("-", "--", ":", "-.")
-"""Line styles of the curves without one parameter."""
 _COLOURS = {"nothing": "#999999", "set": "#0b3c8c", "left out": "#d95f02"}
 """Colours of parameters and curves."""
 
@@ -406,7 +395,7 @@ def _draw(found: Calibration, path: Path) -> Path:
     left.set_xlabel("total Sobol index, 95 % (blue: must be measured)")
     last = found.certificates[-1].trial
     curves = [("nothing measured", found.nominal, _COLOURS["nothing"], "-"), ("measured to the tolerances", last, _COLOURS["set"], "-")]
-    styles = itertools.cycle(_STYLES)
+    styles = itertools.cycle(("-", "--", ":", "-."))
     curves += [(f"without {own.name}", own.weaker["left out"], _COLOURS["left out"], next(styles)) for own in found.parameters]
     for label, trial, colour, style in curves:
         shares = np.arange(1, trial.worlds + 1) / trial.worlds

@@ -1,4 +1,4 @@
-"""Real tosses of a cube: each engine is fitted to one half of the tosses, and predicts the other half.
+"""Real tosses of a cube, and of two links with a hinge: each engine is fitted to one half of the tosses, and predicts the other half.
 
 The error of a toss is the mean over time of d^2 / 0.0524 m + theta^2, with the distance d in m and the angle theta in rad. It is that of
 B. Acosta, W. Yang and M. Posa, "Validating robotics simulators on real-world impacts", IEEE Robotics and Automation Letters 7, 2022. The
@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from atlas.engines import DEFAULTS, Mujoco, Stepper
+from atlas.mjcf import numbers
 from numpy.typing import NDArray
 from stepper.lab.calibration.fit import Fit, bootstrap, fit
+from stepper.lab.engines import MujocoEngine
 
-from reality.data import HALF, PERIOD, G, Toss, cube_tosses, turn
-from reality.engines import Table, TossEngine
+from reality.data import ELBOW_CENTRE, ELBOW_HALF, ELBOW_HINGE, HALF, PERIOD, G, Toss, cube_tosses, elbow_bodies, elbow_tosses, turn
+from reality.engines import OfAtlas, Table, TossEngine
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -79,23 +82,11 @@ CUBE = Experiment("cube_toss", HALF, Table, cube_tosses, lambda pose: pose[..., 
 
 
 def fitted(
-    engine: TossEngine,
-    tosses: Sequence[Toss],
-    gravity: float,
-    *,
-    nuisances: bool,
-    start: Array | None = None,
-    experiment: Experiment = CUBE,
+    engine: TossEngine, tosses: Sequence[Toss], gravity: float, experiment: Experiment, *, nuisances: bool, start: Array | None
 ) -> tuple[dict[str, float], Table, dict[str, float], Fit]:
     """Parameters of an engine, the model, and its fitted parameters, that fit tosses best; and the fit.
 
-    Args:
-        engine: The engine.
-        tosses: The tosses.
-        gravity: Gravity, m/s^2.
-        nuisances: Whether to fit the nuisances too.
-        start: Values of a fit without nuisances, at which the search starts; None searches everywhere.
-        experiment: The experiment.
+    `start` has the values of a fit without nuisances, at which the search starts; None searches everywhere.
     """
     extra = {**experiment.bounds, **(experiment.nuisances if nuisances else {})}
     bounds = {**engine.bounds, **extra}
@@ -128,7 +119,7 @@ def measured(engine: TossEngine, folder: Path, experiment: Experiment = CUBE) ->
         if nuisances:
             gravity = float(np.nanmedian([toss.fall for toss in every[::2]]))
             every = experiment.tosses(folder, gravity)
-        values, table, extra, found = fitted(engine, every[::2], gravity, nuisances=nuisances, start=start, experiment=experiment)
+        values, table, extra, found = fitted(engine, every[::2], gravity, experiment, nuisances=nuisances, start=start)
         start = found.values if experiment.continued else None
         told = values | ({"gravity": gravity} if nuisances else {}) | extra
         text = "; ".join(f"{name} {value:.4g}" for name, value in told.items())
@@ -157,3 +148,66 @@ def _statistics(parts: Sequence[Array], size: float) -> Row:
         "median": np.median(error), "median_low": median[0], "median_high": median[1],
         "distance_percent": 100.0 * distance.mean() / (2.0 * size), "angle_deg": np.degrees(angle.mean()),
     }  # fmt: skip
+
+
+LINK_MASS, LINK_INERTIA = 0.37, 0.0006167
+"""Mass of a link, kg, and its moments of inertia, kg m^2, as published: nominal values, not measured ones."""
+
+
+@dataclass(frozen=True)
+class Elbow(Table):
+    """Differences of the experiment with the elbow from its nominal description, and the friction of the hinge.
+
+    Attributes:
+        inertia: Moments of inertia of both links in relation to the published ones.
+        hinge_damping: Viscous friction of the hinge, N m s/rad.
+        hinge_friction: Dry friction of the hinge, N m.
+    """
+
+    inertia: float = 1.0
+    hinge_damping: float = 0.0
+    hinge_friction: float = 0.0
+
+    def mjcf(self, geom: str, option: str = "") -> str:
+        """Model of the table and both links in MJCF. Links touch the table alone, as in the published description."""
+
+        def link(centre: tuple[float, ...]) -> str:
+            inertial = f'<inertial pos="{numbers(centre)}" mass="{LINK_MASS}" diaginertia="{numbers([self.inertia * LINK_INERTIA] * 3)}"/>'
+            return inertial + self.box(ELBOW_HALF, centre)
+
+        hinge = f'<joint axis="0 1 0" damping="{self.hinge_damping!r}" frictionloss="{self.hinge_friction!r}"/>'
+        return f"""<mujoco><option gravity="{numbers([0, 0, -self.gravity])}">{option}</option>
+          <default><geom contype="1" conaffinity="2" {geom}/></default><worldbody>
+          <geom type="plane" size="5 5 1" contype="2" conaffinity="1" pos="{numbers([0, 0, self.offset])}"/>
+          <body name="first"><freejoint/>{link((0.0, 0.0, 0.0))}
+          <body name="second" pos="{numbers(ELBOW_HINGE)}">{hinge}{link(ELBOW_CENTRE)}</body></body></worldbody></mujoco>"""
+
+
+ELBOW = Experiment(
+    "elbow_toss",
+    0.05,
+    Elbow,
+    elbow_tosses,
+    elbow_bodies,
+    {"offset": (-0.003, 0.003), "radius": (0.0005, 0.006), "inertia": (0.3, 1.5)},
+    {"hinge_damping": (0.0, 0.006), "hinge_friction": (0.0, 0.015)},
+    samples=2 + round(0.1 / PERIOD),
+    draws=32,
+    rounds=16,
+    continued=True,
+)
+"""Tosses of the elbow. Errors are those of the first 0.1 s after the first contact."""
+
+
+def elbow_engines() -> list[TossEngine]:
+    """Engines that toss the elbow."""
+    friction = {"friction": (0.05, 0.5)}
+    return [
+        OfAtlas("stepper", friction | {"restitution": (0.0, 0.5)}, engine=Stepper("stepper")),
+        OfAtlas("stepper, compliant table", friction | {"log stiffness": (2.5, 5.5), "log damping": (0.3, 3.0)}, engine=Stepper("stepper")),
+        OfAtlas(
+            "MuJoCo, elliptic cone",
+            friction | {"log stiffness": (3.0, 6.5), "log damping": (1.0, 3.7), "impedance": (0.1, 0.98)},
+            engine=Mujoco("MuJoCo", MujocoEngine("elliptic", DEFAULTS | {"cone": "elliptic"})),
+        ),
+    ]

@@ -21,7 +21,7 @@ from stepper.lab.calibration.search import SHARE, UNMEASURED, Array, Certificate
 from stepper.lab.study.batches import USUAL, Point, nominal_of, run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.journal import Journal, Results, Row, Table
-from stepper.lab.study.parameters import Parameter, check_value_conflicts
+from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.ranking import Ranking, rank
 from stepper.lab.study.report import settings_sections, study_of
 from stepper.lab.study.study import Study
@@ -183,7 +183,6 @@ def calibrate(
         raise ValueError(f"worlds is {worlds}, must be at least {n} for a certificate with {tries} tries: give more worlds or fewer tries")
     ranking = rank(study, out, samples=samples, parameters=parameters, setting=setting, progress=progress)
     study, names = ranking.study, [entry.parameter for entry in ranking.ranks]
-    check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
     space = _space(study, names)
     given = None if tolerances is None else _fractions(tolerances, names, space)
     importance = np.array([entry.total for entry in ranking.ranks])

@@ -22,7 +22,7 @@ from stepper.lab.study.journal import Results
 from stepper.lab.study.parameters import check_value_conflicts, selected
 from stepper.lab.study.report import study_of
 from stepper.lab.study.study import Study
-from stepper.lab.study.sweep import main_values, measured
+from stepper.lab.study.sweep import measured
 from stepper.shared.arguments import check_number, check_whole
 from stepper.shared.progress import ProgressCallback
 
@@ -140,7 +140,8 @@ def calibrate_on_trajectories(
             """Errors of the first trajectories, (samples, count); infinite if the episode diverged."""
             some, own = replace(study, episodes=count), [names[k] for k in chosen]
             points = [point_at(some, dict(zip(own, row.tolist(), strict=True)), setting) for row in samples]
-            found = main_values(some, run_points(some, points, results.journal)).reshape(len(points), count)
+            rows = run_points(some, points, results.journal)
+            found = np.array([row["outcomes"][measured(some)] for row in rows], float).reshape(len(points), count)
             return np.where(np.isfinite(found), found, np.inf)
 
         def fitted_set(chosen: set[int]) -> FittedSet:

@@ -32,7 +32,7 @@ def unit(q: Array) -> Array:
 
 def turn(q: Array, r: Array) -> Array:
     """Angle in rad between orientations (w, x, y, z), (..., 4), with a sign for neither direction, (...)."""
-    return np.linalg.norm(rotation_vectors(unit(q), unit(r)), axis=-1)
+    return np.asarray(np.linalg.norm(rotation_vectors(unit(q), unit(r)), axis=-1))
 
 
 def _lowest(q: Array, half: Array) -> Array:

@@ -42,7 +42,7 @@ class Table:
 
     def corners(self, half: ArrayLike = HALF) -> Array:
         """Centres of the balls that a box with rounded corners has in its corners, (8, 3), m. On a plane it touches with these alone."""
-        return (half - self.radius) * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        return (np.asarray(half) - self.radius) * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
     def box(self, half: ArrayLike = HALF, centre: ArrayLike = 0.0) -> str:
         """Geoms of a box in MJCF, from its half widths and its centre, (3,) or a number for all, m. It has balls in rounded corners."""
@@ -251,7 +251,7 @@ def engines() -> list[TossEngine]:
         OfAtlas("MuJoCo, pyramidal cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("pyramidal", DEFAULTS))),
         OfAtlas("MuJoCo, elliptic cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("elliptic", DEFAULTS | {"cone": "elliptic"}))),
     ]
-    optional = {
+    optional: dict[str, TossEngine] = {
         "rapier3d": OfAtlas("rapier", _RIGID, 6, Rapier("rapier")),
         "pybullet": Bullet("Bullet", _COMPLIANT | {"friction": (0.1, 0.9)}),
         "pydrake": Drake("Drake", {"friction": (0.05, 0.4), "log stiffness": (3.0, 5.5), "dissipation": (0.0, 2.0)}, 6),

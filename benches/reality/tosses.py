@@ -114,7 +114,8 @@ def measured(engine: TossEngine, folder: Path, experiment: Experiment = CUBE) ->
 
     Errors against time since the first contact follow.
     """
-    start, gravity, every = None, G, experiment.tosses(folder, G)
+    start: Array | None = None
+    gravity, every = G, experiment.tosses(folder, G)
     for nuisances in (False, True):
         if nuisances:
             gravity = float(np.nanmedian([toss.fall for toss in every[::2]]))

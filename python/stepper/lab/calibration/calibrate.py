@@ -252,7 +252,7 @@ def summary(found: Calibration) -> dict[str, Any]:
     """Result of a calibration as JSON types."""
     last, study = found.certificates[-1], found.study
     about = {"study": study.name, "seed": study.seed, "setting": found.setting, "outcome": measured(study), "margin": found.margin}
-    measure = {}
+    measure: dict[str, Any] = {}
     for own in found.parameters:
         violations = {change: trial.violations for change, trial in own.weaker.items()}
         fails = [change for change, trial in own.weaker.items() if trial.fails_surely]

@@ -144,17 +144,17 @@ def calibrate_on_trajectories(
             found = np.array([row["outcomes"][measured(some)] for row in rows], float).reshape(len(points), count)
             return np.where(np.isfinite(found), found, np.inf)
 
+        def fitted_values(found: Fit | None) -> Array:
+            """Fitted values as one sample, (1, parameters)."""
+            return np.zeros((1, 0)) if found is None else found.values[None]
+
         def fitted_set(chosen: set[int]) -> FittedSet:
             """Fit of a set of parameters. The held-out trajectories are not run."""
             if (key := frozenset(chosen)) not in sets:
-                own, best, values = sorted(chosen), None, np.zeros((1, 0))
-                if own:
-                    best = fit(
-                        lambda samples: errors(own, samples).mean(axis=1), *ends[own].T, samples=_SAMPLES, elite=_SAMPLES // 3,
-                        rounds=_ROUNDS, seed=study.seed,
-                    )  # fmt: skip
-                    values = best.values[None]
-                sets[key] = FittedSet(tuple(names[k] for k in own), best, errors(own, values)[0])
+                own = sorted(chosen)
+                settings = {"samples": _SAMPLES, "elite": _SAMPLES // 3, "rounds": _ROUNDS, "seed": study.seed}
+                found = fit(lambda samples: errors(own, samples).mean(axis=1), *ends[own].T, **settings) if own else None
+                sets[key] = FittedSet(tuple(names[k] for k in own), found, errors(own, fitted_values(found))[0])
             if progress:
                 progress(f"calibrate {study.name}", min(0.99, len(sets) / (2.0 * len(names) + 2.0)))
             return sets[key]
@@ -167,8 +167,7 @@ def calibrate_on_trajectories(
         best = smallest_set(lambda chosen: excess(chosen) <= margin, np.array([excess(every - {k}) for k in every]))
         whole = {}
         for key, own in sets.items():
-            values = np.zeros((1, 0)) if own.fit is None else own.fit.values[None]
-            whole[key] = replace(own, errors=errors(sorted(key), values, study.episodes)[0])
+            whole[key] = replace(own, errors=errors(sorted(key), fitted_values(own.fit), study.episodes)[0])
         chosen = whole.pop(frozenset(best))
         everything = whole.pop(frozenset(every), chosen)
         others = tuple(sorted(whole.values(), key=lambda own: (-len(own.names), own.names)))

@@ -244,7 +244,7 @@ def measured(study: Study) -> str:
 
 
 def main_values(study: Study, rows: Sequence[Row]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Success (1 or 0) of episodes, (n,), or their main outcome if the study has no condition of success."""
+    """Success of episodes, (n,), 1 or 0 without unit; without a condition of success their main outcome, in its unit."""
     name = measured(study)
     return np.array([row["outcomes"][name] if study.success_outcome is None else row["success"] for row in rows], float)
 

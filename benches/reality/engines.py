@@ -126,7 +126,7 @@ class OneByOne(TossEngine):
 
     def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
         """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
-        made = np.zeros((len(tosses), max(len(toss.pose) for toss in tosses), 7))
+        made = np.full((len(tosses), max(len(toss.pose) for toss in tosses), 7), np.nan)
         motion = self.motion(values, table, substeps)
         for toss, rows in zip(tosses, made, strict=True):
             q = unit(toss.start[3:7])

@@ -84,12 +84,12 @@ def _draw(rows: Sequence[Row], path: Path) -> None:
         own = [row for row in rows if row["engine"] == engine and row["half"] == "held out" and row["nuisances"] == "fitted"]
         own = [row for row in own if row["horizon_s"]]
         panels[2].semilogy(_of(own, "horizon_s"), _of(own, "median"), color=colours[engine])
-    panels[2].set_xlabel("time since the first contact, s (colours as on the left)")
+    panels[2].set_xlabel("time since the first contact, s")
     panels[2].set_ylabel("median error then")
     for panel in panels:
         panel.grid(visible=True, color="#dddddd")
         panel.set_axisbelow(True)
-    figure.suptitle("Held-out tosses. Circles: published protocol; squares and right: nuisance parameters fitted", fontsize=10)
+    figure.suptitle("Held-out tosses, a colour per engine. Circles: published protocol; squares and right: nuisance parameters fitted", fontsize=10)
     write_figure(path, figure)
 
 

@@ -89,7 +89,8 @@ def _draw(rows: Sequence[Row], path: Path) -> None:
     for panel in panels:
         panel.grid(visible=True, color="#dddddd")
         panel.set_axisbelow(True)
-    figure.suptitle("Held-out tosses, a colour per engine. Circles: published protocol; squares and right: nuisance parameters fitted", fontsize=10)
+    title = "Held-out tosses, a colour per engine. Circles: published protocol; squares and right: nuisance parameters fitted"
+    figure.suptitle(title, fontsize=10)
     write_figure(path, figure)
 
 

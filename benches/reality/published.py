@@ -155,11 +155,9 @@ def pile(geom: str, places: Sequence[tuple[float, ...]], assets: str = "") -> st
 
 
 def piles(named: str, *, small: bool) -> Iterator[Row]:
-    """Rows of the piles: milliseconds of one core per step, without the first step, as published.
+    """Rows of the piles with `named` in "PILE, ENGINE": milliseconds of one core per step, without the first, as published.
 
-    Args:
-        named: Part of "PILE, ENGINE", the names of those that are run.
-        small: Whether to build the piles of Box3D's debug build.
+    `small` piles are those of Box3D's debug build.
     """
     fast = stepper.Options(integrator="euler", stabilization="baumgarte", tolerance=1e-3)
     engines: list[Stepper | Mujoco] = [
@@ -174,7 +172,7 @@ def piles(named: str, *, small: bool) -> Iterator[Row]:
             if named not in f"{name}, {engine.name}":
                 continue
             world = engine.start(text, PILE_DT)
-            before = heights(world)
+            before = world.qpos[0].reshape(-1, 7)[:, 2]
             world.limit = LIMIT
             done, first = 0, 0.0
             with contextlib.suppress(TooSlowError):
@@ -186,21 +184,13 @@ def piles(named: str, *, small: bool) -> Iterator[Row]:
             yield {
                 "scene": name, "size": size, "bodies": world.model.nbody - 1, "engine": engine.name, "steps": done, "of_steps": steps - 1,
                 "first_ms": 1e3 * first, "ms_per_step": 1e3 * (world.cpu - first) / max(done, 1), "total_ms": 1e3 * (world.cpu - first),
-                "contacts": len(touches), "largest_sinking_m": float((before - heights(world)).max()),
+                "contacts": len(touches), "largest_sinking_m": float((before - world.qpos[0].reshape(-1, 7)[:, 2]).max()),
                 "unsolved": world.flags["NOT_CONVERGED"],
             }  # fmt: skip
 
 
-def heights(world: World) -> Array:
-    """Heights of free bodies, (bodies,), m."""
-    return np.asarray(world.qpos[0].reshape(-1, 7)[:, 2])
-
-
 def go1(scene: Path, num_envs: int, steps: int, threads: int) -> Iterator[Row]:
-    """Rows of the parallel robots: environment steps per second, by engine.
-
-    Each call makes one step of all environments, with controls of 0, from the reference pose, as published.
-    """
+    """Rows of the parallel robots by engine: steps with controls of 0 from the reference pose, one per call, as published."""
     text = mjcf(loaded(scene))
     model = stepper.load(text)
     makers: list[Callable[[], Any]] = [

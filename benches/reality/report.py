@@ -57,11 +57,6 @@ def update_docs(folder: Path) -> None:
             _draw(every, BENCHMARKS / "reality.png")
 
 
-def _of(rows: Sequence[Row], name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Column of numbers."""
-    return np.array([float(row[name]) for row in rows])
-
-
 def _draw(rows: Sequence[Row], path: Path) -> None:
     """Draw median errors of held-out tosses with intervals, and their growth with the time since the first contact."""
     figure = require("matplotlib.figure", "to draw results").Figure(figsize=(10.5, 3.8), dpi=130, layout="constrained")
@@ -74,16 +69,15 @@ def _draw(rows: Sequence[Row], path: Path) -> None:
             for engine, place in zip(engines, places, strict=True):
                 own = [row for row in held_out(rows, nuisances) if row["engine"] == engine]
                 if own:
-                    value, low, high = (_of(own, name)[0] for name in (statistic, f"{statistic}_low", f"{statistic}_high"))
+                    value, low, high = (float(own[0][name]) for name in (statistic, f"{statistic}_low", f"{statistic}_high"))
                     panel.hlines(place + shift, low, high, color=colours[engine])
                     panel.plot(value, place + shift, marker, color=colours[engine])
         panel.set_yticks(places, engines if panel is panels[0] else [""] * len(engines))
         panel.set_xlabel(f"{statistic} error, 95 %")
         panel.set_xlim(left=0.0)
     for engine in engines:
-        own = [row for row in rows if row["engine"] == engine and row["half"] == "held out" and row["nuisances"] == "fitted"]
-        own = [row for row in own if row["horizon_s"]]
-        panels[2].semilogy(_of(own, "horizon_s"), _of(own, "median"), color=colours[engine])
+        own = [row for row in rows if (row["engine"], row["half"], row["nuisances"]) == (engine, "held out", "fitted") and row["horizon_s"]]
+        panels[2].semilogy(*([float(row[name]) for row in own] for name in ("horizon_s", "median")), color=colours[engine])
     panels[2].set_xlabel("time since the first contact, s")
     panels[2].set_ylabel("median error then")
     for panel in panels:

@@ -143,12 +143,11 @@ def measured(engine: TossEngine, folder: Path, experiment: Experiment = CUBE) ->
 def _statistics(parts: Sequence[Array], size: float) -> Row:
     """Columns of a row with the errors, distances (m) and angles (rad) of some tosses, (tosses,) each; `size` is half a body's width, m."""
     error, distance, angle = parts
-    mean, median = bootstrap(error), bootstrap(error, np.median)
-    return {
-        "mean": error.mean(), "mean_low": mean[0], "mean_high": mean[1],
-        "median": np.median(error), "median_low": median[0], "median_high": median[1],
-        "distance_percent": 100.0 * distance.mean() / (2.0 * size), "angle_deg": np.degrees(angle.mean()),
-    }  # fmt: skip
+    row: Row = {}
+    for name, statistic in (("mean", np.mean), ("median", np.median)):
+        row[name] = statistic(error)
+        row[f"{name}_low"], row[f"{name}_high"] = bootstrap(error, statistic)
+    return row | {"distance_percent": 100.0 * distance.mean() / (2.0 * size), "angle_deg": np.degrees(angle.mean())}
 
 
 LINK_MASS, LINK_INERTIA = 0.37, 0.0006167

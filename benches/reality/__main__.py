@@ -5,9 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from stepper.shared.files import write_csv
-
-from reality import cube, elbow, engines, pendulum, report
+from reality import engines, pendulum, report, tosses
 
 
 def main() -> None:
@@ -32,8 +30,8 @@ def main() -> None:
         return
 
     runs: list[tuple[str, Any, Callable[[Any], list[Any]]]] = [
-        ("cube_toss", engines.engines, lambda engine: list(cube.measured(engine, given.data))),
-        ("elbow_toss", elbow.engines, lambda engine: list(cube.measured(engine, given.data, elbow.ELBOW))),
+        ("cube_toss", engines.engines, lambda engine: list(tosses.measured(engine, given.data))),
+        ("elbow_toss", tosses.elbow_engines, lambda engine: list(tosses.measured(engine, given.data, tosses.ELBOW))),
         ("multiarm_pendulum", lambda: pendulum.ENGINES, lambda engine: list(pendulum.measured(engine, given.data))),
     ]
 
@@ -47,8 +45,7 @@ def main() -> None:
     if not chosen:
         parser.error(f"no engine matches {given.engine}: give parts of names in the tables of docs/benchmarks/reality.md")
     for name, engine, measured in chosen:
-        rows = measured(engine)
-        print(write_csv(given.out / f"{name} {engine.name}.csv", [rows[0], *(row.values() for row in rows)]), flush=True)
+        print(report.write_rows(given.out / f"{name} {engine.name}.csv", measured(engine)), flush=True)
 
 
 if __name__ == "__main__":

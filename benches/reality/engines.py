@@ -1,10 +1,12 @@
 """Engines that toss a free body onto a table: those of the atlas, Bullet and Drake, each with the parameters that are fitted."""
 
+import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -12,12 +14,14 @@ import stepper
 from atlas.engines import DEFAULTS, Mujoco, Rapier, Stepper
 from atlas.mjcf import numbers
 from atlas.world import DivergedError
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from stepper.lab.engines import MujocoEngine
+from stepper.shared.rotations import matrices
 
-from reality.recordings import HALF, PERIOD, Toss
+from reality.data import HALF, PERIOD, Toss, unit
 
 Array = NDArray[np.float64]
+Motion = Callable[[Array, Array, Array, Array], Iterator[Array]]
 MASS, INERTIA = 0.37, 0.00081
 """Mass of the cube, kg, and its moments of inertia, kg m^2."""
 
@@ -36,19 +40,22 @@ class Table:
     offset: float = 0.0
     radius: float = 0.0
 
-    def corners(self) -> Array:
-        """Centres of the balls that a cube with rounded corners has in its corners, (8, 3), m. On a plane it touches with these alone."""
-        return (HALF - self.radius) * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    def corners(self, half: ArrayLike = HALF) -> Array:
+        """Centres of the balls that a box with rounded corners has in its corners, (8, 3), m. On a plane it touches with these alone."""
+        return (np.asarray(half) - self.radius) * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+
+    def box(self, half: ArrayLike = HALF, centre: ArrayLike = 0.0) -> str:
+        """Geoms of a box in MJCF, from its half widths and its centre, (3,) or a number for all, m. It has balls in rounded corners."""
+        half, centre = np.broadcast_to(half, 3), np.broadcast_to(centre, 3)
+        if not self.radius:
+            return f'<geom type="box" size="{numbers(half)}" pos="{numbers(centre)}"/>'
+        return "".join(f'<geom type="sphere" size="{self.radius!r}" pos="{numbers(corner)}"/>' for corner in self.corners(half) + centre)
 
     def mjcf(self, geom: str, option: str = "") -> str:
         """Model of the table and the cube in MJCF."""
-        sizes = f'<geom type="box" size="{numbers([HALF] * 3)}"/>'
-        if self.radius:
-            size = numbers([self.radius])
-            sizes = "".join(f'<geom type="sphere" size="{size}" pos="{numbers(corner)}"/>' for corner in self.corners())
         return f"""<mujoco><option gravity="{numbers([0, 0, -self.gravity])}">{option}</option><default><geom {geom}/></default><worldbody>
           <geom type="plane" size="5 5 1" pos="{numbers([0, 0, self.offset])}"/><body name="cube"><freejoint/>
-          <inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>{sizes}</body></worldbody></mujoco>"""
+          <inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>{self.box()}</body></worldbody></mujoco>"""
 
 
 @dataclass(frozen=True)
@@ -79,6 +86,8 @@ class TossEngine(ABC):
 class OfAtlas(TossEngine):
     """Engine of the failure atlas: stepper, MuJoCo or rapier. All tosses are one batch.
 
+    In stepper, stiffness and damping make the table a spring with a damper, as in Bullet and Drake.
+
     Attributes:
         engine: The engine.
     """
@@ -88,11 +97,18 @@ class OfAtlas(TossEngine):
     def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
         """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
         geom, option = f'friction="{values["friction"]!r} 0.001 0.001"', ""
-        if "stiffness" in values:
+        if "impedance" in values:
             reference, impedance = numbers([-values["stiffness"], -values["damping"]]), numbers([values["impedance"]] * 2)
             geom += f' solref="{reference}" solimp="{impedance} 0.001 0.5 2"'
             option = '<flag refsafe="disable"/>'
         world = self.engine.start(table.mjcf(geom, option), PERIOD / substeps, len(tosses), restitution=values.get("restitution"))
+        if "stiffness" in values and "impedance" not in values:
+            # Only the table is compliant.
+            model, rest = world.sim.model, np.ones(world.sim.model.ngeom - 1)
+            soft = model.replace(
+                geom_stiffness=np.r_[values["stiffness"], rest * np.inf], geom_damping=np.r_[values["damping"], 0.0 * rest]
+            )
+            world.sim = stepper.Stepper(soft, len(tosses), options=world.sim.options)
         world.set(*states(tosses))
         made = np.full((len(tosses), max(len(toss.pose) for toss in tosses), world.qpos.shape[1]), np.nan)
         # A run that diverges has NaN from there on.
@@ -105,26 +121,29 @@ class OfAtlas(TossEngine):
 
 
 @dataclass(frozen=True)
-class Compliant(TossEngine):
-    """stepper with surfaces that are springs with dampers, as the table is in Bullet and Drake."""
+class OneByOne(TossEngine):
+    """Engine that simulates one toss after the other."""
 
     def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
         """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
-        model = stepper.load(table.mjcf(f'friction="{values["friction"]!r} 0 0"'))
-        # Only the table is compliant.
-        rest = np.ones(model.ngeom - 1)
-        model = model.replace(geom_stiffness=np.r_[values["stiffness"], rest * np.inf], geom_damping=np.r_[values["damping"], 0.0 * rest])
-        sim = stepper.Stepper(model, len(tosses), options=stepper.Options(timestep=PERIOD / substeps))
-        sim.set_state(*states(tosses))
-        made = [sim.qpos.copy()]
-        for _ in range(max(len(toss.pose) for toss in tosses) - 1):
-            sim.step(nstep=substeps)
-            made.append(sim.qpos.copy())
-        return np.stack(made, axis=1)
+        made = np.full((len(tosses), max(len(toss.pose) for toss in tosses), 7), np.nan)
+        motion = self.motion(values, table, substeps)
+        for toss, rows in zip(tosses, made, strict=True):
+            q = unit(toss.start[3:7])
+            samples = motion(toss.start[:3], q, toss.start[7:10], matrices(q) @ toss.start[10:])
+            rows[: len(toss.pose)] = list(itertools.islice(samples, len(toss.pose)))
+        return made
+
+    @abstractmethod
+    def motion(self, values: dict[str, float], table: Table, substeps: int) -> Motion:
+        """Function of a position, m, orientation (w, x, y, z), velocity, m/s, and angular velocity, rad/s, in world axes.
+
+        It yields the poses at the sample times, (7,).
+        """
 
 
 @dataclass(frozen=True)
-class Bullet(TossEngine):
+class Bullet(OneByOne):
     """Engine Bullet (PyPI's pybullet), with compliant contact as in the published comparison: stiffness and damping of the table."""
 
     @cached_property
@@ -135,8 +154,8 @@ class Bullet(TossEngine):
         pybullet.connect(pybullet.DIRECT)
         return pybullet
 
-    def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
-        """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
+    def motion(self, values: dict[str, float], table: Table, substeps: int) -> Motion:
+        """Function that simulates a toss; see `OneByOne.motion`."""
         p = self.client
         p.resetSimulation()
         p.setGravity(0.0, 0.0, -table.gravity)
@@ -154,73 +173,60 @@ class Bullet(TossEngine):
         p.changeDynamics(
             plane, -1, lateralFriction=values["friction"], contactStiffness=values["stiffness"], contactDamping=values["damping"]
         )
-        made = np.zeros((len(tosses), max(len(toss.pose) for toss in tosses), 7))
-        for toss, rows in zip(tosses, made, strict=True):
-            w, *v = toss.start[3:7]
-            spin = np.asarray(p.multiplyTransforms([0, 0, 0], [*v, w], toss.start[10:].tolist(), [0, 0, 0, 1])[0])
-            p.resetBasePositionAndOrientation(cube, toss.start[:3], [*v, w])
-            p.resetBaseVelocity(cube, toss.start[7:10], spin)
-            for number in range(len(toss.pose)):
-                for _ in range(substeps if number else 0):
+
+        def toss(place: Array, q: Array, velocity: Array, spin: Array) -> Iterator[Array]:
+            p.resetBasePositionAndOrientation(cube, place, np.roll(q, -1))
+            p.resetBaseVelocity(cube, velocity, spin)
+            while True:
+                at, (x, y, z, w) = p.getBasePositionAndOrientation(cube)
+                yield np.array([*at, w, x, y, z])
+                for _ in range(substeps):
                     p.stepSimulation()
-                place, (x, y, z, w) = p.getBasePositionAndOrientation(cube)
-                rows[number] = [*place, w, x, y, z]
-        return made
+
+        return toss
 
 
 @dataclass(frozen=True)
-class Drake(TossEngine):
+class Drake(OneByOne):
     """Engine Drake (PyPI's drake), discrete with point contact and the approximation "similar" to Coulomb's law."""
 
-    def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
-        """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
-        from pydrake.all import (  # noqa: PLC0415  (optional)
-            AddMultibodyPlant,
-            CoulombFriction,
-            DiagramBuilder,
-            HalfSpace,
-            MultibodyPlantConfig,
-            RigidTransform,
-            Simulator,
-            SpatialInertia,
-            Sphere,
-            UnitInertia,
-        )
-        from pydrake.geometry import AddContactMaterial, ProximityProperties  # noqa: PLC0415  (optional)
+    def motion(self, values: dict[str, float], table: Table, substeps: int) -> Motion:
+        """Function that simulates a toss; see `OneByOne.motion`."""
+        import pydrake.all as drake  # noqa: PLC0415  (optional)
 
-        builder = DiagramBuilder()
-        config = MultibodyPlantConfig(time_step=PERIOD / substeps, contact_model="point", discrete_contact_approximation="similar")
-        plant, _ = AddMultibodyPlant(config, builder)
+        builder = drake.DiagramBuilder()
+        config = drake.MultibodyPlantConfig(time_step=PERIOD / substeps, contact_model="point", discrete_contact_approximation="similar")
+        plant, _ = drake.AddMultibodyPlant(config, builder)
         plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -table.gravity])
-        body = plant.AddRigidBody("cube", SpatialInertia(MASS, [0, 0, 0], UnitInertia(*[INERTIA / MASS] * 3)))
-        properties = ProximityProperties()
-        AddContactMaterial(
+        body = plant.AddRigidBody("cube", drake.SpatialInertia(MASS, [0, 0, 0], drake.UnitInertia(*[INERTIA / MASS] * 3)))
+        properties = drake.ProximityProperties()
+        drake.AddContactMaterial(
             properties=properties,
             dissipation=values["dissipation"],
             point_stiffness=values["stiffness"],
-            friction=CoulombFriction(values["friction"], values["friction"]),
+            friction=drake.CoulombFriction(values["friction"], values["friction"]),
         )
-        plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform([0, 0, table.offset]), HalfSpace(), "table", properties)
+        plant.RegisterCollisionGeometry(
+            plant.world_body(), drake.RigidTransform([0, 0, table.offset]), drake.HalfSpace(), "table", properties
+        )
         # A box has one contact point with a half space in Drake, so the cube has small balls in its corners.
         rounded = replace(table, radius=table.radius or 1e-4)
         for k, corner in enumerate(rounded.corners()):
-            plant.RegisterCollisionGeometry(body, RigidTransform(corner), Sphere(rounded.radius), f"corner{k}", properties)
+            plant.RegisterCollisionGeometry(body, drake.RigidTransform(corner), drake.Sphere(rounded.radius), f"corner{k}", properties)
         plant.Finalize()
-        simulator = Simulator(builder.Build())
+        simulator = drake.Simulator(builder.Build())
         context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-        made = np.zeros((len(tosses), max(len(toss.pose) for toss in tosses), 7))
-        turned = stepper_axes(np.array([toss.start for toss in tosses]))
-        for toss, spin, rows in zip(tosses, turned, made, strict=True):
-            plant.SetPositions(context, np.r_[toss.start[3:7] / np.linalg.norm(toss.start[3:7]), toss.start[:3]])
-            plant.SetVelocities(context, np.r_[spin, toss.start[7:10]])
+
+        def toss(place: Array, q: Array, velocity: Array, spin: Array) -> Iterator[Array]:
+            plant.SetPositions(context, np.r_[q, place])
+            plant.SetVelocities(context, np.r_[spin, velocity])
             simulator.get_mutable_context().SetTime(0.0)
             simulator.Initialize()
-            for number in range(len(toss.pose)):
-                if number:
-                    simulator.AdvanceTo(number * PERIOD)
-                q = plant.GetPositions(context)
-                rows[number] = np.r_[q[4:], q[:4]]
-        return made
+            for number in itertools.count(1):
+                yield np.roll(plant.GetPositions(context), 3)
+                simulator.AdvanceTo(number * PERIOD)
+
+        return toss
 
 
 def states(tosses: Sequence[Toss]) -> tuple[Array, Array]:
@@ -228,13 +234,6 @@ def states(tosses: Sequence[Toss]) -> tuple[Array, Array]:
     start = np.array([toss.start for toss in tosses])
     nq = (start.shape[1] + 1) // 2
     return start[:, :nq], start[:, nq:]
-
-
-def stepper_axes(starts: Array) -> Array:
-    """Angular velocities in world axes, (n, 3), rad/s, of states (n, 13), whose angular velocities are in body axes."""
-    w, v, spin = starts[:, 3:4], starts[:, 4:7], starts[:, 10:]
-    twice = 2.0 * np.cross(v, spin)
-    return np.asarray(spin + w * twice + np.cross(v, twice))
 
 
 SOFT = {"log stiffness": (2.5, 5.5), "log damping": (0.7, 2.7)}
@@ -248,18 +247,13 @@ def engines() -> list[TossEngine]:
     fitted = {"friction": (0.08, 0.45), **SOFT, "impedance": (0.5, 0.98)}
     made: list[TossEngine] = [
         OfAtlas("stepper", _RIGID, engine=Stepper("stepper")),
-        Compliant("stepper, compliant table", _COMPLIANT),
+        OfAtlas("stepper, compliant table", _COMPLIANT, engine=Stepper("stepper")),
         OfAtlas("MuJoCo, pyramidal cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("pyramidal", DEFAULTS))),
         OfAtlas("MuJoCo, elliptic cone", fitted, 2, Mujoco("MuJoCo", MujocoEngine("elliptic", DEFAULTS | {"cone": "elliptic"}))),
     ]
-    for module, engine in (
-        ("rapier3d", OfAtlas("rapier", _RIGID, 6, Rapier("rapier"))),
-        ("pybullet", Bullet("Bullet", _COMPLIANT | {"friction": (0.1, 0.9)})),
-        ("pydrake", Drake("Drake", {"friction": (0.05, 0.4), "log stiffness": (3.0, 5.5), "dissipation": (0.0, 2.0)}, 6)),
-    ):
-        try:
-            __import__(module)
-        except ModuleNotFoundError:
-            continue
-        made.append(engine)
-    return made
+    optional: dict[str, TossEngine] = {
+        "rapier3d": OfAtlas("rapier", _RIGID, 6, Rapier("rapier")),
+        "pybullet": Bullet("Bullet", _COMPLIANT | {"friction": (0.1, 0.9)}),
+        "pydrake": Drake("Drake", {"friction": (0.05, 0.4), "log stiffness": (3.0, 5.5), "dissipation": (0.0, 2.0)}, 6),
+    }
+    return made + [engine for module, engine in optional.items() if find_spec(module)]

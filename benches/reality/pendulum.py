@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from stepper.lab.calibration.fit import bootstrap, fit
 from stepper.lab.engines import MujocoEngine
 
-from reality.recordings import data_set
+from reality.data import data_set
 
 Array = NDArray[np.float64]
 ENGINES = (Stepper("stepper"), Mujoco("MuJoCo", MujocoEngine("implicitfast", DEFAULTS | {"integrator": "implicitfast"})))

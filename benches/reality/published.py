@@ -23,9 +23,9 @@ from atlas.engines import DEFAULTS, Mujoco, Stepper
 from atlas.mjcf import numbers
 from atlas.world import Array, TooSlowError, World
 from stepper.lab.engines import MujocoBatch, MujocoEngine, StepperBatch
-from stepper.shared.files import existing, write_csv
+from stepper.shared.files import existing
 
-from reality.report import BENCHMARKS
+from reality.report import BENCHMARKS, shown, write_rows
 
 Row = dict[str, Any]
 FACTORS = (0.90, 0.98, 1.00, 1.02, 1.10, 1.20)
@@ -34,30 +34,15 @@ GRASP_DT, PHASE, SETTLE, HELD, WINDOW = 0.002, 1.0, 0.4, 0.6, 0.2
 """Time step of the grasp; lengths of a phase, of the rest after the lift, of the hold, and of the force's mean at its end, s."""
 SLIP_TIME = 5.0
 """Length of the published slip test, s."""
-GRIPPER = """<mujoco><option timestep="0.002"/><default><position kp="4500" kv="450"/>
-  <default class="pad"><geom solref=".01 1" solimp=".99 .995 .01"/></default></default><worldbody>
-  <geom name="floor" type="plane" size="1 1 .1"/>
-  <body name="hand" pos="0 0 .02"><joint name="lift" type="slide" axis="0 0 1" armature="1"/>
-  <inertial pos="0 0 .1" mass=".7" diaginertia="1e-3 1e-3 1e-3"/>
-  <body name="left_finger" pos="-.008 0 0"><joint name="left" type="slide" axis="-1 0 0" range="0 .04" damping="10" armature=".1"/>
-  <geom type="box" size=".008 .009 .008" mass=".015" class="pad"/></body>
-  <body name="right_finger" pos=".008 0 0"><joint name="right" type="slide" axis="1 0 0" range="0 .04" damping="10" armature=".1"/>
-  <geom type="box" size=".008 .009 .008" mass=".015" class="pad"/></body></body>
-  <body name="obj" pos="0 0 .02"><freejoint/>
-  <geom type="box" size=".02 .02 .02" mass=".064" solref=".005 1" solimp=".99 .99 .5"/></body></worldbody>
-  <equality><joint joint1="left" joint2="right" solref=".005 1"/></equality>
-  <actuator><position joint="lift"/>
-  <general joint="left" biastype="affine" gainprm="350" biasprm="0 -350 -10" ctrlrange="0 .04"/></actuator>
-  <keyframe><key name="home" qpos=".1 .04 .04 0 0 .02 1 0 0 0" ctrl=".1 .04"/><key name="grasp" ctrl="0 .04"/>
-  <key name="lift" ctrl=".15 0"/></keyframe></mujoco>"""
-"""Gripper on a vertical slide with a block of 4 cm and 64 g, with the forces and contacts of the published scene, but an upright grasp."""
+GRIPPER = Path(__file__).parent / "gripper.xml"
+"""Scene of the grasp without the published one."""
 GRASPED = ("obj", "left_finger", "right_finger")
 """Bodies whose friction is varied."""
 
 
-def loaded(scene: Path | None, text: str = "") -> Any:
-    """Specification of a scene from a file, or from MJCF. Meshes, which only the eye needs there, and sensors are left out."""
-    spec = mujoco.MjSpec.from_string(text) if scene is None else mujoco.MjSpec.from_file(str(scene))
+def loaded(scene: Path) -> Any:
+    """Specification of a scene from a file. Meshes, which only the eye needs there, and sensors are left out."""
+    spec = mujoco.MjSpec.from_file(str(scene))
     for geom in [*spec.geoms]:
         geom.material = ""
         if geom.meshname:
@@ -108,7 +93,7 @@ def pressed(world: World) -> float:
 def grasp(scene: Path | None) -> Iterator[Row]:
     """Rows of the slip test: drop of a block, m, by engine and friction."""
     for engine in grasp_engines():
-        spec = loaded(scene, GRIPPER)
+        spec = loaded(scene or GRIPPER)
         qpos, force, weight, offset = held(engine, spec)
         for factor in FACTORS:
             world = engine.start(mjcf(spec, factor * weight / force), GRASP_DT)
@@ -170,11 +155,9 @@ def pile(geom: str, places: Sequence[tuple[float, ...]], assets: str = "") -> st
 
 
 def piles(named: str, *, small: bool) -> Iterator[Row]:
-    """Rows of the piles: milliseconds of one core per step, without the first step, as published.
+    """Rows of the piles with `named` in "PILE, ENGINE": milliseconds of one core per step, without the first, as published.
 
-    Args:
-        named: Part of "PILE, ENGINE", the names of those that are run.
-        small: Whether to build the piles of Box3D's debug build.
+    `small` piles are those of Box3D's debug build.
     """
     fast = stepper.Options(integrator="euler", stabilization="baumgarte", tolerance=1e-3)
     engines: list[Stepper | Mujoco] = [
@@ -189,7 +172,7 @@ def piles(named: str, *, small: bool) -> Iterator[Row]:
             if named not in f"{name}, {engine.name}":
                 continue
             world = engine.start(text, PILE_DT)
-            before = heights(world)
+            before = world.qpos[0].reshape(-1, 7)[:, 2]
             world.limit = LIMIT
             done, first = 0, 0.0
             with contextlib.suppress(TooSlowError):
@@ -201,21 +184,13 @@ def piles(named: str, *, small: bool) -> Iterator[Row]:
             yield {
                 "scene": name, "size": size, "bodies": world.model.nbody - 1, "engine": engine.name, "steps": done, "of_steps": steps - 1,
                 "first_ms": 1e3 * first, "ms_per_step": 1e3 * (world.cpu - first) / max(done, 1), "total_ms": 1e3 * (world.cpu - first),
-                "contacts": len(touches), "largest_sinking_m": float((before - heights(world)).max()),
+                "contacts": len(touches), "largest_sinking_m": float((before - world.qpos[0].reshape(-1, 7)[:, 2]).max()),
                 "unsolved": world.flags["NOT_CONVERGED"],
             }  # fmt: skip
 
 
-def heights(world: World) -> Array:
-    """Heights of free bodies, (bodies,), m."""
-    return np.asarray(world.qpos[0].reshape(-1, 7)[:, 2])
-
-
 def go1(scene: Path, num_envs: int, steps: int, threads: int) -> Iterator[Row]:
-    """Rows of the parallel robots: environment steps per second, by engine.
-
-    Each call makes one step of all environments, with controls of 0, from the reference pose, as published.
-    """
+    """Rows of the parallel robots by engine: steps with controls of 0 from the reference pose, one per call, as published."""
     text = mjcf(loaded(scene))
     model = stepper.load(text)
     makers: list[Callable[[], Any]] = [
@@ -287,12 +262,12 @@ def main() -> None:
     }
     rows = []
     for row in tables[given.table]():
-        rows.append({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
-        print("; ".join(f"{name} {value}" for name, value in rows[-1].items()), flush=True)
+        rows.append(row)
+        print("; ".join(f"{name} {shown(value)}" for name, value in row.items()), flush=True)
     if not rows:
         parser.error(f"no pile and engine is called {given.named!r}")
     suffix = "_published_scene" if given.table == "grasp" and given.scene else "_small" if given.small else ""
-    print(write_csv(given.out / f"published_{given.table}{suffix}.csv", [rows[0], *(row.values() for row in rows)]))
+    print(write_rows(given.out / f"published_{given.table}{suffix}.csv", rows))
 
 
 if __name__ == "__main__":

@@ -1,19 +1,18 @@
 """Results of `python -m reality`: a file per data set in docs/benchmarks, and the picture of docs/benchmarks/reality.md."""
 
-import csv
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from stepper.lab.calibration.fit import bootstrap
-from stepper.shared.files import write_csv, write_figure
+from stepper.shared.files import read_csv, write_csv, write_figure
 from stepper.shared.machine import require
 
-from reality.cube import CUBE, PUBLISHED_STEP, REFINED, Experiment
-from reality.elbow import ELBOW, engines as elbow_engines
 from reality.engines import TossEngine, engines as all_engines
+from reality.tosses import CUBE, ELBOW, PUBLISHED_STEP, REFINED, Experiment, elbow_engines
 
 BENCHMARKS = Path(__file__).parents[2] / "docs/benchmarks"
 Row = dict[str, str]
@@ -23,44 +22,39 @@ SETS = {"cube_toss": "reality.csv", "elbow_toss": "reality_elbow.csv", "multiarm
 """File of docs/benchmarks with the results of each data set."""
 
 
-def read_rows(folder: Path, data_set: str) -> list[Row]:
-    """Rows of all result files of a data set in a folder."""
-    rows = []
-    for path in sorted(folder.glob(f"{data_set} *.csv")):
-        with path.open(encoding="utf-8") as stream:
-            rows += list(csv.DictReader(stream))
-    return rows
+def shown(value: object) -> object:
+    """Number with six significant digits; other values are unchanged."""
+    return f"{value:.6g}" if isinstance(value, float) else value
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
+    """Write rows to a CSV file, numbers with six significant digits, and return its path."""
+    return write_csv(path, [rows[0], *(map(shown, row.values()) for row in rows)])
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Rows of a CSV file."""
+    head, *rows = read_csv(path, "table of results")
+    return [dict(zip(head, row, strict=True)) for row in rows]
 
 
 def update_docs(folder: Path) -> None:
-    """Write the results of a folder to docs/benchmarks/reality*.csv, and draw docs/benchmarks/reality.png.
+    """Write the results of the engines in a folder to docs/benchmarks/reality*.csv, and draw docs/benchmarks/reality.png.
 
-    Data sets without results keep their files.
+    Data sets and engines without results keep their rows.
 
     Raises:
         ValueError: The folder has no results.
     """
-    results = {name: rows for name in SETS if (rows := read_rows(folder, name))}
+    results = {name: rows for name in SETS if (rows := [row for path in sorted(folder.glob(f"{name} *.csv")) for row in read_rows(path)])}
     if not results:
         raise ValueError(f"{folder} has no results: run `python -m reality` without --update-docs first")
     for name, rows in results.items():
-        rounded = [{column: _shortened(value) for column, value in row.items()} for row in rows]
-        write_csv(BENCHMARKS / SETS[name], [rounded[0], *(row.values() for row in rounded)])
-    if "cube_toss" in results:
-        _draw(results["cube_toss"], BENCHMARKS / "reality.png")
-
-
-def _shortened(text: str) -> str:
-    """Number with six significant digits; other texts are unchanged."""
-    try:
-        return f"{float(text):.6g}"
-    except ValueError:
-        return text
-
-
-def _of(rows: Sequence[Row], name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Column of numbers."""
-    return np.array([float(row[name]) for row in rows])
+        renewed, path = {row["engine"] for row in rows}, BENCHMARKS / SETS[name]
+        every = [row for row in read_rows(path) if row["engine"] not in renewed] + rows
+        write_rows(path, every)
+        if name == "cube_toss":
+            _draw(every, BENCHMARKS / "reality.png")
 
 
 def _draw(rows: Sequence[Row], path: Path) -> None:
@@ -75,45 +69,37 @@ def _draw(rows: Sequence[Row], path: Path) -> None:
             for engine, place in zip(engines, places, strict=True):
                 own = [row for row in held_out(rows, nuisances) if row["engine"] == engine]
                 if own:
-                    value, low, high = (_of(own, name)[0] for name in (statistic, f"{statistic}_low", f"{statistic}_high"))
+                    value, low, high = (float(own[0][name]) for name in (statistic, f"{statistic}_low", f"{statistic}_high"))
                     panel.hlines(place + shift, low, high, color=colours[engine])
                     panel.plot(value, place + shift, marker, color=colours[engine])
         panel.set_yticks(places, engines if panel is panels[0] else [""] * len(engines))
         panel.set_xlabel(f"{statistic} error, 95 %")
         panel.set_xlim(left=0.0)
     for engine in engines:
-        own = [row for row in rows if row["engine"] == engine and row["half"] == "held out" and row["nuisances"] == "fitted"]
-        own = [row for row in own if row["horizon_s"]]
-        panels[2].semilogy(_of(own, "horizon_s"), _of(own, "median"), color=colours[engine], label=engine)
+        own = [row for row in rows if (row["engine"], row["half"], row["nuisances"]) == (engine, "held out", "fitted") and row["horizon_s"]]
+        panels[2].semilogy(*([float(row[name]) for row in own] for name in ("horizon_s", "median")), color=colours[engine])
     panels[2].set_xlabel("time since the first contact, s")
     panels[2].set_ylabel("median error then")
-    panels[2].legend(fontsize=7, frameon=False)
     for panel in panels:
         panel.grid(visible=True, color="#dddddd")
         panel.set_axisbelow(True)
-    figure.suptitle("Held-out tosses. Circles: published protocol; squares and right: nuisances fitted", fontsize=10)
+    title = "Held-out tosses, a colour per engine. Circles: published protocol; squares and right: nuisance parameters fitted"
+    figure.suptitle(title, fontsize=10)
     write_figure(path, figure)
 
 
 def held_out(rows: Sequence[Row], nuisances: str, timestep: float = PUBLISHED_STEP) -> list[Row]:
     """Rows of the held-out tosses over their whole length, at a time step in s."""
-    return [
-        row
-        for row in rows
-        if row["half"] == "held out"
-        and not row["horizon_s"]
-        and row["nuisances"] == nuisances
-        and abs(float(row["timestep_s"]) - timestep) < 1e-6
-    ]
+    chosen = [row for row in rows if (row["half"], row["horizon_s"], row["nuisances"]) == ("held out", "", nuisances)]
+    return [row for row in chosen if abs(float(row["timestep_s"]) - timestep) < 1e-6]
 
 
 def update_pairs(data: Path) -> Path:
     """Write docs/benchmarks/reality_pairs.csv, with the parameters in the files of results and the tosses in the folder `data`."""
     rows: list[dict[str, object]] = []
     for experiment, engines in ((CUBE, all_engines()), (ELBOW, elbow_engines())):
-        with (BENCHMARKS / SETS[experiment.name]).open(encoding="utf-8") as stream:
-            rows += _pairs(list(csv.DictReader(stream)), engines, data, experiment)
-    return write_csv(BENCHMARKS / "reality_pairs.csv", [rows[0], *(row.values() for row in rows)])
+        rows += _pairs(read_rows(BENCHMARKS / SETS[experiment.name]), engines, data, experiment)
+    return write_rows(BENCHMARKS / "reality_pairs.csv", rows)
 
 
 def _pairs(rows: Sequence[Row], engines: Sequence[TossEngine], data: Path, experiment: Experiment) -> Iterator[dict[str, object]]:
@@ -129,11 +115,6 @@ def _pairs(rows: Sequence[Row], engines: Sequence[TossEngine], data: Path, exper
                 errors[engine.name] = np.nanmean(error[:, : experiment.samples], axis=1)
         for first, second in itertools.combinations(errors, 2):
             more = errors[first] - errors[second]
-            about: dict[str, object] = {
-                "data_set": experiment.name,
-                "nuisances": nuisances,
-                "engine": first,
-                "other": second,
-                "tosses": len(more),
-            }
+            about: dict[str, object] = {"data_set": experiment.name, "nuisances": nuisances, "engine": first, "other": second}
+            about["tosses"] = len(more)
             yield about | dict(zip(("more", "low", "high"), (f"{value:.4f}" for value in (more.mean(), *bootstrap(more))), strict=True))

@@ -1,28 +1,26 @@
 """Study of real tosses of a cube: which parameters must be fitted to predict the pose.
 
-The environment variable STEPPER_DATA names the folder that has cube_toss/cube_toss.npz. A third of the tosses with even numbers come
-first, then those with odd numbers:
+The folder of data has cube_toss/cube_toss.npz. A third of the tosses with even numbers come first, then those with odd numbers:
 
-    PYTHONPATH=benches STEPPER_DATA=data stepper calibrate benches/studies/cube_toss.py --recordings 92 --margin 0.01
+    PYTHONPATH=benches stepper calibrate benches/studies/cube_toss.py --data FOLDER --fit-trajectories 92 --margin 0.01
 """
 
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import stepper
 from numpy.typing import NDArray
+from reality.data import HALF, PERIOD, cube_tosses, turn
 from reality.engines import Table, states
-from reality.recordings import HALF, PERIOD, cube_tosses, turn
 from stepper.lab import Outcome, Parameter
 
 Array = NDArray[np.float64]
 
 
-def tosses(folder: Path) -> stepper.lab.Study:
-    """Study of tosses in a data folder. The error is that of the published comparison, a mean over time of d^2 / 0.0524 m + theta^2."""
-    every = cube_tosses(folder)
+def study(data: Path) -> stepper.lab.Study:
+    """Study of tosses in a folder of data. The error is that of the published comparison, a mean over time of d^2 / 0.0524 m + theta^2."""
+    every = cube_tosses(data)
     every = every[::6] + every[1::2]
     qpos, qvel = states(every)
     lengths = np.array([len(toss.pose) for toss in every])
@@ -55,7 +53,3 @@ def tosses(folder: Path) -> stepper.lab.Study:
         episodes=len(every),
         batch=2048,
     )
-
-
-if "STEPPER_DATA" in os.environ:
-    study = tosses(Path(os.environ["STEPPER_DATA"]))

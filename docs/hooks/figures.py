@@ -165,7 +165,8 @@ def interval(row: dict[str, str], name: str) -> str:
 
 def cube_table(rows: list[dict[str, str]]) -> str:
     """Errors of held-out tosses by engine, at all time steps."""
-    lines = ["| nuisances | engine | mean at 1/148 s | at 1/592 s | at 1/1480 s | median at 1/1480 s | distance | angle |"]
+    errors = "mean error, time step 1/148 s | 1/592 s | 1/1480 s | median error, 1/1480 s | position error | orientation error"
+    lines = [f"| nuisance parameters | engine | {errors} |"]
     lines.append("|---|---|---:|---:|---:|---:|---:|---:|")
     for nuisances in ("none", "fitted"):
         for engine, own in _cube(rows, nuisances).items():
@@ -174,15 +175,20 @@ def cube_table(rows: list[dict[str, str]]) -> str:
             cells = [f"{float(coarse['mean']):.3f}", f"{float(middle['mean']):.3f}", interval(fine, "mean"), interval(fine, "median")]
             cells = ["diverges" if cell == "nan" else cell for cell in cells]
             cells += [f"{float(fine['distance_percent']):.1f} %", f"{float(fine['angle_deg']):.1f} deg"]
-            lines.append(f"| {nuisances} | {engine} | " + " | ".join(cells) + " |")
+            lines.append(f"| {_values(nuisances)} | {engine} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
+
+
+def _values(nuisances: str) -> str:
+    """Cell that says whether nuisance parameters were fitted."""
+    return "nominal" if nuisances == "none" else nuisances
 
 
 def parameter_table(rows: list[dict[str, str]]) -> str:
     """Fitted parameters by engine."""
-    lines = ["| nuisances | engine | parameters |", "|---|---|---|"]
+    lines = ["| nuisance parameters | engine | fitted values |", "|---|---|---|"]
     for nuisances in ("none", "fitted"):
-        lines += [f"| {nuisances} | {engine} | {own[0]['parameters']} |" for engine, own in _cube(rows, nuisances).items()]
+        lines += [f"| {_values(nuisances)} | {engine} | {own[0]['parameters']} |" for engine, own in _cube(rows, nuisances).items()]
     return "\n".join(lines)
 
 
@@ -190,7 +196,11 @@ def pendulum_table(rows: list[dict[str, str]]) -> str:
     """Median errors of held-out predictions by pendulum and engine, at each horizon."""
     own = [row for row in rows if row["part"] == "held out"]
     horizons = list(dict.fromkeys(row["horizon_s"] for row in own))
-    lines = ["| pendulum | engine | predictions | " + " | ".join(f"{horizon} s" for horizon in horizons) + " | joint friction |"]
+    lines = [
+        "| pendulum | engine | predictions | "
+        + " | ".join(f"error after {horizon} s" for horizon in horizons)
+        + " | fitted joint friction |"
+    ]
     lines.append("|---|---|---:" + "|---:" * len(horizons) + "|---|")
     for name, engine in dict.fromkeys((row["pendulum"], row["engine"]) for row in own):
         some = [row for row in own if (row["pendulum"], row["engine"]) == (name, engine)]
@@ -201,10 +211,10 @@ def pendulum_table(rows: list[dict[str, str]]) -> str:
 
 def pair_table(rows: list[dict[str, str]]) -> str:
     """Paired differences of engines in the mean error of held-out tosses."""
-    lines = ["| object | nuisances | engine | other engine | more error, 95 % |", "|---|---|---|---|---:|"]
+    lines = ["| object | nuisance parameters | first engine | second engine | difference of mean errors, 95 % |", "|---|---|---|---|---:|"]
     for row in rows:
         interval = "{:.3f} ({:.3f} to {:.3f})".format(*(float(row[name]) for name in ("more", "low", "high")))
-        cells = [row["data_set"].removesuffix("_toss"), row["nuisances"], row["engine"], row["other"], interval]
+        cells = [row["data_set"].removesuffix("_toss"), _values(row["nuisances"]), row["engine"], row["other"], interval]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

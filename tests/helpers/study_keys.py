@@ -18,7 +18,7 @@ IN_TOML = {
     "options": "a table `[options]`, of the attributes of `stepper.Options`",
     "sensors": 'a file, or tables `[sensors.NAME]` of the attributes of `stepper.Transfer`; "default" is all others',
     "actuators": "a file, or tables `[actuators.NAME]` of the attributes of `stepper.Drive`",
-    "recordings": "in studies in Python alone",
+    "trajectories": "in studies in Python alone",
 }
 """How values are written in a file that are no numbers, words or lists of them."""
 POLICY = (

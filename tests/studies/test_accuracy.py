@@ -470,24 +470,24 @@ def test_parameters_of_the_nominal_point_are_in_force():
 
 
 def filmed(damping, **changed):
-    """Pendulum, and recordings of one with a damping of 0.02 N m s/rad, with a noise of 1 mrad."""
+    """Pendulum, and measured trajectories of one with a damping of 0.02 N m s/rad, with a noise of 1 mrad."""
     model = PENDULUM.format(child="").replace('axis="0 1 0"', 'axis="0 1 0" damping="{}"')
     given = {"episodes": 6, "outcomes": stepper.lab.Outcome(name="angle", measure=lambda now: now.qpos[:, 0])} | changed
     real = run(pendulum(model=model.format(0.02), **given), range(given["episodes"]), timestep=0.0005)
     qpos = np.moveaxis(real.path[0], 0, 1)
     noisy = qpos + 1e-3 * np.random.default_rng(0).standard_normal(qpos.shape)
-    study = pendulum(model=model.format(damping), recordings=stepper.lab.Recordings(noisy, 1e-3), **given)
+    study = pendulum(model=model.format(damping), trajectories=stepper.lab.MeasuredTrajectories(noisy, 1e-3), **given)
     return study, Distance("rad", 0.5)(real, run(study, range(given["episodes"]), timestep=0.0005))
 
 
 def errors_in_report(study, tmp_path):
-    """Error, its parts and the floor in rad of the study's own settings, in the section of the report."""
+    """Error, its parts and the noise floor in rad of the study's own settings, in the section of the report."""
     found = stepper.lab.report(study, tmp_path).document
-    section = next(section for section in found.sections if section.title == "Recordings")
+    section = next(section for section in found.sections if section.title == "Errors from measured trajectories")
     return next(row[2:] for row in section.rows if row[:2] == ["stepper: the study's own", "rad"])
 
 
-def test_the_right_model_differs_from_recordings_by_the_floor_of_their_noise(tmp_path):
+def test_the_right_model_differs_from_measured_trajectories_by_the_noise_floor(tmp_path):
     """The largest of 25 errors of 1 mrad is within 1.2 to 4 mrad, because that of 25 normal deviates is in 99 % of cases."""
     error, solver, step, model, floor = errors_in_report(filmed(0.02)[0], tmp_path)
     assert 1.2e-3 < floor < 4e-3
@@ -505,35 +505,35 @@ def test_the_error_of_a_wrong_model_is_assigned_to_the_model(tmp_path):
     assert model > 20 * floor > 100 * (solver + step)
 
 
-def test_a_tuning_keeps_a_budget_of_distance_from_the_recordings(tmp_path):
+def test_a_tuning_keeps_a_budget_of_distance_from_measured_trajectories(tmp_path):
     """The budget of 10 mrad is kept with the right model, and by no settings with a wrong one, which errs by more than 50 mrad."""
     given = {"error": "10 mrad", "horizon": 0.5, "coverage": 0.3, "episodes": 2, "reduce": False}
     found = {damping: stepper.lab.tune(filmed(damping)[0], tmp_path, **given) for damping in (0.02, 0.0)}
     assert found[0.02].chosen is not None
     assert found[0.0].chosen is None
     assert min(own.error for own in found[0.0].candidates) > 0.05
-    assert "recordings, whose noise" in str(found[0.0])
+    assert "measured trajectories, with a noise floor" in str(found[0.0])
 
 
-def test_a_chart_measures_errors_from_the_recordings(tmp_path):
+def test_a_chart_measures_errors_from_measured_trajectories(tmp_path):
     """The error of fine steps equals the distance of the model from the real pendulum to within the noise, 4 mrad."""
     study, apart = filmed(0.0)
     found = stepper.lab.chart(study, tmp_path, unit="rad", quick=True, episodes=2, horizon=0.5)
     fine = next(dot for dot in found.dots if dot.setting == "midpoint")
     assert fine.error == pytest.approx(np.median(apart[:2]), abs=4e-3)
-    assert all(1e-3 < dot.floor < 4e-3 for dot in found.dots)
-    assert "floor" in next(section.head for section in found.document.sections if section.title == "All points")
+    assert all(1e-3 < dot.noise_floor < 4e-3 for dot in found.dots)
+    assert "noise floor" in next(section.head for section in found.document.sections if section.title == "All points")
 
 
-def test_recordings_of_another_shape_are_refused(tmp_path):
-    study = pendulum(recordings=stepper.lab.Recordings(np.zeros((2, 7, 1)), 1e-3))
+def test_measured_trajectories_of_another_shape_are_refused(tmp_path):
+    study = pendulum(trajectories=stepper.lab.MeasuredTrajectories(np.zeros((2, 7, 1)), 1e-3))
     with pytest.raises(ValueError, match="must have at least 2 episodes and 25 control periods, and nq = 1 numbers"):
         stepper.lab.chart(study, tmp_path, episodes=2, quick=True)
-    with pytest.raises(TypeError, match="recordings must be"):
-        pendulum(recordings=np.zeros((2, 25, 1)))
+    with pytest.raises(TypeError, match="trajectories must be"):
+        pendulum(trajectories=np.zeros((2, 25, 1)))
     missing = np.zeros((2, 25, 1))
     missing[1, 3] = np.nan
     found = (missing, 0.0, r"episode 1, period 3, qpos\[0\]")
     for qpos, noise, words in (found, (missing[0], 0.0, "must be"), (missing[:1], -1e-3, "noise")):
         with pytest.raises(ValueError, match=words):
-            stepper.lab.Recordings(qpos, noise)
+            stepper.lab.MeasuredTrajectories(qpos, noise)

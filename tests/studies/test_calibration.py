@@ -1,4 +1,4 @@
-"""`stepper calibrate`: known smallest sets, certificates that hold and that fail, and fits to recordings."""
+"""`stepper calibrate`: known smallest sets, certificates that hold and that fail, and fits to trajectories."""
 
 import json
 from collections.abc import Callable
@@ -112,7 +112,7 @@ def test_certificates_at_the_limit_err_in_five_percent() -> None:
 
 
 def test_numbers_of_worlds_are_those_of_the_binomial_bound() -> None:
-    """59 worlds without a violation certify 95 % with 95 % confidence; n recordings without one certify 0.05^(1/n)."""
+    """59 worlds without a violation certify 95 % with 95 % confidence; n trajectories without one certify 0.05^(1/n)."""
     assert worlds_for(0, 1) == 59
     assert greatest_share(0, 59) <= 0.05 < greatest_share(0, 58)
     assert greatest_share(worlds := 0, worlds_for(0, 3), confidence_of(3)) <= 0.05
@@ -196,6 +196,7 @@ def test_calibrate_a_study(tmp_path: Path) -> None:
     assert found.unmeasured == ("colour",)
     assert found.holds
     assert found.nominal.violations > 5
+    assert found.doubled.violations > found.certificates[-1].trial.violations
 
     def share(slope: Array, wind: Array) -> Array:
         climbed = slope[:, None] + 0.5 * wind[:, None] + 0.1 * np.arange(8) / 8.0
@@ -255,8 +256,8 @@ def test_calibrate_a_number(tmp_path: Path) -> None:
     assert found.parameters[0].tolerance == 0.125
 
 
-def test_calibrate_on_recordings(tmp_path: Path) -> None:
-    """A parameter that explains recordings is in the set, one that does not is left out, and the claim is 0.05^(1/n)."""
+def test_calibrate_on_trajectories(tmp_path: Path) -> None:
+    """A parameter that explains trajectories is in the set, one that does not is left out, and the claim is 0.05^(1/n)."""
     truth = 0.8
 
     def error(now: lab.World) -> Array:
@@ -268,14 +269,14 @@ def test_calibrate_on_recordings(tmp_path: Path) -> None:
         parameters={name: toy().parameters[name] for name in ("colour", "slope")},
         episodes=24,
     )
-    found = lab.calibrate_on_recordings(study, tmp_path, fitted=12, margin=0.02)
+    found = lab.calibrate_on_trajectories(study, tmp_path, fitted=12, margin=0.02)
     assert found.chosen.names == ("slope",)
     assert found.chosen.fit is not None
     # The loss is a cone, whose bottom the elite brackets; the margin is 0.02.
     assert found.chosen.fit.values[0] == pytest.approx(truth, abs=0.02)
     assert found.violations == 0
     assert found.share == pytest.approx(0.05 ** (1 / 12), rel=1e-9)
-    assert "To fit: slope." in (tmp_path / "recorded/recordings.md").read_text()
+    assert "To fit: slope." in (tmp_path / "recorded/trajectories.md").read_text()
 
 
 @pytest.mark.parametrize(("changed", "text"), [
@@ -287,7 +288,7 @@ def test_wrong_arguments(tmp_path: Path, changed: dict[str, float], text: str) -
     """Errors name the argument and what it must be."""
     with pytest.raises(ValueError, match=text):
         lab.calibrate(toy(), tmp_path, **changed)  # type: ignore[arg-type]
-    raises(ValueError, "fitted is 8", lambda: lab.calibrate_on_recordings(toy(), tmp_path, fitted=8, margin=0.1))
+    raises(ValueError, "fitted is 8", lambda: lab.calibrate_on_trajectories(toy(), tmp_path, fitted=8, margin=0.1))
 
 
 def test_outcomes_that_jump_have_no_tolerance() -> None:

@@ -831,6 +831,23 @@ def test_a_study_of_a_python_file_has_the_name_of_the_file(tmp_path):
     assert Study.from_file(tmp_path / "own.py").name == "mine"
 
 
+def test_a_study_that_is_a_function_of_data_reads_the_folder_of_the_option(tmp_path, monkeypatch, capsys):
+    """`--data` reaches the function with every command; without it, and with a study that takes no data, an error names the option."""
+    file, plain = tmp_path / "fitted.py", write_study(tmp_path)
+    made = f"Study(model={ARM!r}, seconds=float((data / 'length').read_text()))"
+    file.write_text(f"from stepper.lab import Study\ndef study(data):\n    return {made}")
+    (tmp_path / "length").write_text("0.5")
+    assert (found := Study.from_file(file, tmp_path)).seconds == 0.5
+    assert found.name == "fitted"
+    none, own, absent = (), ("--data", tmp_path), ("--data", "absent")
+    cases = ((file, none, "needs data"), (plain, own, "takes no data"), (file, absent, "absent/length"))
+    for command in ("chart", "tune --error 1mm --horizon 1s", "sweep", "rank", "report", "calibrate --margin 1", "view"):
+        name, *options = command.split()
+        for source, data, message in cases:
+            assert stepper_command(monkeypatch, name, source, *options, *data) == 1
+            assert message in capsys.readouterr().err
+
+
 def stepper_command(monkeypatch, *arguments):
     monkeypatch.setattr(sys, "argv", ["stepper", *map(str, arguments)])
     try:

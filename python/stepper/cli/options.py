@@ -15,7 +15,7 @@ from stepper.lab.study import Study
 from stepper.shared.arguments import argument_values, name_values
 from stepper.shared.progress import ProgressCallback, show_files, show_progress
 
-STUDY = "Study: a .toml file, or a .py file with a variable study of type stepper.lab.Study."
+STUDY = "Study: a .toml file, or a .py file with a variable study of type stepper.lab.Study, or a function study(data) that returns one."
 RECORDING = "Folder of a recording by Stepper.record."
 VALUES = (
     "Value of a parameter for episodes in which it does not vary, in place of its nominal value: NAME=VALUE with a name in the study, or "
@@ -27,6 +27,7 @@ ARGUMENTS = (
 )
 
 Out = Annotated[Path, typer.Option("--out", help="Output folder.")]
+Data = Annotated[Path | None, typer.Option("--data", help="Folder of measured data, for a study that is a function of it.")]
 StudyFile = Annotated[Path, typer.Argument(help=STUDY)]
 Source = Annotated[str, typer.Argument(help="Model (MJCF, URDF, saved) or study (.toml, .py).")]
 Varied = Annotated[
@@ -61,16 +62,17 @@ def show(found: Any) -> None:
     show_files(found.files)
 
 
-def study_of_file(path: Path, seed: int | None = None) -> Study:
-    """Reads a study from a file, and prints its seed. `seed` replaces the study's seed, unless it is None."""
-    study = Study.from_file(path)
+def study_of_file(path: Path, seed: int | None = None, data: Path | None = None) -> Study:
+    """Reads a study from a file and a folder of data, and prints its seed. `seed` replaces the study's seed, unless it is None."""
+    study = Study.from_file(path, data)
     print(f"{study.name}: seed {study.seed}, of the study" if seed is None else f"{study.name}: seed {seed}", file=sys.stderr, flush=True)
     return study if seed is None else replace(study, seed=seed)
 
 
-def source_with(source: str, values: Sequence[str] | None) -> Any:
-    """Argument `source` of a command, or with the option --values the study with these values."""
-    return Study.from_model(source).at(values_of(values)) if values else source
+def source_with(source: str, values: Sequence[str] | None, data: Path | None) -> Any:
+    """Argument `source` of a command, or the study with the values and the data of the options --values and --data."""
+    given = source if data is None else Study.from_file(source, data)
+    return Study.from_model(given).at(values_of(values)) if values else given
 
 
 def values_of(texts: Sequence[str]) -> dict[str, float | str]:

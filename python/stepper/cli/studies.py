@@ -11,6 +11,7 @@ import typer
 
 from stepper import lab
 from stepper.cli.options import (
+    Data,
     Out,
     Seed,
     Setting,
@@ -18,6 +19,7 @@ from stepper.cli.options import (
     StudyFile,
     Values,
     Varied,
+    number_or_text,
     progress_kept_in,
     show,
     source_with,
@@ -28,6 +30,7 @@ from stepper.lab.study.batches import USUAL
 from stepper.lab.study.document import Document, Section, check_pages
 from stepper.loading import ModelWarning
 from stepper.loading.findings import explained
+from stepper.shared.arguments import name_values
 from stepper.shared.files import locked, write_text
 from stepper.shared.machine import provenance
 from stepper.shared.progress import show_files, show_progress
@@ -47,6 +50,7 @@ def chart(
     angle: Annotated[bool, typer.Option("--angle", help="Measure errors as angles in rad, not distances in m.")] = False,
     episodes: Annotated[int, typer.Option(min=1, help="Number of episodes; the chart shows their medians.")] = 8,
     values: Values = None,
+    data: Data = None,
 ) -> None:
     """Draws charts of simulation error against computing time, to compare time steps, integrators, solvers, contact laws and engines.
 
@@ -58,7 +62,7 @@ def chart(
     if not Path(scene).exists():
         raise ValueError(f'there is no file "{scene}": give the path of a model or a study')
     with show_progress() as progress:
-        source = source_with(scene, values)
+        source = source_with(scene, values, data)
         unit = "rad" if angle else "m"
         found = lab.chart(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, progress=progress)
     show(found)
@@ -74,6 +78,7 @@ def tune(
     alone: Annotated[bool, typer.Option("--alone", help="Minimise the cost of a single environment, not of a batch.")] = False,
     reduce: Annotated[bool, typer.Option(help="Search for pairs of bodies that never come near each other.")] = True,
     values: Values = None,
+    data: Data = None,
 ) -> None:
     """Finds the cheapest settings within an error budget, tests them on further episodes, and prints them as Options(...).
 
@@ -82,7 +87,7 @@ def tune(
     Example: stepper tune robot.xml --error "1 mm" --horizon "0.5 s"
     """
     with show_progress() as progress:
-        chosen = source_with(source, values)
+        chosen = source_with(source, values, data)
         found = lab.tune(chosen, out, error=error, horizon=horizon, coverage=coverage, alone=alone, reduce=reduce, progress=progress)
     show(found)
 
@@ -98,6 +103,7 @@ def sweep(
         float, typer.Option(min=1e-12, max=0.5, help="Precision of a cliff's value, as a fraction of the parameter's range.")
     ] = 1e-3,
     seed: Seed = None,
+    data: Data = None,
 ) -> None:
     """Varies the parameters of a study over their ranges, one parameter at a time, and prints success rates and cliffs.
 
@@ -111,7 +117,7 @@ def sweep(
 
     Example: stepper sweep examples/studies/tray.toml --parameter friction --values push=1.5 --values 'gravity[2]=-3.7'
     """
-    own = study_of_file(study, seed)
+    own = study_of_file(study, seed, data)
     # A selector of --values becomes a parameter of the study, which the sweep does not vary.
     names = parameter or (list(own.parameters) if values else None)
     with progress_kept_in(out) as progress:
@@ -129,6 +135,7 @@ def rank(
     parameter: Varied = None,
     setting: Setting = USUAL,
     seed: Seed = None,
+    data: Data = None,
 ) -> None:
     """Ranks the parameters of a study by their influence on an outcome: Sobol indices with confidence intervals.
 
@@ -137,18 +144,18 @@ def rank(
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """
     with progress_kept_in(out) as progress:
-        own = study_of_file(study, seed)
+        own = study_of_file(study, seed, data)
         found = lab.rank(own, out, samples=samples, parameters=parameter or None, setting=setting, progress=progress)
     show(found)
 
 
-def report(study: StudyFile, out: Out = Path("out")) -> None:
+def report(study: StudyFile, out: Out = Path("out"), *, data: Data = None) -> None:
     """Writes the simulator report of a study: state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
 
     Example: stepper report examples/studies/tray.toml
     """
     with progress_kept_in(out) as progress:
-        found = lab.report(study_of_file(study), out, progress=progress)
+        found = lab.report(study_of_file(study, data=data), out, progress=progress)
     show(found)
 
 
@@ -159,7 +166,9 @@ def calibrate(
     margin: Annotated[
         float, typer.Option(help="Largest difference between world and model: of the fraction of successes, or of the outcome in its unit.")
     ],
-    samples: Annotated[int, typer.Option(min=2, help="Number of base samples of the ranking, a power of 2; not with --recordings.")] = 64,
+    samples: Annotated[
+        int, typer.Option(min=2, help="Number of base samples of the ranking, a power of 2; not with --fit-trajectories.")
+    ] = 64,
     worlds: Annotated[
         int,
         typer.Option(
@@ -170,10 +179,10 @@ def calibrate(
     tries: Annotated[
         int, typer.Option(min=1, help="Largest number of certificates that are tried; they share the probability of an error.")
     ] = 3,
-    recordings: Annotated[
+    fit_trajectories: Annotated[
         int | None,
         typer.Option(
-            min=1, help="Number of recordings to fit: the first episodes of a study whose episodes are recordings. The others check."
+            min=1, help="Number of measured trajectories to fit: the first episodes of a study whose episodes are such. The others check."
         ),
     ] = None,
     measured: Annotated[
@@ -183,42 +192,32 @@ def calibrate(
     parameter: Varied = None,
     setting: Setting = USUAL,
     seed: Seed = None,
+    data: Data = None,
 ) -> None:
     """Finds the smallest set of parameters that must be measured, so that the outcome is that of the true world to within a margin.
 
     The command ranks the parameters, searches for the set and its widest tolerances, and tests both on fresh worlds. The certificate covers
     95 % of the worlds in the ranges, with 95 % confidence. The same command continues a stopped run after the last stored result.
 
-    With --recordings N, the episodes of the study are recordings of a real system, and the outcome is the error of a prediction. The first
-    N are fitted. The fit of the smallest set exceeds the error of a fit of all parameters by at most the margin. The others check it.
+    With --fit-trajectories N, the episodes of the study are measured trajectories of a real system, and the outcome is the error of a
+    prediction. The first N are fitted. The fit of the smallest set exceeds the error of a fit of all parameters by at most the margin. The
+    others check it.
 
     Example: stepper calibrate examples/studies/pushed_box.py --margin 0.2
     """
-    found: lab.Calibration | lab.RecordedCalibration
+    found: lab.Calibration | lab.TrajectoryCalibration
     with progress_kept_in(out) as progress:
-        own, names = study_of_file(study, seed), parameter or None
-        if recordings is not None:
-            found = lab.calibrate_on_recordings(
-                own, out, fitted=recordings, margin=margin, parameters=names, setting=setting, progress=progress
+        own, names = study_of_file(study, seed, data), parameter or None
+        if fit_trajectories is not None:
+            found = lab.calibrate_on_trajectories(
+                own, out, fitted=fit_trajectories, margin=margin, parameters=names, setting=setting, progress=progress
             )  # fmt: skip
         else:
             found = lab.calibrate(
                 own, out, margin=margin, samples=samples, worlds=worlds, tries=tries, parameters=names,
-                tolerances=_tolerances(measured), setting=setting, progress=progress,
+                tolerances=name_values(measured, "--measured", number_or_text) if measured else None, setting=setting, progress=progress,
             )  # fmt: skip
     show(found)
-
-
-def _tolerances(texts: list[str] | None) -> dict[str, float] | None:
-    """Tolerances by parameter, of texts such as "friction=0.01"; None without texts."""
-    found = {}
-    for text in texts or ():
-        name, _, value = text.rpartition("=")
-        try:
-            found[name] = float(value)
-        except ValueError:
-            raise typer.BadParameter(f"--measured is {text!r}, must be NAME=TOLERANCE, such as 'friction=0.01'") from None
-    return found or None
 
 
 def explain(

@@ -14,7 +14,7 @@ import typer
 
 from stepper._options import Options
 from stepper._stepper import Stepper
-from stepper.cli.options import ARGUMENTS, VALUES, arguments_of, values_of
+from stepper.cli.options import ARGUMENTS, VALUES, Data, arguments_of, values_of
 from stepper.lab.study import Study
 from stepper.lab.study.batches import USUAL
 from stepper.lab.study.episode import Episodes
@@ -45,16 +45,17 @@ class ViewOptions:
     episode: int | None
     setting: str | None
     record: Path | None
+    data: Path | None
     pause: bool
     host: str
     port: int
 
 
-_OPTIONAL = ("contact", "keyframe", "actions", "seed", "values", "episode", "setting", "record")
+_OPTIONAL = ("contact", "keyframe", "actions", "seed", "values", "episode", "setting", "record", "data")
 """Options that not all kinds of sources take; None if the user does not give them."""
 _TAKEN = {
     "a recording": (),
-    "a study": ("seed", "values", "episode", "setting", "record"),
+    "a study": ("seed", "values", "episode", "setting", "record", "data"),
     "a model": ("contact", "keyframe", "seed"),
     "an environment": ("contact", "actions", "seed", "values"),
 }
@@ -80,6 +81,7 @@ def view(
     episode: Annotated[int | None, typer.Option(min=0, help="Number of the study's first episode to show; the default is 0.")] = None,
     setting: Annotated[str | None, typer.Option(help="Name of the study's settings to use.")] = None,
     record: Annotated[Path | None, typer.Option(help="New folder: record the study's episodes there, and open no view.")] = None,
+    data: Data = None,
     pause: Annotated[bool, typer.Option("--pause", help="Start paused.")] = False,
     host: Annotated[str, typer.Option(help="Address to listen on; with 0.0.0.0 other machines can connect.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on, or the next free one.")] = 8080,
@@ -94,7 +96,9 @@ def view(
     for name, given, words in (("contact", contact, ("hard", "mujoco")), ("actions", actions, ACTIONS)):
         if given is not None and given not in words:
             raise ValueError(f"{name} is {given!r}, must be {' or '.join(map(repr, words))}")
-    options = ViewOptions(num_envs, model, contact, keyframe, actions, seed, values or None, episode, setting, record, pause, host, port)
+    options = ViewOptions(
+        num_envs, model, contact, keyframe, actions, seed, values or None, episode, setting, record, data, pause, host, port
+    )
     path = Path(what)
     is_recording, is_study = (path / HEADER).exists(), path.suffix in STUDIES
     is_model = path.exists() or path.suffix in MODELS
@@ -120,7 +124,7 @@ def view(
 
 def _study(file: str, options: ViewOptions) -> None:
     """Shows the episodes of a study in the browser, or records them with the option --record. `file` is the study's path."""
-    study = Study.from_file(file)
+    study = Study.from_file(file, options.data)
     study = study if options.seed is None else replace(study, seed=options.seed)
     values = values_of(options.values or ())
     first, setting = options.episode or 0, options.setting or USUAL

@@ -8,13 +8,13 @@ tune; `calibration` has calibrate. `demo` compares stepper with MuJoCo.
 docs/reference/studies.md explains studies.
 """
 
-from stepper.lab.accuracy.chart import Chart, Recordings, chart
+from stepper.lab.accuracy.chart import Chart, MeasuredTrajectories, chart
 from stepper.lab.accuracy.measure import Dot
 from stepper.lab.accuracy.tune import Candidate, Tuning, tune
 from stepper.lab.calibration.calibrate import Calibration, MeasuredParameter, calibrate
 from stepper.lab.calibration.fit import Fit
-from stepper.lab.calibration.recordings import FittedSet, RecordedCalibration, calibrate_on_recordings
 from stepper.lab.calibration.search import Certificate, Trial
+from stepper.lab.calibration.trajectories import FittedSet, TrajectoryCalibration, calibrate_on_trajectories
 from stepper.lab.study import Outcome, Parameter, PolicyController, Study, World
 from stepper.lab.study.failure_causes import Verdict
 from stepper.lab.study.journal import Table
@@ -33,24 +33,24 @@ __all__ = [
     "FittedSet",
     "Level",
     "MeasuredParameter",
+    "MeasuredTrajectories",
     "Outcome",
     "Parameter",
     "PolicyController",
     "Rank",
     "Ranking",
-    "RecordedCalibration",
-    "Recordings",
     "Report",
     "Statistics",
     "Study",
     "Sweep",
     "Table",
+    "TrajectoryCalibration",
     "Trial",
     "Tuning",
     "Verdict",
     "World",
     "calibrate",
-    "calibrate_on_recordings",
+    "calibrate_on_trajectories",
     "chart",
     "rank",
     "report",

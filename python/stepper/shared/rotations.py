@@ -24,3 +24,12 @@ def about_vertical(angle: NDArray[Any]) -> NDArray[Any]:
     half = 0.5 * angle
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+
+
+def rotation_vectors(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """Rotation vectors (..., 3), rad, of the turns from unit quaternions a to b, (..., 4), in the frame of a."""
+    w = (a * b).sum(axis=-1, keepdims=True)
+    v = a[..., :1] * b[..., 1:] - b[..., :1] * a[..., 1:] - np.cross(a[..., 1:], b[..., 1:])
+    v = v * np.where(w < 0, -1.0, 1.0)
+    s = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.asarray(np.where(s > 1e-12, 2 * np.arctan2(s, np.abs(w)) / np.maximum(s, 1e-300), 2.0) * v)

@@ -21,6 +21,7 @@ from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel, Drive
 from stepper.shared.arguments import check_kind
 from stepper.shared.fields import RANDOMIZED
+from stepper.shared.rotations import rotation_vectors
 from stepper.sysid.data import COORDINATES, Episode
 from stepper.sysid.inertia import Array
 from stepper.sysid.parameters import READING, Block, Variants, split, write
@@ -142,7 +143,7 @@ def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Ar
     target = measured[:, None]
     target = np.where(np.isfinite(target).all(axis=-1, keepdims=True), target, own)
     if channel.quaternion:
-        return _turn(target, own)
+        return rotation_vectors(target, own)
     whole = rows.copy()
     whole[..., list(channel.columns)] = target
     return np.asarray(model.differentiate_pos(whole, rows)[..., list(channel.dofs)])
@@ -401,15 +402,6 @@ def _delayed(y: Array, steps: Array) -> Array:
     part = (at - low)[..., None]
     rows = np.arange(len(y))[:, None]
     return np.asarray((1 - part) * y[rows, low] + part * y[rows, np.minimum(low + 1, y.shape[1] - 1)])
-
-
-def _turn(a: Array, b: Array) -> Array:
-    """Rotation vectors (..., 3), rad, of the turns from unit quaternions a to b, (..., 4), in the frame of a."""
-    w = (a * b).sum(axis=-1, keepdims=True)
-    v = a[..., :1] * b[..., 1:] - b[..., :1] * a[..., 1:] - np.cross(a[..., 1:], b[..., 1:])
-    v = v * np.where(w < 0, -1.0, 1.0)
-    s = np.linalg.norm(v, axis=-1, keepdims=True)
-    return np.asarray(np.where(s > 1e-12, 2 * np.arctan2(s, np.abs(w)) / np.maximum(s, 1e-300), 2.0) * v)
 
 
 def _with_longest_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -> ActuatorModel | None:

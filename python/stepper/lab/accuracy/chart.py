@@ -33,12 +33,12 @@ from stepper.shared.machine import one_core, provenance
 from stepper.shared.progress import ProgressCallback
 
 Array = NDArray[np.float64]
-_RECORDED = "Error and the part from the model are distances from the recordings; the floor is what their noise alone makes."
+_MEASURED = "Errors, and their part from the model, are distances from measured trajectories. The noise floor is the error of noise alone."
 
 
 @dataclass(frozen=True)
-class Recordings:
-    """Measured motions of a real system, one for each episode of a study.
+class MeasuredTrajectories:
+    """Trajectories of a real system, one for each episode of a study.
 
     Attributes:
         qpos: Measured positions at the ends of the control periods, (episodes, control periods, nq), m and rad. The position at the start
@@ -53,17 +53,19 @@ class Recordings:
     noise: float | Array
 
     def __post_init__(self) -> None:
-        qpos, noise = array_of("qpos of recordings", self.qpos), array_of("noise of recordings", self.noise)
+        qpos, noise = array_of("qpos of measured trajectories", self.qpos), array_of("noise of measured trajectories", self.noise)
         if qpos.ndim != 3:
-            raise ValueError(f"qpos of recordings has the shape {qpos.shape}, must be (episodes, control periods, nq)")
+            raise ValueError(f"qpos of measured trajectories has the shape {qpos.shape}, must be (episodes, control periods, nq)")
         if len(bad := np.argwhere(~np.isfinite(qpos))):
             episode, period, k = bad[0]
-            raise ValueError(f"qpos of recordings has a number that is not finite: episode {episode}, period {period}, qpos[{k}]")
+            raise ValueError(
+                f"qpos of measured trajectories has a number that is not finite: episode {episode}, period {period}, qpos[{k}]"
+            )
         if noise.shape not in ((), qpos.shape[2:]) or not (np.isfinite(noise) & (noise >= 0.0)).all():
-            raise ValueError(f"noise of recordings is {self.noise}, must be a finite number of at least 0, or one per qpos")
+            raise ValueError(f"noise of measured trajectories is {self.noise}, must be a finite number of at least 0, or one per qpos")
 
     def section(self, study: Study) -> Section:
-        """Section of a report with the distances of a study's runs from the recordings, split by cause, in m and in rad."""
+        """Section of a report with the distances of a study's runs from the measured trajectories, split by cause, in m and in rad."""
         rows, numbers = [], range(study.episodes)
         own = Line("stepper", "the study's own", {}, study.options.contact)
         peers = [line for line in lines(study, quick=True) if line.engine != "stepper"]
@@ -71,10 +73,11 @@ class Recordings:
         for unit in TARGET:
             basis = ChartBasis(study, numbers, *chart_reference(study, numbers, study.seconds, unit, 4), 4)
             for point in measure(basis, [own, *peers], [timestep], lambda _what, _done: None)[0]:
-                parts = (*point.errors.values(), basis.reference.floor)
+                parts = (*point.errors.values(), basis.reference.noise_floor)
                 rows.append([point.line.label, unit, *(float(np.median(part)) for part in parts)])
-        words = [f"Largest distances of bodies, geoms and sites, and largest angles of bodies; medians over episodes. {_RECORDED}"]
-        return Section("Recordings", words, ("settings", "unit", "error", *(f"from {word}" for word in CAUSES.values()), "floor"), rows)
+        words = [f"Largest distances of bodies, geoms and sites, and largest angles of bodies; medians over episodes. {_MEASURED}"]
+        head = ("settings", "unit", "error", *(f"from {word}" for word in CAUSES.values()), "noise floor")
+        return Section("Errors from measured trajectories", words, head, rows)
 
 
 @dataclass(frozen=True)
@@ -203,7 +206,7 @@ def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float], kept: dict[
         solver=middle["solver"],
         step=middle["step"],
         model=middle["model"],
-        floor=float(np.median(basis.reference.floor)),
+        noise_floor=float(np.median(basis.reference.noise_floor)),
         us_single_env=cost[0],
         batch=cost[1],
         depth=float(trace.depth.max()),
@@ -251,13 +254,13 @@ def _sections(found: Chart, laws: Mapping[str, Reference], invariants: Invariant
     """Sections of the document of a chart."""
     dots, study, unit = found.dots, found.study, found.distance.unit
     best = set(map(id, [*front(dots, "us_single_env"), *front(dots, "batch")]))
-    parts = [*(f"from {word}" for word in CAUSES.values()), *(["floor"] if study.recordings else [])]
+    parts = [*(f"from {word}" for word in CAUSES.values()), *(["noise floor"] if study.trajectories else [])]
     head = ("", "settings", "time step, ms", f"error, {unit}", *parts, "cause", "alone, us", "batch, us", "penetration, mm")
     outcome = study.success_outcome or next(iter(study.all_outcomes), None)
     more = ("residual, m/s", *(() if outcome is None else (f"mean {outcome.name}", "successes")), "notes")
 
     def row(dot: Dot) -> list[Any]:
-        parts = (dot.solver, dot.step, dot.model, *([dot.floor] if study.recordings else []))
+        parts = (dot.solver, dot.step, dot.model, *([dot.noise_floor] if study.trajectories else []))
         numbers = (dot.error, *parts, dot.cause, dot.us_single_env, dot.batch, 1e3 * dot.depth, dot.residual)
         outcomes = () if outcome is None else (dot.outcome, dot.share)
         return ["*" if id(dot) in best else "", dot.label, 1e3 * dot.timestep, *numbers, *outcomes, "; ".join(dot.notes)]
@@ -293,7 +296,7 @@ def _words(found: Chart, laws: Mapping[str, Reference]) -> list[str]:
         "distance of that run from the converged run with its law of contact. model: distance of that converged run from the reference "
         "(softness, friction cone). The column cause has the one with the largest part; docs/reference/studies.md has remedies. "
         "The reference has hard contact, unless the study's options have MuJoCo's law."
-        + (f" {_RECORDED}" if found.study.recordings else "")
+        + (f" {_MEASURED}" if found.study.trajectories else "")
         + (f" Uncertainty of the converged runs, {unit} (median): {'; '.join(others)}." if others else ""),
     ]
     if stopped:

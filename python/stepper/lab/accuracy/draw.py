@@ -59,7 +59,7 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
         panels, ("us_single_env", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True
     ):
         _panel(panel, dots, cost, colours, markers)
-        low = float(np.median(reference.margin))
+        low = float(np.median(reference.ground_truth_uncertainty))
         low = low if math.isfinite(low) else _FLOOR
         panel.axhspan(_FLOOR, max(low, 2 * _FLOOR), color="#888888", alpha=0.15, linewidth=0)
         panel.set_title(title, fontsize=11)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.lab.accuracy.candidates import Line, pareto
-from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience, with_recordings
+from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience, with_trajectories
 from stepper.lab.accuracy.traces import Distance, Trace, run
 from stepper.lab.study.study import Study
 
@@ -41,9 +41,9 @@ class Dot:
         solver: Error from the solver: distance of the run from the same run with a tight tolerance (1e-9 m/s) and precision "f64". NaN for
             MuJoCo.
         step: Error from the time step: distance of the run with a tight tolerance from the converged run with the same contact law.
-        model: Error from the contact law (softness, friction cone): distance of that converged run from the reference. With recordings,
-            which then are the reference, it is the error of the model as a whole.
-        floor: Error that the noise of the recordings alone causes; NaN without recordings.
+        model: Error from the contact law (softness, friction cone): distance of that converged run from the reference. With measured
+            trajectories, which then are the ground truth, it is the error of the model as a whole.
+        noise_floor: Error that the noise of the measurement alone causes; NaN without measured trajectories.
         us_single_env: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if not measured.
         batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN if not measured.
         depth: Deepest overlap of all episodes in the engine's contacts, m.
@@ -64,7 +64,7 @@ class Dot:
     solver: float
     step: float
     model: float
-    floor: float
+    noise_floor: float
     us_single_env: float
     batch: float
     depth: float
@@ -188,7 +188,7 @@ def chart_reference(
         known = float(np.median(reference.known)) if horizon is None else reached
         distance = Distance(unit, min(max(study.control_period, known), reached))
         reference = reference.with_distance(distance)
-    return distance, with_recordings(study, episodes, reference, distance)
+    return distance, with_trajectories(study, episodes, reference, distance)
 
 
 def measure(
@@ -284,9 +284,9 @@ def _point(basis: ChartBasis, at: tuple[Line, float], own: tuple[Trace, str], ti
     if isinstance(law, str):
         notes.append(f"parts of time step and model unknown, because the run of its contact law did not converge: {law}")
     errors = {
-        "total": basis.distance(trace, basis.reference.against),
+        "total": basis.distance(trace, basis.reference.ground_truth),
         "solver": basis.distance(trace, tight[0]) if line.engine == "stepper" else nothing,
         "step": nothing if isinstance(law, str) else basis.distance(tight[0], law.trace),
-        "model": nothing if isinstance(law, str) else basis.distance(law.trace, basis.reference.against),
+        "model": nothing if isinstance(law, str) else basis.distance(law.trace, basis.reference.ground_truth),
     }
     return Point(line, dt, trace, errors, tuple(note for note in notes if note))

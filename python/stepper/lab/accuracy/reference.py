@@ -65,8 +65,8 @@ class Reference:
         known: Time up to which the last two runs of an episode agree to the target, (episodes,), s.
         rule: Name of the rule of first order, such as "Euler's rule".
         without: Names of integrators of first order that diverged or took too long.
-        recorded: Measured motion that errors are measured from in place of `trace`; None without recordings.
-        floor: Error that the noise of the recordings alone causes, (episodes,), m or rad; NaN without recordings.
+        measured: Measured trajectories, which replace the converged run as ground truth; None without measurements.
+        noise_floor: Error that the noise of the measurement alone causes, (episodes,), m or rad; NaN without measurements.
     """
 
     runs: tuple[Trace, ...]
@@ -79,22 +79,22 @@ class Reference:
     known: Array
     rule: str = _SECOND_METHODS["euler"]
     without: tuple[str, ...] = ()
-    recorded: Trace | None = None
-    floor: Array = dataclasses.field(default_factory=lambda: np.full(1, np.nan))
+    measured: Trace | None = None
+    noise_floor: Array = dataclasses.field(default_factory=lambda: np.full(1, np.nan))
 
     @property
-    def against(self) -> Trace:
-        """Motion that errors are measured from: the recordings, or otherwise the converged run."""
-        return self.trace if self.recorded is None else self.recorded
+    def ground_truth(self) -> Trace:
+        """Trajectories from which errors are computed: the measured ones, or otherwise those of the converged run."""
+        return self.trace if self.measured is None else self.measured
 
     @property
-    def margin(self) -> Array:
-        """Uncertainty of that motion, (episodes,), m or rad: the recordings' floor, or otherwise the uncertainty of the converged run."""
-        return self.uncertainty if self.recorded is None else self.floor
+    def ground_truth_uncertainty(self) -> Array:
+        """Uncertainty of the ground truth, (episodes,), m or rad: the noise floor, or otherwise the uncertainty of the converged run."""
+        return self.uncertainty if self.measured is None else self.noise_floor
 
     @property
     def trace(self) -> Trace:
-        """Recorded run with the smallest time step."""
+        """Converged run with the smallest time step."""
         return self.runs[-1]
 
     @property
@@ -103,7 +103,7 @@ class Reference:
         return self.trace.timestep
 
     def with_distance(self, distance: Distance) -> Reference:
-        """Reference with the same runs, without recordings, and the uncertainty for another definition of errors or another horizon."""
+        """Reference with the same runs, without measured trajectories, for another definition of errors or another horizon."""
         found = _assessed(self.runs, self.second, distance, self.target)
         return replace(found, rule=self.rule, without=self.without)
 
@@ -112,9 +112,9 @@ class Reference:
         """Description of the reference as a sentence: time step, observed order, second method and uncertainty."""
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
-        recorded = f"recordings, whose noise makes errors of {np.median(self.floor):.1e} (median), beside a converged run"
+        measured = f"measured trajectories, with a noise floor of {np.median(self.noise_floor):.1e} (median), beside a converged run"
         sentences = [
-            "" if self.recorded is None else recorded,
+            "" if self.measured is None else measured,
             f"time steps halved to {1e6 * self.timestep:.4g} us",
             f"observed order {np.median(orders):.1f}" if len(orders) else "",
         ]
@@ -207,25 +207,25 @@ def converge(
     return replace(_assessed(runs, second, distance, target), rule=rule, without=tuple(without))
 
 
-def with_recordings(study: Study, episodes: Sequence[int], reference: Reference, distance: Distance) -> Reference:
-    """Reference with the study's recordings and the floor of their noise; unchanged if the study has none.
+def with_trajectories(study: Study, episodes: Sequence[int], reference: Reference, distance: Distance) -> Reference:
+    """Reference with the study's measured trajectories and their noise floor; unchanged if the study has none.
 
     Raises:
-        ValueError: The recordings have another shape, or are too few.
+        ValueError: The measured trajectories have another shape, or are too few.
     """
-    if study.recordings is None:
+    if study.trajectories is None:
         return reference
-    every = np.asarray(study.recordings.qpos, float)
+    every = np.asarray(study.trajectories.qpos, float)
     number, periods, nq = max(episodes) + 1, study.num_control_steps, study.loaded[0].nq
     if every.shape[0] < number or every.shape[1] < periods or every.shape[2] != nq:
         raise ValueError(
-            f"recordings have the shape {every.shape}, must have at least {number} episodes and {periods} control periods, "
+            f"measured trajectories have the shape {every.shape}, must have at least {number} episodes and {periods} control periods, "
             f"and nq = {nq} numbers"
         )
     qpos = every[list(episodes), :periods]
-    noise = study.recordings.noise * np.random.default_rng([study.seed, 1]).standard_normal(qpos.shape)
+    noise = study.trajectories.noise * np.random.default_rng([study.seed, 1]).standard_normal(qpos.shape)
     plain, noisy = (posed(study, own, reference.trace) for own in (qpos, qpos + noise))
-    return replace(reference, recorded=plain, floor=distance(plain, noisy))
+    return replace(reference, measured=plain, noise_floor=distance(plain, noisy))
 
 
 def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], study: Study) -> list[Trace] | None:

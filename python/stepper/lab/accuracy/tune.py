@@ -19,7 +19,7 @@ from stepper._stepper import Model
 from stepper.lab.accuracy.candidates import hard_lines, timesteps
 from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.needs import UnusedPairs, unused_pairs
-from stepper.lab.accuracy.reference import Reference, check_moves, converge, patience, with_recordings
+from stepper.lab.accuracy.reference import Reference, check_moves, converge, patience, with_trajectories
 from stepper.lab.accuracy.traces import Distance, Trace, quantity, run, runs
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.document import Document, Section, check_pages, counted
@@ -197,7 +197,7 @@ def tune(
         reference = converge(
             study, range(episodes), distance, target=_REFERENCE_SHARE * budget, progress=lambda done: report_progress("reference", done)
         )
-        reference = with_recordings(study, range(episodes), reference, distance)
+        reference = with_trajectories(study, range(episodes), reference, distance)
         usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, report_progress=report_progress)
         candidates.sort(key=lambda own: (not own.error <= budget, getattr(own, _cost(alone))))
         trials: list[Trial] = []
@@ -290,7 +290,9 @@ def _candidates(
         )
         candidates = []
         for (name, *_), given, trace in zip(chosen, settings, made, strict=True):
-            error = math.inf if trace.stopped else float((distance(trace, reference.against) + reference.margin).max())
+            error = (
+                math.inf if trace.stopped else float((distance(trace, reference.ground_truth) + reference.ground_truth_uncertainty).max())
+            )
             candidates.append(Candidate(given, name, error, stopped=trace.stopped))
             traces[id(candidates[-1])] = trace
         return candidates
@@ -384,10 +386,10 @@ def _held_out(candidate: Candidate, distance: Distance, budget: float, study: St
 
     All errors are infinite if the run was stopped.
     """
-    reference = with_recordings(study, episodes, converge(study, episodes, distance, target=_REFERENCE_SHARE * budget), distance)
+    reference = with_trajectories(study, episodes, converge(study, episodes, distance, target=_REFERENCE_SHARE * budget), distance)
     patient = patience(study, reference.trace, candidate.settings["timestep"])
     trace = run(study, episodes, patience=patient, **candidate.settings)
-    return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, reference.against), reference.margin
+    return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, reference.ground_truth), reference.ground_truth_uncertainty
 
 
 def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, str | None]:
@@ -429,7 +431,7 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, alone: bo
         words.append(
             f"No settings are proved to keep the budget. The least error is {best.error:.2g} {unit}, of {best.name} at "
             f"{1e3 * best.settings['timestep']:g} ms, and includes the uncertainty of the reference, "
-            f"{reference.margin.max():.2g} {unit}. "
+            f"{reference.ground_truth_uncertainty.max():.2g} {unit}. "
             f"The reference is accurate to {reference.target:.2g} {unit} up to {reference.known.min():.3g} s in all episodes, and up to "
             f"{np.median(reference.known):.3g} s in half of them: give a shorter horizon, or a larger error."
             f" {_usual_error(found.usual, unit)}"

@@ -21,11 +21,11 @@ from stepper.lab.calibration.search import SHARE, UNMEASURED, Array, Certificate
 from stepper.lab.study.batches import USUAL, Point, nominal_of, run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.journal import Journal, Results, Row, Table
-from stepper.lab.study.parameters import Parameter, check_value_conflicts
+from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.ranking import Ranking, rank
 from stepper.lab.study.report import settings_sections, study_of
 from stepper.lab.study.study import Study
-from stepper.lab.study.sweep import measured
+from stepper.lab.study.sweep import main_values, measured
 from stepper.shared.arguments import check_number, check_whole
 from stepper.shared.files import write_figure, write_text
 from stepper.shared.machine import package_version, require
@@ -66,6 +66,7 @@ class Calibration:
         unmeasured: Names of the parameters that may keep their nominal values.
         certificates: Certificate of each try; the last one is that of the result.
         nominal: Result without any measurement, on the worlds of the last certificate.
+        doubled: Result with all tolerances doubled, in worlds that were not used before.
         ranking: Ranking of the parameters by Sobol indices.
         table: Table of all episodes.
         document: The report.
@@ -80,6 +81,7 @@ class Calibration:
     unmeasured: tuple[str, ...]
     certificates: tuple[Certificate, ...]
     nominal: Trial
+    doubled: Trial
     ranking: Ranking
     table: Table
     document: Document
@@ -116,25 +118,18 @@ class Comparison:
 
     def __call__(self, worlds: Array, models: Array) -> Array:
         """Difference of the outcome for each world (n, parameters) and its model, (n,)."""
-        points = [Point(self._values(row), self._setting) for row in np.concatenate([worlds, models])]
+        # A NaN keeps the model's number; parameters that do not vary are nominal.
+        given = [dict(zip(self._names, row, strict=True)) for row in np.concatenate([worlds, models]).tolist()]
+        nominal = nominal_of(self._study, self._setting)
+        points = [Point(nominal | {n: x for n, x in own.items() if not math.isnan(x)}, self._setting) for own in given]
         rows = run_points(self._study, points, self._journal)
         self.rows |= {row["key"]: row for row in rows}
         self._count += 1
         self._progress(self._count)
+        world, model = main_values(self._study, rows).reshape(2, len(worlds), self._study.episodes)
         if self._study.success_outcome is not None:
-            outcome = np.array([row["success"] for row in rows], float)
-        else:
-            outcome = np.array([row["outcomes"][measured(self._study)] for row in rows], float)
-        world, model = outcome.reshape(2, len(worlds), self._study.episodes)
-        if self._study.success_outcome is not None:
-            return np.asarray(np.abs(world.mean(axis=1) - model.mean(axis=1)))
+            world, model = world.mean(axis=1, keepdims=True), model.mean(axis=1, keepdims=True)
         return np.asarray(np.abs(world - model).mean(axis=1))
-
-    def _values(self, row: Array) -> dict[str, float | str]:
-        """Values of the parameters by name; a NaN keeps the model's number, and parameters that do not vary are nominal."""
-        return nominal_of(self._study, self._setting) | {
-            name: float(value) for name, value in zip(self._names, row, strict=True) if not math.isnan(value)
-        }
 
 
 def calibrate(
@@ -184,22 +179,18 @@ def calibrate(
     check_whole("tries", tries, least=1)
     check_whole("worlds", worlds, least=1)
     tries = tries if tolerances is None else 1
-    if worlds < (least := worlds_for(0, tries)):
-        raise ValueError(
-            f"worlds is {worlds}, must be at least {least} for a certificate with {tries} tries: give more worlds or fewer tries"
-        )
+    if worlds < (n := worlds_for(0, tries)):
+        raise ValueError(f"worlds is {worlds}, must be at least {n} for a certificate with {tries} tries: give more worlds or fewer tries")
     ranking = rank(study, out, samples=samples, parameters=parameters, setting=setting, progress=progress)
     study, names = ranking.study, [entry.parameter for entry in ranking.ranks]
-    check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
     space = _space(study, names)
     given = None if tolerances is None else _fractions(tolerances, names, space)
     importance = np.array([entry.total for entry in ranking.ranks])
     with Results(study, out) as results:
         at = progress or (lambda *_: None)
-        expected = _COMPARISONS * len(names)
-        comparison = Comparison(study, names, setting, results.journal, lambda n: at(f"calibrate {study.name}", min(0.99, n / expected)))
-        rng = np.random.default_rng([study.seed, _SEARCH])
-        search = Search(comparison, space, margin, importance, count=worlds, rng=rng)
+        done = lambda n: at(f"calibrate {study.name}", min(0.99, n / (_COMPARISONS * len(names))))  # noqa: E731
+        comparison = Comparison(study, names, setting, results.journal, done)
+        search = Search(comparison, space, margin, importance, count=worlds, rng=np.random.default_rng([study.seed, _SEARCH]))
         chosen, fractions, certificates = _certified(search, study.seed, worlds, tries, given)
         last = certificates[-1].trial
         fresh = space.draw(np.random.default_rng([study.seed, _CERTIFICATE, len(certificates)]), worlds)
@@ -209,10 +200,13 @@ def calibrate(
         required = tuple(MeasuredParameter(names[k], float(fractions[k] * widths[k]), search.weaker(fractions, k, *proof)) for k in chosen)
         left = tuple(name for k, name in enumerate(names) if k not in chosen)
         found = Calibration(
-            study, setting, margin, required, left, tuple(certificates), nominal, ranking, Table(list(comparison.rows.values())),
-            Document(f"Calibration of {study.name}"), (), tolerances is None,
+            study, setting, margin, required, left, tuple(certificates), nominal, search.trial(2.0 * fractions, *proof), ranking,
+            Table(list(comparison.rows.values())), Document(""), (), tolerances is None,
         )  # fmt: skip
-        document, pictures = document_of(found, results.folder)
+        pictures = [_draw(found, results.folder / "calibrate.png")] if package_version("matplotlib") else []
+        sections = [_answer(found, pictures[0] if pictures else None), *_measure(found), _keep(found), _assumed(found)]
+        sections += settings_sections(study, len(found.table), "calibrate_table")
+        document = Document(f"Calibration of {study.name}", sections)
         files = [*found.table.save(results.folder, "calibrate_table"), *document.save(results.folder, "calibrate"), *pictures]
         files.append(write_text(results.folder / "calibrate.json", json.dumps(summary(found), indent=2) + "\n"))
         if progress:
@@ -256,23 +250,17 @@ def _certified(search: Search, seed: int, worlds: int, tries: int, given: Array 
 
 def summary(found: Calibration) -> dict[str, Any]:
     """Result of a calibration as JSON types."""
-    last = found.certificates[-1]
-    return {
-        "study": found.study.name,
-        "seed": found.study.seed,
-        "setting": found.setting,
-        "outcome": measured(found.study),
-        "margin": found.margin,
+    last, study = found.certificates[-1], found.study
+    about = {"study": study.name, "seed": study.seed, "setting": found.setting, "outcome": measured(study), "margin": found.margin}
+    measure: dict[str, Any] = {}
+    for own in found.parameters:
+        violations = {change: trial.violations for change, trial in own.weaker.items()}
+        fails = [change for change, trial in own.weaker.items() if trial.fails_surely]
+        measure[own.name] = {"tolerance": own.tolerance, "violations_if": violations, "surely_fails_if": fails}
+    return about | {
         "holds": found.holds,
         "searched": found.searched,
-        "measure": {
-            own.name: {
-                "tolerance": own.tolerance,
-                "violations_if": {change: trial.violations for change, trial in own.weaker.items()},
-                "surely_fails_if": [change for change, trial in own.weaker.items() if trial.fails_surely],
-            }
-            for own in found.parameters
-        },
+        "measure": measure,
         "keep_nominal": list(found.unmeasured),
         "worlds": last.trial.worlds,
         "violations": [certificate.trial.violations for certificate in found.certificates],
@@ -280,36 +268,23 @@ def summary(found: Calibration) -> dict[str, Any]:
         "violating_share_at_most": last.bound,
         "quantile": last.trial.quantile(last.confidence),
         "violations_without_measurement": found.nominal.violations,
+        "violations_if_all_doubled": found.doubled.violations,
+        "all_doubled_surely_fails": found.doubled.fails_surely,
     }
 
 
-_STYLES = ("-", "--", ":", "-.")
-"""Line styles of the curves without one parameter."""
 _COLOURS = {"nothing": "#999999", "set": "#0b3c8c", "left out": "#d95f02"}
 """Colours of parameters and curves."""
-
-
-def document_of(found: Calibration, folder: Path) -> tuple[Document, list[Path]]:
-    """Document of a calibration, and its pictures, which are written to a folder."""
-    pictures = [_draw(found, folder / "calibrate.png")] if package_version("matplotlib") else []
-    sections = [_answer(found, pictures[0] if pictures else None), *_measure(found), _keep(found), _assumed(found)]
-    sections += settings_sections(found.study, len(found.table), "calibrate_table")
-    return Document(f"Calibration of {found.study.name}", sections), pictures
-
-
-def _what(found: Calibration) -> str:
-    """Outcome that is compared, in words."""
-    name = measured(found.study)
-    return f"the fraction of successes ({name} {found.study.success_outcome.success})" if found.study.success_outcome else f"{name}"
 
 
 def _answer(found: Calibration, picture: Path | None) -> Section:
     """Section with the set and its certificate."""
     last, names = found.certificates[-1], ", ".join(own.name for own in found.parameters) or "nothing"
-    trial, margin = last.trial, f"{found.margin:g}"
+    trial, margin, outcome, success = last.trial, f"{found.margin:g}", measured(found.study), found.study.success_outcome
+    what = f"the fraction of successes ({outcome} {success.success})" if success else outcome
     words = [
         f"To measure: {names}. {counted(len(found.unmeasured), 'other parameter')} may keep nominal values.",
-        f"Compared: {_what(found)} of {counted(found.study.episodes, 'episode')} in a world and in its model, with the same starts and "
+        f"Compared: {what} of {counted(found.study.episodes, 'episode')} in a world and in its model, with the same starts and "
         f"random numbers, with the settings {found.setting!r}. Margin: {margin}.",
     ]
     claim = f"in at least {SHARE:.0%} of plausible worlds the difference is at most {margin}, with {last.confidence:.1%} confidence"
@@ -327,6 +302,8 @@ def _answer(found: Calibration, picture: Path | None) -> Section:
             f"{last.confidence:.1%}, so that all tries together have 95 %."
         )
     words.append(f"Without any measurement, {found.nominal.violations} of {found.nominal.worlds} worlds exceed the margin.")
+    if found.parameters:
+        words.append(f"All tolerances doubled, in further worlds: {_shown(found.doubled)} worlds exceed the margin.")
     return Section("Answer", words, picture=picture)
 
 
@@ -334,20 +311,13 @@ def _measure(found: Calibration) -> list[Section]:
     """Section on what to measure, how accurately and by which experiment, and on what shows that less would fail."""
     if not found.parameters:
         return []
-    ranks = {entry.parameter: entry for entry in found.ranking.ranks}
     rows = []
     for own in found.parameters:
         parameter = found.study.parameters[own.name]
-        rows.append([
-            own.name,
-            f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".strip(),
-            f"± {own.tolerance:.3g} {parameter.unit}".strip(),
-            "{:.2f} ({:.2f} to {:.2f})".format(ranks[own.name].total, *ranks[own.name].total_interval),
-            _shown(own.weaker["left out"]),
-            "; ".join(f"{change} {_shown(trial)}" for change, trial in own.weaker.items() if change != "left out"),
-            experiment_for(parameter),
-            parameter.source,
-        ])  # fmt: skip
+        name, ends, index = _cells(found, own.name)
+        tolerance = f"± {own.tolerance:.3g} {parameter.unit}".strip()
+        wider = "; ".join(f"{change} {_shown(trial)}" for change, trial in own.weaker.items() if change != "left out")
+        rows.append([name, ends, tolerance, index, _shown(own.weaker["left out"]), wider, experiment_for(parameter), parameter.source])
     head = ("parameter", "range", "measure to", "total index", "left out", "wider tolerance", "experiment", "source of the range")
     words = [
         "Weaker alternatives ran in further worlds: the nominal value in place of the measured one, and wider tolerances. Cells have the "
@@ -355,6 +325,13 @@ def _measure(found: Calibration) -> list[Section]:
         "with 95 % confidence; otherwise its failure is not shown."
     ]
     return [Section("What to measure", words, head, rows)]
+
+
+def _cells(found: Calibration, name: str) -> list[str]:
+    """Cells with the name of a parameter, its range, and its total Sobol index."""
+    parameter, entry = found.study.parameters[name], next(entry for entry in found.ranking.ranks if entry.parameter == name)
+    index = "{:.2f} ({:.2f} to {:.2f})".format(entry.total, *entry.total_interval)
+    return [name, f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".strip(), index]
 
 
 def _shown(trial: Trial) -> str:
@@ -374,13 +351,11 @@ def experiment_for(parameter: Parameter) -> str:
 
 def _keep(found: Calibration) -> Section:
     """Section on the parameters that may keep nominal values."""
-    ranks = {entry.parameter: entry for entry in found.ranking.ranks}
     rows = []
     for name in found.unmeasured:
-        parameter = found.study.parameters[name]
+        parameter, (_, ends, index) = found.study.parameters[name], _cells(found, name)
         nominal = "the model's number" if parameter.unchanged is None else f"{parameter.unchanged:g} {parameter.unit}".strip()
-        index = "{:.2f} ({:.2f} to {:.2f})".format(ranks[name].total, *ranks[name].total_interval)
-        rows.append([name, f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".strip(), nominal, index, parameter.source])
+        rows.append([name, ends, nominal, index, parameter.source])
     words = ["The certificate covers all values of these parameters in their ranges."] if rows else ["None: all parameters matter."]
     return Section("What need not be known", words, ("parameter", "range", "nominal value", "total index", "source of the range"), rows)
 
@@ -390,7 +365,7 @@ def _assumed(found: Calibration) -> Section:
     words = [
         "Parameters of the true world are independent and uniform in their ranges. A range that leaves out the true value makes the "
         "certificate void; one that is too wide makes it demand too much.",
-        "The real system is one of the simulated worlds: a phenomenon that no parameter describes is not covered. Only recordings of the "
+        "The real system is one of the simulated worlds: a phenomenon that no parameter describes is not covered. Only measurements of the "
         "real system can show that it is missing.",
         "Every measurement errs by exactly its tolerance, up or down with equal probability, independently of the others.",
         f"The outcome is that of {counted(found.study.episodes, 'episode')} per world with the study's seed, not the expectation over all "
@@ -419,7 +394,7 @@ def _draw(found: Calibration, path: Path) -> Path:
     left.set_xlabel("total Sobol index, 95 % (blue: must be measured)")
     last = found.certificates[-1].trial
     curves = [("nothing measured", found.nominal, _COLOURS["nothing"], "-"), ("measured to the tolerances", last, _COLOURS["set"], "-")]
-    styles = itertools.cycle(_STYLES)
+    styles = itertools.cycle(("-", "--", ":", "-."))
     curves += [(f"without {own.name}", own.weaker["left out"], _COLOURS["left out"], next(styles)) for own in found.parameters]
     for label, trial, colour, style in curves:
         shares = np.arange(1, trial.worlds + 1) / trial.worlds

@@ -45,7 +45,7 @@ class Fit:
 def fit(
     loss: Loss, low: Array, high: Array, *, samples: int = 20, elite: int = 6, rounds: int = 6, seed: int = 0, start: Array | None = None
 ) -> Fit:
-    """Minimises a rough loss within bounds.
+    """Minimises a rough loss within bounds, and returns the fitted values.
 
     Args:
         loss: The loss. Samples whose loss is not finite are never in the elite.
@@ -57,9 +57,6 @@ def fit(
         seed: Seed of the samples.
         start: Values that fit well, such as those of a fit of fewer parameters, (parameters,), in the units of the parameters. The first
             round is drawn around them, and they are the result unless the search finds a smaller loss.
-
-    Returns:
-        The fitted values.
     """
     low, high = np.asarray(low, float), np.asarray(high, float)
     rng = np.random.default_rng([seed, 0])
@@ -87,16 +84,9 @@ def fit(
 
 
 def bootstrap(values: Array, statistic: Callable[..., Array] = np.mean, *, resamples: int = 2000, seed: int = 0) -> tuple[float, float]:
-    """95 % percentile bootstrap interval of a statistic of independent values (B. Efron, Annals of Statistics 7, 1979).
+    """95 % percentile bootstrap interval of a statistic of independent values, (n,) (B. Efron, Annals of Statistics 7, 1979).
 
-    Args:
-        values: Independent values, (n,), of any unit.
-        statistic: Function of an array and `axis`, such as `numpy.mean` or `numpy.median`.
-        resamples: Number of bootstrap samples.
-        seed: Seed of the resampling.
-
-    Returns:
-        Lower and upper end.
+    `statistic` is a function of an array and `axis`, such as `numpy.mean`.
     """
     rng = np.random.default_rng([seed, 1])
     values = np.asarray(values, float)

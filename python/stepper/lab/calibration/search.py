@@ -16,7 +16,7 @@ changed and tried on new worlds. The probability of an error is divided by the n
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
@@ -63,14 +63,10 @@ class Space:
         return rng.uniform(self.low, self.high, shape), rng.choice([-1.0, 1.0], shape)
 
     def model(self, worlds: Array, signs: Array, tolerances: Array) -> Array:
-        """Parameters of the models of worlds, (n, parameters), in their units.
+        """Parameters of the models of worlds, (n, parameters), in their units, like the true values `worlds`.
 
-        Each error is as large as the tolerance. Its sign changes if the measured value would be outside the range.
-
-        Args:
-            worlds: True values, (n, parameters), in the units of the parameters.
-            signs: Signs of the errors, -1 or 1, (n, parameters), without unit.
-            tolerances: Largest error of each measurement as a fraction of the range, (parameters,); `UNMEASURED` for nominal values.
+        Each error has the size of the tolerance, a fraction of the range, (parameters,), and the sign in `signs`, (n, parameters). The sign
+        changes if the measured value would be outside the range. `UNMEASURED` stands for nominal values.
         """
         unmeasured = np.isinf(tolerances)
         error = signs * np.where(unmeasured, 0.0, tolerances) * (self.high - self.low)
@@ -125,31 +121,14 @@ class Search:
         self._difference, self.space, self.margin, self._importance = difference, space, margin, importance
         self.worlds, self.signs = space.draw(rng, count)
         self._failed = np.zeros(count, int)
-        self.sets = 0
-
-    @property
-    def allowed(self) -> int:
-        """Number of worlds that may exceed the margin."""
-        return int(ALLOWED * len(self.worlds))
 
     def add(self, worlds: Array, signs: Array) -> None:
-        """Adds worlds in which a certificate failed.
-
-        Args:
-            worlds: True values, (n, parameters), in the units of the parameters.
-            signs: Signs of the errors, -1 or 1, (n, parameters), without unit.
-        """
+        """Adds worlds in which a certificate failed: true values in their units, and signs of errors, (n, parameters) each."""
         self.worlds, self.signs = np.concatenate([worlds, self.worlds]), np.concatenate([signs, self.signs])
         self._failed = np.concatenate([np.zeros(len(worlds), int), self._failed])
 
     def trial(self, tolerances: Array, worlds: Array, signs: Array) -> Trial:
-        """Result of tolerances on given worlds, all of which are run.
-
-        Args:
-            tolerances: Tolerances as fractions of the ranges, (parameters,), without unit.
-            worlds: True values, (n, parameters), in the units of the parameters.
-            signs: Signs of the errors, -1 or 1, (n, parameters), without unit.
-        """
+        """Result of tolerances, (parameters,) as fractions of the ranges, on given worlds, all of which are run (see `Space.model`)."""
         found = np.asarray(self._difference(worlds, self.space.model(worlds, signs, tolerances)), float)
         found = np.where(np.isnan(found), np.inf, found)
         return Trial(tolerances, int(self.exceeds(found).sum()), len(found), found)
@@ -160,8 +139,7 @@ class Search:
 
     def passes(self, tolerances: Array) -> bool:
         """Whether tolerances, (parameters,) as fractions of the ranges, pass on the worlds of the search."""
-        self.sets += 1
-        left, order = self.allowed, np.argsort(-self._failed, kind="stable")
+        left, order = int(ALLOWED * len(self.worlds)), np.argsort(-self._failed, kind="stable")
         for part in (order[:_FIRST_BLOCK], order[_FIRST_BLOCK:]):
             if len(part):
                 trial = self.trial(tolerances, self.worlds[part], self.signs[part])
@@ -201,13 +179,8 @@ class Search:
     def weaker(self, tolerances: Array, k: int, worlds: Array, signs: Array) -> dict[str, Trial]:
         """Results of weaker alternatives on given worlds, by name: one parameter left out, or its tolerance multiplied by 2, 4, ...
 
-        The last alternative is the first that surely fails, or has a tolerance above half the range.
-
-        Args:
-            tolerances: Tolerances that pass, (parameters,), as fractions of the ranges.
-            k: Index of the parameter.
-            worlds: True values, (n, parameters), in the units of the parameters.
-            signs: Signs of the errors, -1 or 1, (n, parameters), without unit.
+        The last alternative is the first that surely fails, or has a tolerance above half the range. `tolerances`, (parameters,) as
+        fractions of the ranges, pass, and k is the index of the parameter. Worlds are those of `Space.model`.
         """
         other = tolerances.copy()
         other[k] = UNMEASURED
@@ -224,16 +197,16 @@ class Search:
 
 
 def smallest_set(passes: Callable[[set[int]], bool], importance: Array) -> list[int]:
-    """Smallest set of parameters that passes, as indices in descending order of importance. The set of all parameters must pass.
+    """Smallest set of parameters for which `passes` is true, as indices in descending order of importance, (parameters,).
 
-    Args:
-        passes: Function that tells whether a set passes.
-        importance: Importance of each parameter, (parameters,), without unit, in whose order sets of equal size are tried.
+    Sets of equal size are tried in that order. The set of all parameters must pass.
     """
     n, order = len(importance), [int(k) for k in np.argsort(-importance, kind="stable")]
     needed = {k for k in range(n) if not passes(set(range(n)) - {k})}
     others = [k for k in order if k not in needed]
-    for number, more in enumerate(_subsets(others)):
+    # The smallest subsets are first, and among those of equal size the ones with the most important members.
+    subsets = itertools.chain.from_iterable(itertools.combinations(others, size) for size in range(len(others) + 1))
+    for number, more in enumerate(subsets):
         if len(more) == len(others) or passes(needed | set(more)):
             return [k for k in order if k in needed | set(more)]
         if number == _MAX_SETS:
@@ -243,12 +216,6 @@ def smallest_set(passes: Callable[[set[int]], bool], importance: Array) -> list[
         if passes(chosen - {k}):
             chosen -= {k}
     return [k for k in order if k in chosen]
-
-
-def _subsets(members: Sequence[int]) -> Iterator[tuple[int, ...]]:
-    """Subsets, the smallest first, and among those of equal size the ones with the first members first."""
-    for size in range(len(members) + 1):
-        yield from itertools.combinations(members, size)
 
 
 CONFIDENCE = 0.95

@@ -27,7 +27,7 @@ from stepper.lab.study.journal import Results, Table, diverged
 from stepper.lab.study.parameters import check_value_conflicts, selected
 from stepper.lab.study.report import settings_sections, study_of
 from stepper.lab.study.study import Study
-from stepper.lab.study.sweep import measured
+from stepper.lab.study.sweep import main_values, measured
 from stepper.shared.arguments import check_whole
 from stepper.shared.files import write_figure
 from stepper.shared.machine import package_version, require
@@ -230,11 +230,7 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
 
 def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
     """Mean outcome over the episodes of each point of a ranking, (points,)."""
-    name = measured(study)
-    if study.success_outcome is not None:
-        values = np.array([row["success"] for row in rows], float)
-    else:
-        values = np.array([row["outcomes"][name] for row in rows], float)
+    name, values = measured(study), main_values(study, rows)
     if not np.isfinite(values).all():
         lost = sum(map(diverged, rows))
         why = f" ({lost} of them diverged)" if lost else ""

@@ -136,7 +136,7 @@ def report(
             *_perturbations(found, results.folder),
             *_cliffs(found),
             *_transfer(study, found),
-            *([study.recordings.section(study)] if study.recordings else []),
+            *([study.trajectories.section(study)] if study.trajectories else []),
             *_failures(verdicts, found),
             *_left_out(study),
             *settings_sections(study, len(found.table)),

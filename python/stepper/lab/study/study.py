@@ -75,8 +75,8 @@ class _Source:
 
 
 @runtime_checkable
-class Measured(Protocol):
-    """Measured motions of a real system, `stepper.lab.Recordings`, as a study uses them."""
+class Trajectories(Protocol):
+    """Measured trajectories of a real system, `stepper.lab.MeasuredTrajectories`, as a study uses them."""
 
     @property
     def qpos(self) -> NDArray[np.float64]:
@@ -87,7 +87,7 @@ class Measured(Protocol):
         """Standard deviation of the measured positions, a number or (nq,), m and rad."""
 
     def section(self, study: Study) -> Any:
-        """Section of the report with the distances of the study's runs from the recordings."""
+        """Section of the report with the distances of the study's runs from the measured trajectories."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +121,7 @@ class Study:
         batch: Largest number of episodes that are stepped together. With a sensor model all episodes of a point are stepped together,
             because sensor errors depend on the index in a batch.
         threads: Number of threads that step environments; 0 uses all cores.
-        recordings: Measured motions of the episodes, in their order, which then are the reference of `chart`, `tune` and `report`.
+        trajectories: Measured trajectories of the episodes, in their order: the ground truth of `chart`, `tune` and `report`.
     """
 
     model: Any
@@ -144,7 +144,7 @@ class Study:
     actuators: ActuatorModel | None = None
     batch: int = 256
     threads: int = 1
-    recordings: Measured | None = None
+    trajectories: Trajectories | None = None
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def _check_functions(self) -> None:
@@ -207,8 +207,8 @@ class Study:
             check_mapping(f"settings {name!r}", setting, '{"integrator": "euler"}')
         if not isinstance(self.parameters, Mapping):
             raise TypeError(f"parameters is {self.parameters!r}, must be a dict of stepper.lab.Parameter by name")
-        if not isinstance(self.recordings, Measured | None):
-            raise TypeError("recordings must be stepper.lab.Recordings(qpos, noise) or None, so give them in a study in Python")
+        if not isinstance(self.trajectories, Trajectories | None):
+            raise TypeError("trajectories must be stepper.lab.MeasuredTrajectories(qpos, noise) or None, so give them in a study in Python")
         for name, kind in (("options", Options), ("sensors", SensorModel), ("actuators", ActuatorModel)):
             value = getattr(self, name)
             if not isinstance(value, kind) and not (value is None and name != "options"):
@@ -236,15 +236,25 @@ class Study:
         return cls(**({"model": source, "name": name, "controller": "random", "qvel_noise": 0.01} | changed))
 
     @classmethod
-    def from_file(cls, path: str | Path) -> Study:
-        """Reads a study from a TOML file, or from a Python file that defines a `Study` named `study`.
+    def from_file(cls, path: str | Path, data: str | Path | None = None) -> Study:
+        """Reads a study from a TOML file, or from a Python file that defines a `Study` named `study`, or a function that returns one.
+
+        Args:
+            path: The file.
+            data: Folder of the data that the function `study` of a Python file reads, its argument.
 
         Raises:
-            ValueError: The file does not contain a valid study; the message has its path.
+            ValueError: The file does not contain a valid study, or its study lacks or takes no data; the message has its path.
         """
         path = existing(path_of("path", path), "study")
+        study = getattr(controllers.load_file(path), "study", None) if path.suffix == ".py" else None
+        if callable(study) != (data is not None):
+            words = "needs data: give their folder with" if data is None else "takes no data: leave out"
+            raise ValueError(f"{path}: its study {words} --data, in Python data=")
         if path.suffix == ".py":
-            study = getattr(controllers.load_file(path), "study", None)
+            if data is not None and callable(study):
+                check_takes(study, ["data"], "study")
+                study = study(path_of("data", data))
             if not isinstance(study, Study):
                 raise ValueError(f"{path}: it has no stepper.lab.Study named study")
             # The default name is that of the file, as in TOML.

@@ -243,6 +243,12 @@ def measured(study: Study) -> str:
     return ordered_outcomes(study)[0].name
 
 
+def main_values(study: Study, rows: Sequence[Row]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Success of episodes, (n,), 1 or 0 without unit; without a condition of success their main outcome, in its unit."""
+    name = measured(study)
+    return np.array([row["outcomes"][name] if study.success_outcome is None else row["success"] for row in rows], float)
+
+
 def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row], nominal: Sequence[Row]) -> Level:
     """Statistics of the episodes of a cell: settings, parameter ("" for the nominal point) and value.
 

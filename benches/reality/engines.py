@@ -42,7 +42,8 @@ class Table:
 
     def corners(self, half: ArrayLike = HALF) -> Array:
         """Centres of the balls that a box with rounded corners has in its corners, (8, 3), m. On a plane it touches with these alone."""
-        return (np.asarray(half) - self.radius) * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        signs: Array = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        return signs * (np.asarray(half) - self.radius)
 
     def box(self, half: ArrayLike = HALF, centre: ArrayLike = 0.0) -> str:
         """Geoms of a box in MJCF, from its half widths and its centre, (3,) or a number for all, m. It has balls in rounded corners."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -213,9 +213,10 @@ def calibrate(
                 own, out, fitted=fit_trajectories, margin=margin, parameters=names, setting=setting, progress=progress
             )  # fmt: skip
         else:
+            tolerances: Any = name_values(measured, "--measured", number_or_text) if measured else None
             found = lab.calibrate(
-                own, out, margin=margin, samples=samples, worlds=worlds, tries=tries, parameters=names,
-                tolerances=name_values(measured, "--measured", number_or_text) if measured else None, setting=setting, progress=progress,
+                own, out, margin=margin, samples=samples, worlds=worlds, tries=tries, parameters=names, tolerances=tolerances,
+                setting=setting, progress=progress,
             )  # fmt: skip
     show(found)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -152,8 +153,8 @@ def calibrate_on_trajectories(
             """Fit of a set of parameters. The held-out trajectories are not run."""
             if (key := frozenset(chosen)) not in sets:
                 own = sorted(chosen)
-                settings = {"samples": _SAMPLES, "elite": _SAMPLES // 3, "rounds": _ROUNDS, "seed": study.seed}
-                found = fit(lambda samples: errors(own, samples).mean(axis=1), *ends[own].T, **settings) if own else None
+                search = partial(fit, samples=_SAMPLES, elite=_SAMPLES // 3, rounds=_ROUNDS, seed=study.seed)
+                found = search(lambda samples: errors(own, samples).mean(axis=1), *ends[own].T) if own else None
                 sets[key] = FittedSet(tuple(names[k] for k in own), found, errors(own, fitted_values(found))[0])
             if progress:
                 progress(f"calibrate {study.name}", min(0.99, len(sets) / (2.0 * len(names) + 2.0)))

@@ -261,9 +261,9 @@ class Study:
             return replace(study, name=path.stem) if study.name == cls.name else study
         if path.suffix not in (".toml", ".json"):
             raise ValueError(f"{path} is no study: give a study's file, whose name ends in .toml or .py")
-        data = read_file(path)
+        described = read_file(path)
         try:
-            return _made(data, path)
+            return _made(described, path)
         except (TypeError, ValueError) as error:
             raise ValueError(f"{path}: {error}") from error
 

@@ -170,7 +170,7 @@ class Events:
         where = f"{task}.events"
         self._events = [(event, _parts(sim.model, event, where)) for event in events]
         _check_conflicts(self._events, where)
-        self._own: dict[str, Array] = {}  # Values of the model by parameter, (...).
+        self._own: dict[str, Array] = {}  # Values of the model by parameter, in the shape of the model's array.
         self._current: dict[str, Array] = {}  # Values of the environments by parameter, (num_envs, n).
         present = sim.randomized if self._events else {}
         for field in dict.fromkeys(part.field for _, selected in self._events for parts in selected for part in parts):
@@ -274,7 +274,10 @@ class Events:
 
 
 def _parts(model: Model, event: Event, where: str) -> list[list[Part]]:
-    """Selected numbers of an event: for each selector a list with one `Part` per field; none for a function, whose body is checked."""
+    """Selected numbers of an event: for each selector a list with one `Part` per field; none for a function.
+
+    The body that a `push` names must exist and be movable.
+    """
     if isinstance(event.target, partial) and event.target.func is _push:
         _pushed_joints(model, event.target.keywords["body"])
     if callable(event.target):

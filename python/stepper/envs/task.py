@@ -40,9 +40,9 @@ _OWN = (
 
 
 def revision_of(model: Model) -> Callable[[Stepper], Array]:
-    """Function of a stepper that returns an array, which is a new one after each change of state, parameters, controls or applied forces.
+    """Function that reads an array of a stepper. After each change of state, parameters, controls or applied forces it is another object.
 
-    Of all such arrays it is the cheapest: empty for a model without equalities.
+    Of all such arrays it is the cheapest: `closed_eq_data`, empty, for a model without equalities, otherwise `actuator_force`.
     """
     return attrgetter("actuator_force" if len(model.eq_active0) else "closed_eq_data")
 

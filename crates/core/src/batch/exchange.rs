@@ -71,7 +71,7 @@ pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::
         }
     }
     if !call.compiled.equalities.is_empty() {
-        s.problem.active_equalities.load(call.compiled, call.inputs.eq_active, first, used);
+        s.inputs.active_equalities.load(call.compiled, call.inputs.eq_active, first, used);
     }
     if !call.compiled.mocap.is_empty() {
         find_mocap_trajectories(call, group, first, used, s);

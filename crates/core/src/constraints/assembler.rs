@@ -1,10 +1,13 @@
-//! Assembly of the constraint problem: rows of contacts, limits, dry friction, equalities and tendons.
+//! Assembly of constraint rows with hard contact: rows of contacts, limits, dry friction, equalities and tendons.
+
+use std::ops::Deref;
 
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::constraints::equality::active_equalities::ActiveEqualities;
 use crate::constraints::evaluation_times::{EvaluationTimes, SlotTimes};
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
@@ -14,7 +17,7 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::options::StepSettings;
 use crate::tuning::WIDE_GAP_RATIO;
 
-/// Assembler of the constraint rows of a step. The methods for each kind of element (contacts, limits ...) are in a separate file of this
+/// Assembler of the constraint rows of a step with hard contact. The methods for each kind of element (contacts, limits ...) are in a separate file of this
 /// folder.
 pub(crate) struct Assembler<'a, R: Real> {
     /// Constraint problem to which the assembler adds rows.
@@ -25,11 +28,10 @@ pub(crate) struct Assembler<'a, R: Real> {
     pub(crate) builder: &'a mut RowBuilder<R>,
 }
 
-/// Inputs of the assembly of constraint rows: model, settings, poses, mass matrix, and velocities.
+/// Model, and the state of its mechanisms at which constraint rows are evaluated.
 #[derive(Clone, Copy)]
-pub(crate) struct RowInput<'a, R: Real> {
+pub(crate) struct RowState<'a, R: Real> {
     pub compiled: &'a LaneModel<R>,
-    pub options: &'a StepSettings,
     /// Poses at `q`.
     pub kinematics: &'a Kinematics<R>,
     /// Factored mass matrix at `q`.
@@ -41,11 +43,26 @@ pub(crate) struct RowInput<'a, R: Real> {
     /// Velocities of the links at `v` and `q`, and their accelerations at zero joint accelerations (Coriolis, centrifugal and gravity
     /// terms).
     pub motion: &'a NewtonEuler<R>,
-    /// Generalized velocity after the step without constraints.
+    /// Generalized velocity with which the velocities of rows are computed: with hard contact that after the step without constraints, with
+    /// MuJoCo's law `v`.
     pub v_free: &'a [R],
     /// Friction losses of actuator dynamics for every row of dry friction, N or N m: against forward motion, and against backward motion.
     /// Empty without losses.
     pub losses: &'a [[R; 2]],
+    /// Lanes in which each equality of the model is active.
+    pub active_equalities: &'a ActiveEqualities<R>,
+    /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. These overlaps determine
+    /// which rows correct an overlap, so that the same rows do so at all displaced states.
+    pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
+    /// Lanes that hold an environment.
+    pub alive: R::Mask,
+}
+
+/// Inputs of the assembly of rows with hard contact. The fields of `state` are read as if they were fields of this struct.
+#[derive(Clone, Copy)]
+pub(crate) struct RowInput<'a, R: Real> {
+    pub state: RowState<'a, R>,
+    pub options: &'a StepSettings,
     /// Time step or length of the substep, s.
     pub h: R,
     /// Longest length that the flight can have, s: the whole step, or its part after the last impact.
@@ -60,11 +77,15 @@ pub(crate) struct RowInput<'a, R: Real> {
     pub times: &'a EvaluationTimes<R>,
     /// Whether the step evaluates forces and contacts in its middle (midpoint rule).
     pub in_the_middle: bool,
-    /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. These overlaps determine
-    /// which rows correct an overlap, so that the same rows do so at all displaced states.
-    pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
-    /// Lanes that hold an environment.
-    pub alive: R::Mask,
+}
+
+impl<'a, R: Real> Deref for RowInput<'a, R> {
+    type Target = RowState<'a, R>;
+
+    #[inline(always)]
+    fn deref(&self) -> &Self::Target {
+        &self.state
+    }
 }
 
 impl<R: Real> RowInput<'_, R> {

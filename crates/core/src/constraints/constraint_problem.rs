@@ -1,16 +1,14 @@
-//! Constraint problem of a step. Stage 4 assembles it; stage 5 solves it for velocities, and stage 8 for positions.
+//! Constraint problem of a step with hard contact. Stage 4 assembles it; stage 5 solves it for velocities, and stage 8 for positions.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Capacity, MAX_CONTACT_ROWS, Problem, System};
 
 use crate::compile::{LaneModel, ModelStructure};
-use crate::constraints::equality::active_equalities::ActiveEqualities;
-use crate::constraints::soft::SoftSystem;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
-/// Constraint problem of a step, with the model element of each row.
+/// Constraint problem of a step with hard contact, with the model element of each row.
 ///
 /// Stage 4 assembles the rows. Afterwards the step updates their offsets g, which contain the free velocity
 /// ([`ConstraintProblem::shift`]). It also activates deferred contacts, whose rows the solver leaves out at first
@@ -45,10 +43,6 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) curvature_terms: Vec<CurvatureTerms<R>>,
     /// Lanes in which a link rotates too far until the next evaluation of contacts for a straight path of its surface.
     pub(crate) turning: R::Mask,
-    /// Lanes in which each equality of the model is active.
-    pub(crate) active_equalities: ActiveEqualities<R>,
-    /// Problem of MuJoCo's contact law; `None` with hard contact. With that law `rows` is empty.
-    pub(crate) soft: Option<Box<SoftSystem<R>>>,
 }
 
 /// Slot of a contact of the problem.
@@ -58,10 +52,6 @@ pub struct ContactSlot<R: Real> {
     pub slot: usize,
     /// Lanes of the slot with the contact.
     pub lanes: R::Mask,
-    /// Whether the contact has torsional or rolling friction, and therefore more than three rows.
-    pub rolls: bool,
-    /// Index of the contact among those with the same value of `rolls`.
-    pub index: usize,
 }
 
 /// Impact of a contact that bounces.
@@ -133,30 +123,15 @@ impl<R: Real> ConstraintProblem<R> {
         .map(|i| first + i)
     }
 
-    /// Appends the slot of a contact: its index `slot` in the contact set, and the lanes with the contact. `rotation_scale` are the lengths
-    /// that scale the rotation rows, m; `None` if the contact has no such rows.
-    #[inline(always)]
-    pub(crate) fn push_contact_slot(&mut self, slot: usize, lanes: R::Mask, rotation_scale: Option<V3<R>>) {
-        let (rolls, with_rotation) = (rotation_scale.is_some(), self.rotation_scales.len());
-        let index = if rolls { with_rotation } else { self.contact_slots.len() - with_rotation };
-        self.contact_slots.push(ContactSlot { slot, lanes, rolls, index });
-        self.rotation_scales.extend(rotation_scale);
-    }
-
     /// Workspace for a compiled model with at most `max_contacts` contacts per environment.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
-        // With MuJoCo's law, all lanes of a contact in the problem act on the same trees. A slot whose lanes have geoms of different trees
-        // becomes several contacts, at most one per lane.
-        let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
-        let (soft_contacts, soft_columns) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).columns_per_contact);
         let capacity = capacity_of(compiled, max_contacts, R::LANES);
-        let with_rotation = if compiled.has_rolling_friction { soft_contacts.max(2 * max_contacts) } else { 0 };
         let none = R::Mask::splat(false);
         Self {
             rows: Problem::new(&capacity),
             impulse_indices: Vec::with_capacity(capacity.scalars),
-            contact_slots: Vec::with_capacity(soft_contacts + with_rotation),
-            rotation_scales: Vec::with_capacity(with_rotation),
+            contact_slots: Vec::with_capacity(capacity.all_contacts()),
+            rotation_scales: Vec::with_capacity(capacity.all_contacts() - max_contacts),
             constrained: none,
             needs_position_solve: none,
             biased: none,
@@ -166,8 +141,6 @@ impl<R: Real> ConstraintProblem<R> {
             deferred: Vec::with_capacity(capacity.all_contacts()),
             curvature_terms: Vec::with_capacity(capacity.all_contacts()),
             turning: none,
-            active_equalities: ActiveEqualities::new(compiled),
-            soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_columns),
         }
     }
 

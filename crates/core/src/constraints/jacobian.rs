@@ -6,8 +6,7 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
-use crate::constraints::assembler::RowInput;
-use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::constraints::assembler::RowState;
 use crate::constraints::row_builder::RowBuilder;
 use crate::dynamics::inertia::{MassMatrix, is_above};
 use crate::math::spatial::*;
@@ -80,14 +79,8 @@ impl<R: Real> RowBuilder<R> {
     /// For each degree of freedom, `signs` gets the lanes in which it moves the second geom, and the lanes in which it moves the first. The
     /// function also sets `both_move`, `flat` and `coupled`.
     #[inline(always)]
-    pub(crate) fn gather_dofs(
-        &mut self,
-        problem: &ConstraintProblem<R>,
-        compiled: &LaneModel<R>,
-        contacts: &Contacts<R>,
-        k: usize,
-        lanes: u32,
-    ) {
+    pub(crate) fn gather_dofs(&mut self, state: &RowState<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let compiled = state.compiled;
         self.words.fill(0);
         self.both_move = 0;
         self.flat = 0;
@@ -115,7 +108,7 @@ impl<R: Real> RowBuilder<R> {
         if !compiled.surfaces.is_empty() {
             self.both_move = lanes;
         }
-        self.find_coupled(problem, compiled);
+        self.find_coupled(state);
         self.list_dofs();
     }
 
@@ -146,8 +139,8 @@ impl<R: Real> RowBuilder<R> {
     /// the velocity before the step along the normal, with zeros for the tangents. Both include the motion of the surfaces themselves
     /// (conveyor belts).
     #[inline(always)]
-    pub(crate) fn contact_columns(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
-        let RowInput { compiled, kinematics, .. } = *input;
+    pub(crate) fn contact_columns(&mut self, input: &RowState<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
+        let RowState { compiled, kinematics, .. } = *input;
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];

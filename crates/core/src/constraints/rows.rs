@@ -32,7 +32,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn add_dof_row(&mut self, input: &RowInput<'_, R>, dof: usize, impulse_index: usize, sign: R, law: RowLaw<R>) {
         self.builder.unit_column(input.compiled, input.mass, dof);
-        self.builder.couple(self.problem, input.compiled);
+        self.builder.couple(input);
         self.add_row(input.mass, impulse_index, sign, law);
     }
 

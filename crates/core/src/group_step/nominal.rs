@@ -11,6 +11,7 @@ use crate::integrators::devices::Devices;
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::recomputed::Recomputed;
 use crate::integrators::mujoco;
+use crate::integrators::mujoco::workspace::MujocoWorkspace;
 use crate::integrators::state::State;
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
@@ -84,7 +85,7 @@ impl<R: Real> Nominal<R> {
         match &mut self.law {
             Law::Hard(hard) => hard.keep(compiled, s),
             Law::Mujoco(solution) => {
-                if let Some(system) = &mut s.problem.soft {
+                if let Some(MujocoWorkspace { system, .. }) = s.mujoco.as_deref_mut() {
                     solution.copy_from_slice(&system.acceleration);
                     system.settle(compiled, &s.free_motion.smooth.mass, &s.free_motion.smooth.acc);
                 }

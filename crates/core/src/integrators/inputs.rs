@@ -1,11 +1,12 @@
-//! Inputs of a step: controls, applied forces and mocap trajectories.
+//! Inputs of a step: controls, applied forces, active equalities and mocap trajectories.
 
 use stepper_real::Real;
 
 use crate::actuation::affine_force::ActuatorDynamics;
+use crate::constraints::equality::active_equalities::ActiveEqualities;
 use crate::dynamics::mocap::MocapTrajectory;
 
-/// Controls, applied forces and mocap trajectories of a step.
+/// Controls, applied forces, active equalities and mocap trajectories of a step.
 #[derive(Clone, Debug)]
 pub struct Inputs<R: Real> {
     /// Controls after the actuator pipelines (delay, lag ...), nu.
@@ -16,6 +17,8 @@ pub struct Inputs<R: Real> {
     pub qfrc: Vec<R>,
     /// Applied force and torque on each body (`xfrc_applied`), 6 nbody, N and N m; empty without any.
     pub xfrc: Vec<R>,
+    /// Lanes in which each equality of the model is active.
+    pub(crate) active_equalities: ActiveEqualities<R>,
     /// Trajectories of the mocap bodies during the call of `step`.
     pub(crate) mocap_trajectories: Vec<MocapTrajectory<R>>,
 }

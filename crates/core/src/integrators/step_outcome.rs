@@ -53,9 +53,8 @@ pub(crate) fn record<R: Real>(
         kinematics.update(compiled, &state.q);
     }
     let paths = &kinematics.paths;
-    let (depth, overshoot) = (depth(problem, &state.contacts, finite), limit_overshoot(compiled, &state.q, paths));
-    let active = &problem.active_equalities;
-    let violation = max_equality_violation(compiled, active, (&state.q, paths), &inputs.mocap_trajectories, elapsed);
+    let (depth, overshoot) = (depth(&state.contacts, finite), limit_overshoot(compiled, &state.q, paths));
+    let violation = max_equality_violation(compiled, &inputs.active_equalities, (&state.q, paths), &inputs.mocap_trajectories, elapsed);
     let violation = R::select(finite, violation, R::zero());
     let mut residual = outcome.solver.residual;
     if problem.may_have_immovable_rows {

@@ -6,6 +6,7 @@ use crate::actuation::affine_force::ActuatorDynamics;
 use crate::actuation::forces::ActuatorForces;
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
+use crate::constraints::equality::active_equalities::ActiveEqualities;
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::mocap::MocapTrajectory;
@@ -61,8 +62,8 @@ pub struct Workspace<R: Real> {
     pub(crate) rk4: Option<Rk4<R>>,
     /// Buffers of steps that are divided into parts; `None` before the first such step.
     pub(crate) substep_buffers: Option<Box<Buffers<R>>>,
-    /// Integrators for MuJoCo's contact law.
-    pub(crate) mujoco: MujocoWorkspace<R>,
+    /// Constraint problem and integrators of MuJoCo's contact law; `None` with hard contact.
+    pub(crate) mujoco: Option<Box<MujocoWorkspace<R>>>,
 }
 
 impl<R: Real> Workspace<R> {
@@ -79,6 +80,7 @@ impl<R: Real> Workspace<R> {
                 actuator_dynamics: vec![ActuatorDynamics::default(); compiled.num_actuator_dynamics],
                 qfrc: Vec::with_capacity(compiled.nv),
                 xfrc: Vec::with_capacity(6 * compiled.bodies.len()),
+                active_equalities: ActiveEqualities::new(compiled),
                 mocap_trajectories: compiled.mocap.iter().map(|m| MocapTrajectory::at(splat(m.pos), splat(m.quat))).collect(),
             },
             user_controls: zeros(compiled.actuators.len()),
@@ -86,7 +88,7 @@ impl<R: Real> Workspace<R> {
             current: false,
             evaluation: Evaluation::new(compiled, options, contacts()),
             free_motion: FreeMotion::new(compiled),
-            problem: ConstraintProblem::new(compiled, max_contacts),
+            problem: ConstraintProblem::new(compiled, if hard { max_contacts } else { 0 }),
             builder: RowBuilder::new(compiled),
             velocity: VelocitySolution::new(compiled, max_contacts),
             position: PositionSolution::new(compiled, max_contacts),
@@ -100,7 +102,7 @@ impl<R: Real> Workspace<R> {
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
             substep_buffers: None,
-            mujoco: MujocoWorkspace::new(compiled, options),
+            mujoco: MujocoWorkspace::new(compiled, options, max_contacts),
         };
         if options.error.is_some() {
             workspace.substep_buffers = Some(workspace.new_buffers(compiled));

@@ -38,7 +38,7 @@ pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>,
         if !compiled.equalities.is_empty() {
             assembler.add_equalities(input, true);
             let Assembler { problem, builder, .. } = &mut assembler;
-            builder.store_eliminated(&mut problem.rows, compiled, &problem.active_equalities, input.mass);
+            builder.store_eliminated(&mut problem.rows, input);
         }
         assembler.add_frictions(input);
         assembler.add_limits(input);

@@ -73,14 +73,15 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
         for (&impulse_index, &lambda) in impulse_indices.iter().zip(&impulses.scalars) {
             scalar_impulse[impulse_index] = lambda;
         }
-        for (i, &ContactSlot { slot: k, lanes, index, .. }) in contact_slots.iter().enumerate() {
+        let mut rotation_scales = rotation_scales.iter();
+        for (i, &ContactSlot { slot: k, lanes }) in contact_slots.iter().enumerate() {
             let lambda = impulses.contact_impulse(rows, i);
             contacts.data[k].impulse = select(lanes, [lambda[0], lambda[1], lambda[2]], contacts.data[k].impulse);
             if !contacts.torque.is_empty() {
                 // A contact without rotation rows may have had a torque before: friction coefficients can be set between steps.
                 let mut torque = zero();
-                for (j, &x) in lambda[3..].iter().enumerate() {
-                    torque[j] = x * rotation_scales[index][j];
+                if let Some(scale) = (lambda.len() > 3).then(|| rotation_scales.next()).flatten() {
+                    (0..lambda.len() - 3).for_each(|j| torque[j] = lambda[3 + j] * scale[j]);
                 }
                 contacts.torque[k] = select(lanes, torque, contacts.torque[k]);
             }

@@ -7,7 +7,6 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, PathLengths};
-use crate::constraints::{ConstraintProblem, ContactSlot};
 use crate::dynamics::kinematics::quat_at;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -191,12 +190,13 @@ impl<R: Real> Record<R> {
 }
 
 /// Largest overlap of the contacts beyond their margins in the lanes `lanes`, m; 0 without contacts.
-pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lanes: R::Mask) -> R {
+pub fn depth<R: Real>(contacts: &Contacts<R>, lanes: R::Mask) -> R {
     kernel!(R, || {
         let mut deepest = R::zero();
-        for &ContactSlot { slot, lanes: here, .. } in &problem.contact_slots {
+        for k in 0..contacts.slots() {
             // A difference has no negative zero, whose sign would depend on the order of maxima.
-            deepest = R::select(here, deepest.max(R::zero() - contacts.data[slot].point.distance), deepest);
+            let here = R::Mask::from_bits(contacts.lanes_of(k));
+            deepest = R::select(here, deepest.max(R::zero() - contacts.data[k].point.distance), deepest);
         }
         R::select(lanes, deepest, R::zero())
     })

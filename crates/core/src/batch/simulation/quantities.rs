@@ -6,6 +6,7 @@ use crate::batch::engine::with_batch;
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::rollout::Numbers;
 use crate::batch::simulation::{Error, Simulation};
+use crate::constraints::equality::active_equalities::ActiveEqualities;
 use crate::integrators::inputs::Inputs;
 use crate::math::precision::Precision;
 
@@ -27,12 +28,16 @@ impl Simulation {
         if !inputs.ctrl.is_empty() {
             ctrl = inputs.ctrl.to_vec();
         }
+        let compiled = self.lane_model_of(env);
+        let mut active_equalities = ActiveEqualities::new(&compiled);
+        active_equalities.load(&compiled, inputs.eq_active, 0, 1);
+        let (qfrc, xfrc) = (inputs.qfrc.to_vec(), inputs.xfrc.to_vec());
         Ok(Snapshot {
-            compiled: self.lane_model_of(env),
+            compiled,
             q: self.values(Field::Qpos, env),
             v: self.values(Field::Qvel, env),
             act: self.values(Field::Act, env),
-            inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec(), mocap_trajectories: vec![] },
+            inputs: Inputs { ctrl, actuator_dynamics, qfrc, xfrc, active_equalities, mocap_trajectories: vec![] },
             timestep: self.timestep(),
             mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat),
         })

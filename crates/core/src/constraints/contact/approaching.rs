@@ -17,7 +17,7 @@ use stepper_solve::MAX_CONTACT_ROWS;
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::joint_path::{JointPath, MAX_STRAIGHT_ROTATION};
-use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::assembler::{Assembler, RowInput, RowState};
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::velocity_solution::VelocitySolution;
 use crate::math::lanes::each_of;
@@ -72,7 +72,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(never)]
     fn sweeping_lanes(&self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask) -> R::Mask {
         kernel!(R, || {
-            let RowInput { compiled, kinematics, v_free, .. } = *input;
+            let RowState { compiled, kinematics, v_free, .. } = input.state;
             let joints = JointPath { compiled, kinematics, v: v_free };
             let mut sweeping = R::Mask::splat(false);
             for (pair, same) in contacts.pairs(k, lanes.bits()) {
@@ -135,7 +135,7 @@ impl<R: Real> Assembler<'_, R> {
 /// Angular velocity of a frame after the step without constraints, world axes, rad/s.
 #[inline(always)]
 fn angular_velocity<R: Real>(input: &RowInput<'_, R>, frame: usize) -> V3<R> {
-    let RowInput { compiled, kinematics, v_free, .. } = *input;
+    let RowState { compiled, kinematics, v_free, .. } = input.state;
     match frame.checked_sub(compiled.links.len() + 1) {
         _ if frame == 0 => zero(),
         Some(mocap) => angular(&kinematics.mocap_velocities[mocap]),

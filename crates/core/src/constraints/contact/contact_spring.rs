@@ -37,7 +37,7 @@ impl<R: Real> RowBuilder<R> {
         lanes: u32,
         [free, before]: [R; 2],
     ) -> CompliantRow<R> {
-        let RowInput { compiled, .. } = *input;
+        let compiled = input.compiled;
         let mut row = CompliantRow { lanes: R::Mask::splat(false), bias: R::zero(), compliance: R::zero() };
         let error = contacts.data[k].point.distance;
         let (apart, gram) = (error.ge(R::zero()), self.gram(input.mass, 0));

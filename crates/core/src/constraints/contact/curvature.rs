@@ -21,7 +21,7 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::assembler::{Assembler, RowInput, RowState};
 use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 use crate::tuning::MAX_CURVED_OVERLAP;
@@ -100,7 +100,7 @@ impl<R: Real> Assembler<'_, R> {
 /// m/s^2.
 #[inline(always)]
 fn rate<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
-    let RowInput { compiled, kinematics, .. } = *input;
+    let RowState { compiled, kinematics, .. } = input.state;
     let point = &contacts.data[k].point;
     let n = point.normal;
     let half = point.distance * R::of(0.5);
@@ -134,7 +134,7 @@ fn rate<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lane
 /// Velocity field of a frame at the point `p`.
 #[inline(always)]
 fn field<R: Real>(input: &RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
-    let RowInput { compiled, kinematics, .. } = *input;
+    let RowState { compiled, kinematics, .. } = input.state;
     match frame.checked_sub(compiled.links.len() + 1) {
         _ if frame == 0 => Field { angular_velocity: zero(), velocity: zero(), rate: zero() },
         Some(mocap) => {

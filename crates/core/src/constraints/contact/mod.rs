@@ -31,8 +31,8 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{MAX_CONTACT_ROWS, RowCount, velocity_rounding};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::assembler::{Assembler, RowInput};
-use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
+use crate::constraints::assembler::{Assembler, RowInput, RowState};
+use crate::constraints::constraint_problem::{ContactSlot, CurvatureTerms, DeferredContact};
 use crate::constraints::contact::approaching::resting_speed;
 use crate::constraints::equality::elimination::mobility_ratio;
 use crate::constraints::row_builder::RowBuilder;
@@ -232,7 +232,8 @@ impl<R: Real> Assembler<'_, R> {
             initial[i] = R::select(acts, impulse[i], R::zero());
         }
         self.velocity.impulses.contacts.extend_from_slice(&initial);
-        self.problem.push_contact_slot(k, R::Mask::from_bits(lanes), rows.rotation_scale);
+        self.problem.contact_slots.push(ContactSlot { slot: k, lanes: R::Mask::from_bits(lanes) });
+        self.problem.rotation_scales.extend(rows.rotation_scale);
         self.problem.constrained = self.problem.constrained.or(not_deferred);
     }
 
@@ -252,7 +253,7 @@ impl<R: Real> Assembler<'_, R> {
         lanes: u32,
         offsets: [R; 2],
     ) -> (R::Mask, R) {
-        let RowInput { compiled, options, kinematics, mass, .. } = *input;
+        let RowInput { state: RowState { compiled, kinematics, mass, .. }, options, .. } = *input;
         self.problem.may_have_immovable_rows = true;
         kernel!(R, || {
             let mut squared_speed = R::zero();
@@ -291,9 +292,9 @@ impl<R: Real> Assembler<'_, R> {
     /// Builds the rows of the contact in slot `k` along its normal and its tangents, in the lanes `lanes` (bits).
     #[inline(always)]
     pub(crate) fn sliding_rows(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
-        let RowInput { compiled, mass, .. } = *input;
+        let RowState { compiled, mass, .. } = input.state;
         let mut exists = R::Mask::from_bits(lanes);
-        self.builder.gather_dofs(self.problem, compiled, contacts, k, lanes);
+        self.builder.gather_dofs(input, contacts, k, lanes);
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
         let has_curvature = input.in_the_middle && self.builder.both_move != 0;
         let change = if has_curvature { self.builder.change_by_free_motion(input) } else { zero() };

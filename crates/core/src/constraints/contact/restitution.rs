@@ -20,7 +20,7 @@ use stepper_real::{Mask, Real, kernel};
 use stepper_solve::{Iterate, Problem};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::assembler::{Assembler, RowInput, RowState};
 use crate::constraints::constraint_problem::{ConstraintProblem, Impact};
 use crate::constraints::contact::impact_time::{Flight, ImpactPrediction};
 use crate::math::spatial::*;
@@ -42,7 +42,17 @@ impl<R: Real> Assembler<'_, R> {
         offset: &mut R,
     ) -> R::Mask {
         kernel!(R, || {
-            let RowInput { compiled, options, h, longest, in_the_middle, is_impact, bounces_at_end, ignores_impacts, .. } = *input;
+            let RowInput {
+                state: RowState { compiled, .. },
+                options,
+                h,
+                longest,
+                in_the_middle,
+                is_impact,
+                bounces_at_end,
+                ignores_impacts,
+                ..
+            } = *input;
             let slot = &contacts.data[k];
             let (e, gap, free) = (slot.restitution, slot.point.distance, *offset - bias);
             let elastic = exists.and(e.gt(R::zero()));

@@ -7,7 +7,7 @@ use stepper_solve::RowCount;
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
-use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::assembler::{Assembler, RowInput, RowState};
 use crate::constraints::contact::{ContactRows, SlidingRows, effective_friction};
 use crate::constraints::equality::elimination::mobility_ratio;
 use crate::constraints::row_builder::RowBuilder;
@@ -25,7 +25,7 @@ impl<R: Real> RowBuilder<R> {
     /// Computes the Jacobian of the relative rotation about the contact's axes, times `weight` (m), into `column`. Returns the velocity
     /// of the rows without impulses, m/s. `free` is the part of this velocity that conveyors and mocap bodies cause.
     #[inline(always)]
-    pub(crate) fn rotation_columns(&mut self, input: &RowInput<'_, R>, axes: &[V3<R>; 3], weight: V3<R>, mut free: V3<R>) -> V3<R> {
+    pub(crate) fn rotation_columns(&mut self, input: &RowState<'_, R>, axes: &[V3<R>; 3], weight: V3<R>, mut free: V3<R>) -> V3<R> {
         for &d in &self.dofs {
             let d = d as usize;
             let sign = self.sign_of(d);
@@ -51,7 +51,7 @@ impl<R: Real> Assembler<'_, R> {
         [R; N]: RowCount<R, N>,
     {
         kernel!(R, || {
-            let RowInput { compiled, mass, .. } = *input;
+            let RowState { compiled, mass, .. } = input.state;
             let slot = &contacts.data[k];
             let friction = Friction::of(compiled, contacts, k, lanes);
             let SlidingRows { offsets: [normal, a, b], curvature, lengths, common } = self.sliding_rows(input, contacts, k, lanes);

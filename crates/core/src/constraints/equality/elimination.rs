@@ -19,9 +19,7 @@ use std::ops::Range;
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Problem, ROUNDING_RATIO, ScalarRow, dependence_threshold, velocity_rounding};
 
-use crate::compile::LaneModel;
-use crate::constraints::constraint_problem::ConstraintProblem;
-use crate::constraints::equality::active_equalities::ActiveEqualities;
+use crate::constraints::assembler::RowState;
 use crate::constraints::row_builder::RowBuilder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
@@ -31,14 +29,14 @@ impl<R: Real> RowBuilder<R> {
     /// Finds the eliminated equalities that share a degree of freedom with the row under construction. Adds the equalities' degrees of
     /// freedom to `dofs` of the row, with zeros in `column`.
     #[inline(always)]
-    pub(crate) fn couple(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
+    pub(crate) fn couple(&mut self, state: &RowState<'_, R>) {
         self.coupled.clear();
-        if !compiled.equalities.is_empty() {
+        if !state.compiled.equalities.is_empty() {
             self.words.fill(0);
             for &d in &self.dofs {
                 self.words[d as usize / 64] |= 1 << (d % 64);
             }
-            self.search_blocks(problem, compiled);
+            self.search_blocks(state);
             self.list_dofs();
         }
     }
@@ -46,10 +44,10 @@ impl<R: Real> RowBuilder<R> {
     /// Finds the eliminated equalities that share a degree of freedom with the set `words` (one bit per degree of freedom). Adds their
     /// degrees of freedom to the set.
     #[inline(always)]
-    pub(crate) fn find_coupled(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
+    pub(crate) fn find_coupled(&mut self, state: &RowState<'_, R>) {
         self.coupled.clear();
-        if !compiled.equalities.is_empty() {
-            self.search_blocks(problem, compiled);
+        if !state.compiled.equalities.is_empty() {
+            self.search_blocks(state);
         }
     }
 
@@ -60,10 +58,10 @@ impl<R: Real> RowBuilder<R> {
     /// their number determines the order of the sum and so its rounding. The order in a lane must not depend on which equalities are
     /// active in other lanes.
     #[inline(never)]
-    fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
+    fn search_blocks(&mut self, state: &RowState<'_, R>) {
         let mut start = 0;
-        for (k, block) in compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated) {
-            let active = problem.active_equalities.has_rows(k);
+        for (k, block) in state.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated) {
+            let active = state.active_equalities.has_rows(k);
             let rows = start..start + if active { block.rows } else { 0 };
             start = rows.end;
             if block.set.iter().zip(&self.words).all(|(coupled, moved)| coupled & moved == 0) {
@@ -316,13 +314,8 @@ impl<R: Real> RowBuilder<R> {
     /// Marks all rows assembled so far as eliminated. Stores two copies of their entries for [`RowBuilder::eliminate`]: times D^-1/2, and
     /// times D^1/2.
     #[inline(always)]
-    pub(crate) fn store_eliminated(
-        &mut self,
-        rows: &mut Problem<R>,
-        compiled: &LaneModel<R>,
-        active_equalities: &ActiveEqualities<R>,
-        mass: &MassMatrix<R>,
-    ) {
+    pub(crate) fn store_eliminated(&mut self, rows: &mut Problem<R>, state: &RowState<'_, R>) {
+        let RowState { compiled, mass, active_equalities, .. } = *state;
         rows.scalars.mark_eliminated();
         let [over_sqrt_d, times_sqrt_d] = &mut self.eliminated_entries;
         over_sqrt_d.clear();

@@ -21,7 +21,7 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};
 
 use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring, coupling_error};
-use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::assembler::{Assembler, RowInput, RowState};
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::rows::{RowLaw, unbounded};
 use crate::constraints::target_velocities::stabilized;
@@ -74,12 +74,12 @@ impl<R: Real> RowBuilder<R> {
     #[inline(always)]
     pub(crate) fn connect_points(
         &mut self,
-        input: &RowInput<'_, R>,
+        input: &RowState<'_, R>,
         frames: [usize; 2],
         anchors: [V3<R>; 2],
         relative: bool,
     ) -> EqualityJacobian<R> {
-        let RowInput { compiled, kinematics, .. } = *input;
+        let RowState { compiled, kinematics, .. } = *input;
         let points = [kinematics.point(frames[0], anchors[0]), kinematics.point(frames[1], anchors[1])];
         let mut size = R::zero();
         for &d in &self.dofs {
@@ -115,8 +115,8 @@ impl<R: Real> RowBuilder<R> {
     /// The error is the rotation vector from the second to the first orientation in world axes, times `weight` (m/rad). MuJoCo's
     /// `mjEQ_WELD` uses the sine of half its length; both are zero at the same configurations.
     #[inline(always)]
-    fn align(&mut self, input: &RowInput<'_, R>, frames: [usize; 2], mats: &[M3<R>; 2], weight: R) -> EqualityJacobian<R> {
-        let RowInput { compiled, kinematics, .. } = *input;
+    fn align(&mut self, input: &RowState<'_, R>, frames: [usize; 2], mats: &[M3<R>; 2], weight: R) -> EqualityJacobian<R> {
+        let RowState { compiled, kinematics, .. } = *input;
         let mut size = R::zero();
         for &d in &self.dofs {
             let d = d as usize;
@@ -144,7 +144,7 @@ impl<R: Real> RowBuilder<R> {
     #[inline(always)]
     pub(crate) fn couple_joints(
         &mut self,
-        input: &RowInput<'_, R>,
+        input: &RowState<'_, R>,
         first: &Combination<R::Scalar>,
         second: Option<&Combination<R::Scalar>>,
         c: [R; 5],
@@ -172,7 +172,7 @@ impl<R: Real> RowBuilder<R> {
     /// Adds the Jacobian of a combination, times `factor`, to the first row in `column`. Returns the sum of the squares of
     /// the added entries, each times its entry of D^-1, where L^T D L is the mass matrix.
     #[inline(always)]
-    pub(crate) fn add_terms(&mut self, input: &RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
+    pub(crate) fn add_terms(&mut self, input: &RowState<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
         combination.for_each_arm(
             &input.kinematics.paths,
@@ -189,7 +189,7 @@ impl<R: Real> RowBuilder<R> {
     /// Adds the squared terms of a combination, times `factor`, to the scales of the first row. A scale is the size of the
     /// terms that an entry sums.
     #[inline(always)]
-    fn add_term_scales(&mut self, input: &RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) {
+    fn add_term_scales(&mut self, input: &RowState<'_, R>, combination: &Combination<R::Scalar>, factor: R) {
         combination.for_each_arm(
             &input.kinematics.paths,
             #[inline(always)]
@@ -246,7 +246,7 @@ impl<R: Real> Assembler<'_, R> {
     pub(crate) fn add_equalities(&mut self, input: &RowInput<'_, R>, eliminated: bool) {
         kernel!(R, || {
             for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated == eliminated) {
-                if !self.problem.active_equalities.has_rows(k) {
+                if !input.active_equalities.has_rows(k) {
                     block.equalities.iter().for_each(|equality| self.velocity.scalar_impulse[equality.impulses()].fill(R::zero()));
                     continue;
                 }
@@ -370,8 +370,8 @@ impl<R: Real> Assembler<'_, R> {
         rows: &EqualityJacobian<R>,
         with_scales: bool,
     ) {
-        let RowInput { v_free, v, h, .. } = *input;
-        let acts = self.problem.active_equalities.lanes(equality);
+        let (RowState { v_free, v, .. }, h) = (input.state, input.h);
+        let acts = input.active_equalities.lanes(equality);
         let alive = input.alive.and(acts);
         let (mut free, mut before, mut speed) = ([R::zero(); 3], [R::zero(); 3], [R::zero(); 3]);
         for &d in &self.builder.dofs {
@@ -389,7 +389,7 @@ impl<R: Real> Assembler<'_, R> {
         if block.eliminated {
             self.builder.coupled.clear();
         } else {
-            self.builder.couple(self.problem, input.compiled);
+            self.builder.couple(input);
         }
         let correction = self.correct(input, rows, alive);
         let mut laws = [RowLaw { g: [R::zero(); 2], compliance: None, exists: alive, bounds: unbounded() }; N];
@@ -479,7 +479,7 @@ pub(crate) struct SpringRow<R: Real> {
 /// the weight s = z^2 / (1 + z^2) of Euler's rule and z = G (h^2 k/4 + h d/2). This keeps the second order.
 #[inline(always)]
 pub(crate) fn spring_law<R: Real>(input: &RowInput<'_, R>, spring: &Spring<R::Scalar>, row: SpringRow<R>) -> RowLaw<R> {
-    let RowInput { h, alive, in_the_middle, .. } = *input;
+    let RowInput { h, in_the_middle, state: RowState { alive, .. }, .. } = *input;
     let k = R::select(row.acts, R::splat(spring.stiffness) * h, R::zero());
     let (d, a) = (R::splat(spring.damping) * h, R::splat(spring.inertia));
     let (quarter, half) = (h * k * R::of(0.25), d * R::of(0.5));
@@ -504,6 +504,6 @@ pub(crate) fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: 
 
 /// Angular acceleration of a frame if no joint accelerates, world axes, rad/s^2.
 #[inline(always)]
-pub(crate) fn angular_acceleration<R: Real>(input: &RowInput<'_, R>, frame: usize) -> V3<R> {
+pub(crate) fn angular_acceleration<R: Real>(input: &RowState<'_, R>, frame: usize) -> V3<R> {
     if frame == 0 || frame > input.compiled.links.len() { zero() } else { angular(&input.motion.acceleration[frame - 1]) }
 }

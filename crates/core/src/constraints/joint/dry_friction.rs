@@ -2,7 +2,7 @@
 
 use stepper_real::Real;
 
-use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::assembler::{Assembler, RowInput, RowState};
 use crate::constraints::rows::RowLaw;
 
 impl<R: Real> Assembler<'_, R> {
@@ -10,7 +10,7 @@ impl<R: Real> Assembler<'_, R> {
     /// the direction of motion.
     #[inline(always)]
     pub(crate) fn add_frictions(&mut self, input: &RowInput<'_, R>) {
-        let RowInput { compiled, h, alive, .. } = *input;
+        let RowInput { state: RowState { compiled, alive, .. }, h, .. } = *input;
         for (i, friction) in compiled.frictions.iter().enumerate() {
             let most = compiled.params.friction(i) * h;
             let mut bounds = [-most, most];

@@ -84,7 +84,7 @@ impl<R: Real> Assembler<'_, R> {
                 let Some(law) = self.limit_law(input, limit.impulse_index, phi, free, None) else { continue };
                 self.builder.dofs.clear();
                 self.builder.dofs.extend(input.compiled.chain_of(limit.dof + 2).iter().rev());
-                self.builder.couple(self.problem, input.compiled);
+                self.builder.couple(input);
                 for &d in &self.builder.dofs {
                     self.builder.column[d as usize] = zero();
                 }

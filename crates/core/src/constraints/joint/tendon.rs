@@ -15,7 +15,7 @@ impl<R: Real> Assembler<'_, R> {
     fn tendon_columns(&mut self, input: &RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
         let builder = &mut *self.builder;
         builder.use_dofs(&tendon.dofs);
-        builder.couple(self.problem, input.compiled);
+        builder.couple(input);
         for &d in &builder.dofs {
             builder.column[d as usize] = zero();
         }

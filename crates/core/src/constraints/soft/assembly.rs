@@ -1,81 +1,94 @@
 //! Assembly of all rows of MuJoCo's contact law in a step, and storage of their forces.
 
 use stepper_real::{Mask, Real, kernel};
+use stepper_solve::soft::ContactVisit;
 
 use crate::collision::contact_set::{Contacts, Slot};
-use crate::constraints::assembler::Assembler;
-use crate::constraints::constraint_problem::{ConstraintProblem, ContactSlot};
-use crate::constraints::soft::effective_mass::SoftInput;
+use crate::compile::CompiledSoftness;
+use crate::constraints::assembler::RowState;
+use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::soft::effective_mass::EffectiveMass;
 use crate::constraints::soft::frames::align_tangents;
+use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
-impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of all constraints with MuJoCo's contact law. The velocities of the rows follow from `input.row.v_free`,
-    /// which is here the velocity before the step.
+/// Inputs of the assembly of rows with MuJoCo's contact law.
+#[derive(Clone, Copy)]
+pub(crate) struct SoftInput<'a, R: Real> {
+    /// State at which the rows are evaluated. Their velocities follow from `v_free`, which is here the velocity before the step.
+    pub(crate) row: RowState<'a, R>,
+    pub(crate) softness: &'a CompiledSoftness<R::Scalar>,
+    /// Effective mass matrix of a discrete step, which evaluates constraints at its end; `None` for continuous integrators.
+    pub(crate) effective: Option<&'a EffectiveMass<R>>,
+}
+
+/// Assembler of the rows of a step with MuJoCo's contact law. The methods for each kind of element are in other files of this folder.
+pub(crate) struct SoftAssembler<'a, R: Real> {
+    pub(crate) input: SoftInput<'a, R>,
+    /// Workspace with the row under construction.
+    pub(crate) builder: &'a mut RowBuilder<R>,
+    /// System to which the assembler adds rows.
+    pub(crate) system: &'a mut SoftSystem<R>,
+}
+
+impl<R: Real> SoftAssembler<'_, R> {
+    /// Adds the rows of all constraints.
     #[inline(always)]
-    pub(crate) fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
-        let Some(mut system) = self.problem.soft.take() else { return };
-        align_tangents(input.row.compiled, input.row.kinematics, contacts);
+    pub(crate) fn assemble(&mut self, contacts: &mut Contacts<R>) {
+        let SoftInput { row, effective, .. } = self.input;
+        align_tangents(row.compiled, row.kinematics, contacts);
         kernel!(R, || {
-            system.problem.clear();
-            self.problem.impulse_indices.clear();
-            self.problem.contact_slots.clear();
-            self.problem.rotation_scales.clear();
-            self.problem.constrained = R::Mask::splat(false);
-            self.add_soft_equalities(input, &mut system);
-            self.add_soft_frictions(input, &mut system);
-            self.add_soft_limits(input, &mut system);
+            self.system.clear();
+            self.add_equalities();
+            self.add_frictions();
+            self.add_limits();
         });
-        self.add_soft_contacts(input, contacts, &mut system);
-        kernel!(R, || system.limit_weights(input.row.compiled, input.row.mass));
-        if let Some(effective) = input.effective {
-            let lanes = input.row.alive;
-            if effective.couple(&mut system, lanes) {
-                self.problem.constrained = lanes;
-            }
+        self.add_contacts(contacts);
+        kernel!(R, || self.system.limit_weights(row.compiled, row.mass));
+        if effective.is_some_and(|effective| effective.couple(self.system, row.alive)) {
+            self.system.constrained = row.alive;
         }
-        self.problem.soft = Some(system);
     }
 }
 
-impl<R: Real> ConstraintProblem<R> {
+impl<R: Real> SoftSystem<R> {
     /// Stores the impulses of the solution, which are its forces times `h`, the time step in s.
     ///
     /// Impulses of contacts go to `contacts`, those of scalar rows to `scalar_impulse`, and their sum on the joints to `impulse`. The next
     /// step starts from them.
-    pub fn store_soft_impulses(&self, h: R, contacts: &mut Contacts<R>, scalar_impulse: &mut [R], impulse: &mut [R]) {
-        let Some(system) = &self.soft else { return };
+    pub fn store_impulses(&self, h: R, contacts: &mut Contacts<R>, scalar_impulse: &mut [R], impulse: &mut [R]) {
+        let Self { problem, solver, constrained, .. } = self;
         kernel!(R, || {
             scalar_impulse.fill(R::zero());
             impulse.fill(R::zero());
             // Without constrained lanes there is no solution. Rows may still exist: those of equalities that are active only in lanes
             // without an environment, or in lanes that are not evaluated.
-            if self.constrained.none() {
+            if constrained.none() {
                 return;
             }
-            for (impulse, &force) in impulse.iter_mut().zip(system.solver.forces()) {
-                *impulse = R::select(self.constrained, force * h, R::zero());
+            for (impulse, &force) in impulse.iter_mut().zip(solver.forces()) {
+                *impulse = R::select(*constrained, force * h, R::zero());
             }
             // The rows after the constraints are couplings of the effective mass matrix.
-            for i in self.impulse_indices.len()..system.problem.rows.len() {
-                let (dofs, arms) = system.problem.row(i);
-                let force = R::select(self.constrained, system.solver.row_force(&system.problem, i), R::zero()) * h;
+            for i in self.impulse_indices.len()..problem.rows.len() {
+                let (dofs, arms) = problem.row(i);
+                let force = R::select(*constrained, solver.row_force(problem, i), R::zero()) * h;
                 for (&d, &arm) in dofs.iter().zip(arms) {
                     impulse[d as usize] -= arm * force;
                 }
             }
             for (i, &impulse_index) in self.impulse_indices.iter().enumerate() {
-                scalar_impulse[impulse_index] = system.solver.row_force(&system.problem, i) * h;
+                scalar_impulse[impulse_index] = solver.row_force(problem, i) * h;
             }
-            for &ContactSlot { slot: k, lanes, rolls, index } in &self.contact_slots {
+            for &(k, ContactVisit { rolling, index, lanes }) in &self.contacts {
                 let slot = &mut contacts.data[k];
-                let force = if rolls {
-                    let [n, a, b, spin, roll, other] = system.solver.rolling_contact_force(&system.problem, index);
+                let force = if rolling {
+                    let [n, a, b, spin, roll, other] = solver.rolling_contact_force(problem, index);
                     let torque = in_standard_frame(slot, scale([spin, roll, other], h));
                     contacts.torque[k] = select(lanes, torque, contacts.torque[k]);
                     [n, a, b]
                 } else {
-                    system.solver.contact_force(&system.problem, index)
+                    solver.contact_force(problem, index)
                 };
                 slot.impulse = select(lanes, in_standard_frame(slot, scale(force, h)), slot.impulse);
             }

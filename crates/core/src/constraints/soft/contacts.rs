@@ -1,14 +1,13 @@
 //! Rows of contacts with MuJoCo's contact law.
 
 use stepper_real::{Mask, Real, kernel};
-use stepper_solve::soft::Cone;
+use stepper_solve::soft::{Cone, ContactVisit};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::{EndLaw, LaneModel, MIN_FRICTION, SoftContactLaw, SoftLaw};
-use crate::constraints::assembler::Assembler;
-use crate::constraints::soft::effective_mass::{SoftInput, in_metric};
-use crate::constraints::soft::system::SoftSystem;
+use crate::constraints::soft::assembly::{SoftAssembler, SoftInput};
+use crate::constraints::soft::effective_mass::in_metric;
 use crate::math::spatial::*;
 
 /// Parameters of MuJoCo's contact law for the contacts in one slot (one contact per lane).
@@ -167,27 +166,28 @@ impl<R: Real> ContactLaw<R> {
     }
 }
 
-impl<R: Real> Assembler<'_, R> {
+impl<R: Real> SoftAssembler<'_, R> {
     /// Adds the rows of contacts that are closer than their margin, slot by slot.
     ///
     /// In different lanes, a slot may have contacts between different trees. The function adds one contact of the problem for all lanes in
     /// which the trees are the same. No row then connects trees that do not touch in its lanes.
-    pub(super) fn add_soft_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
-        let compiled = input.row.compiled;
+    pub(super) fn add_contacts(&mut self, contacts: &Contacts<R>) {
+        let SoftInput { row, softness, .. } = self.input;
+        let compiled = row.compiled;
         for k in 0..contacts.slots() {
-            let distance = input.row.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
+            let distance = row.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
             let near = R::Mask::from_bits(contacts.lanes_of(k)).and(distance.lt(R::zero())).bits();
             let mut rolling = 0;
             if compiled.has_rolling_friction {
                 for (pair, lanes) in contacts.pairs(k, near) {
-                    rolling |= if compiled.soft_contact(input.softness, pair).condim > 3 { lanes } else { 0 };
+                    rolling |= if compiled.soft_contact(softness, pair).condim > 3 { lanes } else { 0 };
                 }
             }
             for (rolls, mut rest) in [(false, near & !rolling), (true, rolling)] {
                 while rest != 0 {
                     let lanes = lanes_of_same_trees(compiled, contacts, k, rest);
                     rest &= !lanes;
-                    kernel!(R, || self.add_soft_contact(input, contacts, (k, lanes), rolls, system));
+                    kernel!(R, || self.add_contact(contacts, (k, lanes), rolls));
                 }
             }
         }
@@ -196,31 +196,24 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the contact in slot `k`, in the lanes `lanes` (bits). It has three rows, or six rows if it `rolls` (has torsional or rolling
     /// friction).
     #[inline(always)]
-    fn add_soft_contact(
-        &mut self,
-        input: SoftInput<'_, R>,
-        contacts: &Contacts<R>,
-        (k, lanes): (usize, u32),
-        rolls: bool,
-        system: &mut SoftSystem<R>,
-    ) {
-        let (compiled, active, slot) = (input.row.compiled, R::Mask::from_bits(lanes), &contacts.data[k]);
-        let builder = &mut *self.builder;
-        builder.gather_dofs(self.problem, compiled, contacts, k, lanes);
-        let [[n, a, b], _] = builder.contact_columns(input.row, contacts, k, lanes);
+    fn add_contact(&mut self, contacts: &Contacts<R>, (k, lanes): (usize, u32), rolls: bool) {
+        let Self { input, builder, system } = self;
+        let (row, active, slot) = (&input.row, R::Mask::from_bits(lanes), &contacts.data[k]);
+        builder.gather_dofs(row, contacts, k, lanes);
+        let [[n, a, b], _] = builder.contact_columns(row, contacts, k, lanes);
         for &d in &builder.dofs {
             let d = d as usize;
             builder.column[d] = select(active, builder.column[d], zero());
         }
-        let law = ContactLaw::gather(input, contacts, k, lanes);
-        let (law_input, distance) = ((input, system.problem.cone), slot.point.distance);
+        let law = ContactLaw::gather(*input, contacts, k, lanes);
+        let (law_input, distance) = ((*input, system.problem.cone), slot.point.distance);
         if rolls {
             builder.keep_sliding_rows();
             let normal = slot.point.normal;
             let axes = [normal, slot.tangent, cross(normal, slot.tangent)];
-            let surface_rotation = angular(&surface_velocity::motion(compiled, input.row.kinematics, contacts, k, lanes));
+            let surface_rotation = angular(&surface_velocity::motion(row.compiled, row.kinematics, contacts, k, lanes));
             let turning = [dot(normal, surface_rotation), R::zero(), R::zero()];
-            let [spin, roll_a, roll_b] = builder.rotation_columns(input.row, &axes, [R::one(); 3], turning);
+            let [spin, roll_a, roll_b] = builder.rotation_columns(row, &axes, [R::one(); 3], turning);
             let (linear, rotation) = (&builder.linear, &builder.column);
             let [reference, weight, scales] =
                 law.rows(law_input, distance, [n, a, b, spin, roll_a, roll_b], active, (&builder.dofs, linear));
@@ -235,7 +228,6 @@ impl<R: Real> Assembler<'_, R> {
                 weight,
                 scales,
             );
-            self.problem.push_contact_slot(k, active, Some([R::one(); 3]));
         } else {
             let column = &builder.column;
             let [reference, weight, scales] = law.rows(law_input, distance, [n, a, b], active, (&builder.dofs, column));
@@ -247,9 +239,10 @@ impl<R: Real> Assembler<'_, R> {
                 weight,
                 scales,
             );
-            self.problem.push_contact_slot(k, active, None);
         }
-        self.problem.constrained = self.problem.constrained.or(active);
+        let [sliding, rolling] = [system.problem.contacts.items.len(), system.problem.rolling_contacts.items.len()];
+        system.contacts.push((k, ContactVisit { rolling: rolls, index: if rolls { rolling } else { sliding } - 1, lanes: active }));
+        system.constrained = system.constrained.or(active);
     }
 }
 

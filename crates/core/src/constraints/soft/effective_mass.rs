@@ -5,19 +5,9 @@ use std::ops::Range;
 
 use stepper_real::Real;
 
-use crate::compile::{CompiledSoftness, EndLaw, LaneModel, MIN_MOBILITY, ModelStructure, SoftLaw};
-use crate::constraints::assembler::RowInput;
+use crate::compile::{EndLaw, LaneModel, MIN_MOBILITY, ModelStructure, SoftLaw};
 use crate::constraints::rows::unbounded;
 use crate::constraints::soft::system::SoftSystem;
-
-/// Inputs of the assembly of rows with MuJoCo's contact law.
-#[derive(Clone, Copy)]
-pub struct SoftInput<'a, R: Real> {
-    pub(crate) row: &'a RowInput<'a, R>,
-    pub(crate) softness: &'a CompiledSoftness<R::Scalar>,
-    /// Effective mass matrix of a discrete step, which evaluates constraints at its end; `None` for continuous integrators.
-    pub(crate) effective: Option<&'a EffectiveMass<R>>,
-}
 
 /// Effective mass matrix of a discrete step, M + h D + h^2 K.
 ///

@@ -3,44 +3,45 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
-use crate::constraints::assembler::Assembler;
 use crate::constraints::equality::{angular_acceleration, moves};
 use crate::constraints::rows::unbounded;
-use crate::constraints::soft::effective_mass::{SoftInput, law_at};
+use crate::constraints::soft::assembly::{SoftAssembler, SoftInput};
+use crate::constraints::soft::effective_mass::law_at;
 use crate::constraints::soft::rows::row_law;
-use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
-impl<R: Real> Assembler<'_, R> {
+impl<R: Real> SoftAssembler<'_, R> {
     /// Adds the rows of all active equalities. All position errors of an equality share one impedance.
     #[inline(always)]
-    pub(super) fn add_soft_equalities(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
-        for (k, block) in input.row.compiled.equalities.iter().enumerate() {
-            if self.problem.active_equalities.has_rows(k) {
+    pub(super) fn add_equalities(&mut self) {
+        let row = self.input.row;
+        for (k, block) in row.compiled.equalities.iter().enumerate() {
+            if row.active_equalities.has_rows(k) {
                 for equality in &block.equalities {
                     // Compiled separately, because few models have equalities.
-                    kernel!(R, || self.add_soft_equality(input, equality, system));
+                    kernel!(R, || self.add_equality(equality));
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn add_soft_equality(&mut self, input: SoftInput<'_, R>, equality: &CompiledEquality<R::Scalar>, system: &mut SoftSystem<R>) {
+    fn add_equality(&mut self, equality: &CompiledEquality<R::Scalar>) {
+        let input = self.input;
         let [law, rotation_law] = &input.softness.equalities[equality.index];
         self.builder.use_dofs(&equality.dofs);
         let numbers = input.row.compiled.params.equality(equality.index);
         match &equality.rows {
             EqualityRows::Points { frames, turn, .. } => {
                 let turned = turn.map(|turn| (Turn::of(input, *frames, &[numbers.orientation, splat(turn)]), numbers.weight));
-                let points = self.builder.connect_points(input.row, *frames, [numbers.first, numbers.second], false);
+                let points = self.builder.connect_points(&input.row, *frames, [numbers.first, numbers.second], false);
                 let mut square = dot(points.error, points.error);
                 if let Some((turn, weight)) = &turned {
                     let error = scale(turn.error, *weight);
                     square += dot(error, error);
                 }
                 let impedance = law.impedance(square.sqrt());
-                self.push_soft_triple(input, (equality, 0), system, law, impedance, [points.error, points.kappa]);
+                self.push_triple((equality, 0), law, impedance, [points.error, points.kappa]);
                 if let Some((turn, weight)) = turned {
                     for &d in &equality.dofs {
                         let (d, mut j) = (d as usize, zero());
@@ -53,21 +54,20 @@ impl<R: Real> Assembler<'_, R> {
                         self.builder.column[d] = scale(turn.rate(j), weight);
                     }
                     let errors = [scale(turn.error, weight), scale(turn.kappa, weight)];
-                    self.push_soft_triple(input, (equality, 3), system, rotation_law, impedance, errors);
+                    self.push_triple((equality, 3), rotation_law, impedance, errors);
                 }
             }
             EqualityRows::Coupling { first, second } => {
-                let rows = self.builder.couple_joints(input.row, first, second.as_ref(), numbers.polynomial);
+                let rows = self.builder.couple_joints(&input.row, first, second.as_ref(), numbers.polynomial);
                 let mut rate = R::zero();
                 for &d in &equality.dofs {
                     rate += self.builder.column[d as usize][0] * input.row.v_free[d as usize];
                 }
-                let active = input.row.alive.and(self.problem.active_equalities.lanes(equality));
+                let active = input.row.alive.and(input.row.active_equalities.lanes(equality));
                 // MuJoCo neglects the acceleration J' v of couplings.
                 let law = row_law(law, input, [rows.error[0], rate], active);
-                system.terms.clear();
-                system.terms.extend_from_slice(&equality.dofs);
-                self.push_soft_row(input, system, law, unbounded(), active, equality.impulse_index);
+                self.system.use_terms(&equality.dofs);
+                self.push_row(law, unbounded(), active, equality.impulse_index);
             }
         }
     }
@@ -77,25 +77,22 @@ impl<R: Real> Assembler<'_, R> {
     /// Their Jacobians are in `column` on the dofs of the equality. `first` is the number of earlier rows of the equality, from which the
     /// indices of the impulses follow.
     #[inline(always)]
-    fn push_soft_triple(
+    fn push_triple(
         &mut self,
-        input: SoftInput<'_, R>,
         (equality, first): (&CompiledEquality<R::Scalar>, usize),
-        system: &mut SoftSystem<R>,
         law: &SoftLaw<R::Scalar>,
         impedance: R,
         [error, kappa]: [V3<R>; 2],
     ) {
-        let (row_input, mut rate) = (input.row, zero());
-        let active = row_input.alive.and(self.problem.active_equalities.lanes(equality));
+        let (SoftInput { row, effective, .. }, mut rate) = (self.input, zero());
+        let active = row.alive.and(row.active_equalities.lanes(equality));
         for &d in &equality.dofs {
-            rate = add_scaled(rate, self.builder.column[d as usize], row_input.v_free[d as usize]);
+            rate = add_scaled(rate, self.builder.column[d as usize], row.v_free[d as usize]);
         }
-        system.terms.clear();
-        system.terms.extend_from_slice(&equality.dofs);
+        self.system.use_terms(&equality.dofs);
         for k in 0..3 {
-            let law = law_at(law, input.effective, impedance, [error[k], rate[k], kappa[k]], active);
-            self.push_soft_row(input, system, law, unbounded(), active, equality.impulse_index + first + k);
+            let law = law_at(law, effective, impedance, [error[k], rate[k], kappa[k]], active);
+            self.push_row(law, unbounded(), active, equality.impulse_index + first + k);
             for &d in &equality.dofs {
                 let [_, b, c] = self.builder.column[d as usize];
                 self.builder.column[d as usize] = [b, c, R::zero()];
@@ -127,7 +124,7 @@ impl<R: Real> Turn<R> {
         let mut turn = Self { scalar, error: rotate_back(&second, [x, y, z]), kappa: zero(), second };
         let [a, b] = frames.map(|f| frame_velocity(input, f));
         let relative = sub(a, b);
-        let acceleration = sub(angular_acceleration(input.row, frames[0]), angular_acceleration(input.row, frames[1]));
+        let acceleration = sub(angular_acceleration(&input.row, frames[0]), angular_acceleration(&input.row, frames[1]));
         // With w = R1^T (w0 - w1): e' = (s w + w x e) / 2 and s' = -w . e / 2.
         let w = rotate_back(&second, relative);
         let change = rotate_back(&second, sub(acceleration, cross(b, relative)));

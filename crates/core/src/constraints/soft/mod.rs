@@ -13,5 +13,6 @@ mod rows;
 mod slip;
 mod system;
 
-pub use effective_mass::{EffectiveMass, SoftInput};
+pub(crate) use assembly::{SoftAssembler, SoftInput};
+pub use effective_mass::EffectiveMass;
 pub use system::SoftSystem;

@@ -8,11 +8,10 @@ use stepper_solve::soft::{ContactVisit, SlipEffort};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::constraint_problem::ConstraintProblem;
-use crate::constraints::soft::system::{Key, VisitOrder};
+use crate::constraints::soft::system::{Key, SoftSystem, TreeMass, VisitOrder};
 use crate::dynamics::inertia::MassMatrix;
 
-impl<R: Real> ConstraintProblem<R> {
+impl<R: Real> SoftSystem<R> {
     /// Removes slip of contacts by noslip iterations, after the problem is solved. Returns the number of iterations in each lane.
     pub fn remove_slip(
         &mut self,
@@ -22,22 +21,22 @@ impl<R: Real> ConstraintProblem<R> {
         effort: SlipEffort<R::Scalar>,
         contacts: &Contacts<R>,
     ) -> R {
-        let Some(mut system) = self.soft.take() else { return R::zero() };
-        self.order_contacts(compiled, contacts, &mut system.order);
-        let sweeps = system.remove_slip(compiled, factors, free, self.impulse_indices.len(), effort, self.constrained);
-        self.soft = Some(system);
-        sweeps
+        self.order_contacts(compiled, contacts);
+        // Rows after the constraints are couplings of the mass matrix.
+        let Self { problem, solver, acceleration, mass, order, .. } = self;
+        let (metric, constraints) = (TreeMass { compiled, mass, factors }, self.impulse_indices.len());
+        solver.remove_slip(problem, &metric, free, constraints, &order.visits, effort, self.constrained, acceleration)
     }
 
-    /// Determines the order in which noslip iterations visit the contacts of the problem, and writes it to `order`.
-    fn order_contacts(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, order: &mut VisitOrder<R>) {
-        let VisitOrder { visits, places, keyed, order } = order;
+    /// Determines the order in which noslip iterations visit the contacts of the problem.
+    fn order_contacts(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
+        let VisitOrder { visits, places, keyed, order } = &mut self.order;
         let slots = contacts.slots();
         places.clear();
         places.resize(slots, 0..0);
         // The contacts of a slot follow one another.
-        for (i, contact) in self.contact_slots.iter().enumerate() {
-            let range = &mut places[contact.slot];
+        for (i, &(slot, _)) in self.contacts.iter().enumerate() {
+            let range = &mut places[slot];
             *range = if range.start == range.end { i } else { range.start }..i + 1;
         }
         order.clear();
@@ -45,7 +44,7 @@ impl<R: Real> ConstraintProblem<R> {
         for l in 0..R::LANES {
             keyed.clear();
             for k in (0..slots).filter(|&k| contacts.lanes_of(k) >> l & 1 == 1) {
-                keyed.push((self.visit_key(compiled, contacts.ids[k][l].pair()), k as u32));
+                keyed.push((visit_key(compiled, contacts.ids[k][l].pair()), k as u32));
             }
             // If two keys are equal, the lower slot comes first. The list is usually sorted already.
             keyed.sort_unstable();
@@ -62,20 +61,21 @@ impl<R: Real> ConstraintProblem<R> {
                 rest &= !same;
                 let Some(places) = places.get(first as usize) else { continue };
                 let there = R::Mask::from_bits(same);
-                for contact in &self.contact_slots[places.clone()] {
+                for (_, contact) in &self.contacts[places.clone()] {
                     let lanes = contact.lanes.and(there);
                     if lanes.any() {
-                        visits.push(ContactVisit { rolling: contact.rolls, index: contact.index, lanes });
+                        visits.push(ContactVisit { lanes, ..*contact });
                     }
                 }
             }
         }
     }
+}
 
-    fn visit_key(&self, compiled: &LaneModel<R>, pair: usize) -> Key {
-        let (Some(geoms), Some(softness)) = (compiled.pair_geoms(pair), &compiled.softness) else { return [u32::MAX; 4] };
-        let [a, b] = geoms.map(|g| compiled.geoms[g].index);
-        let bodies = [a, b].map(|g| softness.geom_bodies[g]);
-        [bodies[0].min(bodies[1]), bodies[0].max(bodies[1]), a as u32, b as u32]
-    }
+/// Sort key of the contacts of a pair of geoms.
+fn visit_key<R: Real>(compiled: &LaneModel<R>, pair: usize) -> Key {
+    let (Some(geoms), Some(softness)) = (compiled.pair_geoms(pair), &compiled.softness) else { return [u32::MAX; 4] };
+    let [a, b] = geoms.map(|g| compiled.geoms[g].index);
+    let bodies = [a, b].map(|g| softness.geom_bodies[g]);
+    [bodies[0].min(bodies[1]), bodies[0].max(bodies[1]), a as u32, b as u32]
 }

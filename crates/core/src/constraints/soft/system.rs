@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use stepper_real::{Real, kernel};
-use stepper_solve::soft::{ContactVisit, Effort, LaneSolver, Metric, SlipCapacity, SlipEffort, SoftOutcome, SoftProblem, SoftSolver};
+use stepper_real::{Mask, Real, kernel};
+use stepper_solve::soft::{ContactVisit, Effort, LaneSolver, Metric, SlipCapacity, SoftOutcome, SoftProblem, SoftSolver};
 
-use crate::compile::{LaneModel, ModelStructure};
+use crate::compile::{CompiledSoftness, LaneModel, ModelStructure};
+use crate::constraints::constraint_problem::capacity_of;
 use crate::dynamics::inertia::MassMatrix;
 
 /// Constraint problem of MuJoCo's contact law, its solver, and the unknown acceleration.
@@ -13,6 +14,13 @@ use crate::dynamics::inertia::MassMatrix;
 pub struct SoftSystem<R: Real> {
     /// Rows of the constraint problem.
     pub problem: SoftProblem<R>,
+    /// Index of the impulse of every scalar row in the list of impulses of scalar rows. The rows after these are couplings of the effective
+    /// mass matrix.
+    pub(super) impulse_indices: Vec<usize>,
+    /// Contacts of the problem, ascending by their slot in the contact set, which comes first.
+    pub(super) contacts: Vec<(usize, ContactVisit<R::Mask>)>,
+    /// Lanes with at least one row.
+    pub(crate) constrained: R::Mask,
     /// Solver for all lanes at once (Newton's method).
     pub solver: SoftSolver<R>,
     /// Solver for one lane at a time; `Some` only for models with several trees, where contacts may connect different trees in each lane.
@@ -28,18 +36,18 @@ pub struct SoftSystem<R: Real> {
 }
 
 impl<R: Real> SoftSystem<R> {
-    /// Workspace for a compiled model; `None` with hard contact.
-    ///
-    /// `slots` is the capacity of contact slots, and `contacts` the capacity of contacts in the problem. `columns_per_contact` is the
-    /// largest number of degrees of freedom of a row.
-    pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, columns_per_contact: usize) -> Option<Box<Self>> {
-        let softness = compiled.softness.as_ref()?;
+    /// Workspace for a model that is compiled with MuJoCo's law, `softness`, and at most `max_contacts` contacts per environment.
+    pub fn new(compiled: &ModelStructure<R::Scalar>, softness: &CompiledSoftness<R::Scalar>, max_contacts: usize) -> Self {
+        // All lanes of a contact in the problem act on the same trees. A slot whose lanes have geoms of different trees becomes several
+        // contacts, at most one per lane.
+        let parts = if compiled.ntree > 1 { R::LANES } else { 1 };
+        let (contacts, columns_per_contact) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).columns_per_contact);
         let zeros = || vec![R::zero(); compiled.nv];
         let rows = compiled.scalar_impulses;
         let problem =
             SoftProblem::new(softness.cone, rows, rows * compiled.nv.min(16), contacts, columns_per_contact, compiled.has_rolling_friction);
         let mut solver = SoftSolver::new(&softness.order);
-        let visited = if softness.noslip.is_some() { slots } else { 0 };
+        let visited = if softness.noslip.is_some() { max_contacts } else { 0 };
         if softness.noslip.is_some() {
             // A contact connects at most two trees.
             let mut sizes: Vec<usize> = vec![0; compiled.nv];
@@ -48,15 +56,34 @@ impl<R: Real> SoftSystem<R> {
             let columns_per_contact = sizes.iter().rev().take(2).sum();
             solver = solver.with_noslip(SlipCapacity { rows, contacts, columns_per_contact, rolls: compiled.has_rolling_friction });
         }
-        Some(Box::new(Self {
+        Self {
             problem,
+            impulse_indices: Vec::with_capacity(rows),
+            contacts: Vec::with_capacity(if compiled.has_rolling_friction { 2 * contacts } else { contacts }),
+            constrained: R::Mask::splat(false),
             solver,
             in_turn: (R::LANES > 1 && compiled.ntree > 1).then(|| Box::new(LaneSolver::new(&softness.order))),
             order: VisitOrder::new(visited),
             acceleration: zeros(),
             mass: vec![R::zero(); compiled.chain.len()],
             terms: Vec::with_capacity(compiled.nv),
-        }))
+        }
+    }
+
+    /// Removes all rows.
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        self.problem.clear();
+        self.impulse_indices.clear();
+        self.contacts.clear();
+        self.constrained = R::Mask::splat(false);
+    }
+
+    /// Sets the degrees of freedom of the row under construction, ascending.
+    #[inline(always)]
+    pub(super) fn use_terms(&mut self, dofs: &[u32]) {
+        self.terms.clear();
+        self.terms.extend_from_slice(dofs);
     }
 
     /// Reduces the weights of almost rigid rows, see [`SoftSolver::limit_weights`].
@@ -66,16 +93,10 @@ impl<R: Real> SoftSystem<R> {
         solver.limit_weights(problem, &TreeMass { compiled, mass, factors });
     }
 
-    /// Solves for the acceleration in the lanes `lanes`. `free` is the acceleration without constraints.
-    pub fn solve(
-        &mut self,
-        compiled: &LaneModel<R>,
-        factors: &MassMatrix<R>,
-        free: &[R],
-        effort: Effort<R>,
-        lanes: R::Mask,
-    ) -> SoftOutcome<R> {
-        let Self { problem, solver, in_turn, acceleration, mass, .. } = self;
+    /// Solves for the acceleration in the constrained lanes. `free` is the acceleration without constraints.
+    pub fn solve(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R], effort: Effort<R>) -> SoftOutcome<R> {
+        let Self { problem, solver, in_turn, acceleration, mass, constrained: lanes, .. } = self;
+        let lanes = *lanes;
         let metric = TreeMass { compiled, mass, factors };
         if let Some(in_turn) = in_turn
             && in_turn.is_faster(problem, &metric, solver, lanes)
@@ -83,22 +104,6 @@ impl<R: Real> SoftSystem<R> {
             return in_turn.solve(problem, &metric, free, effort, lanes, acceleration, solver);
         }
         solver.solve(problem, &metric, free, effort, lanes, acceleration)
-    }
-
-    /// Removes slip by noslip iterations in the lanes `lanes`, after the solve. Rows from index `constraints` on are couplings of the mass
-    /// matrix. Returns the number of iterations in each lane.
-    pub fn remove_slip(
-        &mut self,
-        compiled: &LaneModel<R>,
-        factors: &MassMatrix<R>,
-        free: &[R],
-        constraints: usize,
-        effort: SlipEffort<R::Scalar>,
-        lanes: R::Mask,
-    ) -> R {
-        let Self { problem, solver, acceleration, mass, order, .. } = self;
-        let visits = &order.visits;
-        solver.remove_slip(problem, &TreeMass { compiled, mass, factors }, free, constraints, visits, effort, lanes, acceleration)
     }
 
     /// Stores the derivative of the acceleration with respect to rows and forces at the present solution; see [`SoftSolver::settle`].
@@ -113,11 +118,11 @@ impl<R: Real> SoftSystem<R> {
         solver.respond(problem, &TreeMass { compiled, mass, factors }, free, acceleration);
     }
 
-    /// Sets the acceleration to `free` in all lanes outside `constrained`, which have no constraints.
-    pub fn accelerate_freely(&mut self, free: &[R], constrained: R::Mask) {
+    /// Sets the acceleration to `free` in all lanes without constraints.
+    pub fn accelerate_freely(&mut self, free: &[R]) {
         kernel!(R, || {
             for (a, &free) in self.acceleration.iter_mut().zip(free) {
-                *a = R::select(constrained, *a, free);
+                *a = R::select(self.constrained, *a, free);
             }
         })
     }
@@ -152,10 +157,10 @@ impl<R: Real> SoftSystem<R> {
 }
 
 /// Mass matrix with the sparsity of the kinematic trees, as metric of both solvers: entries and factors.
-struct TreeMass<'a, R: Real> {
-    compiled: &'a LaneModel<R>,
-    mass: &'a [R],
-    factors: &'a MassMatrix<R>,
+pub(super) struct TreeMass<'a, R: Real> {
+    pub(super) compiled: &'a LaneModel<R>,
+    pub(super) mass: &'a [R],
+    pub(super) factors: &'a MassMatrix<R>,
 }
 
 impl<R: Real> Metric<R> for TreeMass<'_, R> {

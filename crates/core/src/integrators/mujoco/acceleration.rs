@@ -7,10 +7,10 @@ use stepper_solve::soft::Effort;
 use crate::actuation::forces::Implicit;
 use crate::collision::adhesion::set_adhesive_arms;
 use crate::compile::{LaneModel, PathLengths};
-use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::VelocitySolution;
+use crate::constraints::assembler::RowState;
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::soft::{EffectiveMass, SoftInput};
-use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::constraints::soft::{EffectiveMass, SoftAssembler, SoftInput, SoftSystem};
 use crate::dynamics::kinematics::advance;
 use crate::dynamics::mocap;
 use crate::integrators::evaluate::evaluation::Evaluation;
@@ -30,7 +30,7 @@ use crate::tuning::LOOK_AHEAD;
 pub(super) struct Acceleration<'a, R: Real> {
     pub(super) evaluation: &'a mut Evaluation<R>,
     pub(super) free: &'a mut FreeMotion<R>,
-    pub(super) problem: &'a mut ConstraintProblem<R>,
+    pub(super) system: &'a mut SoftSystem<R>,
     pub(super) velocity: &'a mut VelocitySolution<R>,
     pub(super) builder: &'a mut RowBuilder<R>,
     /// Effective mass matrix of the discrete rule; `None` with other integrators.
@@ -38,7 +38,7 @@ pub(super) struct Acceleration<'a, R: Real> {
 }
 
 impl<R: Real> Acceleration<'_, R> {
-    /// Computes the constrained acceleration at the state `stage` (stages 1 to 5 of the step), and stores it in `problem.soft`.
+    /// Computes the constrained acceleration at the state `stage` (stages 1 to 5 of the step), and stores it in `system`.
     ///
     /// With `from_impulse` the solver starts from the constraint impulse of the last step, otherwise from the acceleration of the previous
     /// call.
@@ -50,7 +50,7 @@ impl<R: Real> Acceleration<'_, R> {
 
     /// Constrained acceleration from the last call of [`Acceleration::compute`], nv.
     pub(super) fn constrained(&self) -> &Vec<R> {
-        self.problem.soft.as_ref().map_or(&self.free.smooth.acc, |system| &system.acceleration)
+        &self.system.acceleration
     }
 
     /// Computes stages 1 to 4, from forces to constraint rows, at the state `stage`. `recomputed` is the part of the state that changed
@@ -93,17 +93,15 @@ impl<R: Real> Acceleration<'_, R> {
             });
         }
         span!(probe, Actuate, || self.compute_forces(input, stage));
-        let Self { evaluation: Evaluation { kinematics, .. }, free, problem, effective, .. } = self;
+        let Self { evaluation: Evaluation { kinematics, .. }, free, system, effective, .. } = self;
         span!(probe, MassFactors, || {
             if discrete {
-                return assemble_effective_mass(input, stage, kinematics, free, problem, effective);
+                return assemble_effective_mass(input, stage, kinematics, free, system, effective);
             }
-            if let Some(system) = &mut problem.soft {
-                match recomputed {
-                    Recomputed::Configuration => system.mass.copy_from_slice(&free.smooth.mass.entries),
-                    // Stage 6 added its implicit terms to the entries of the mass matrix. This restores the entries.
-                    Recomputed::Velocity | Recomputed::Forces => free.smooth.mass.entries.copy_from_slice(&system.mass),
-                }
+            match recomputed {
+                Recomputed::Configuration => system.mass.copy_from_slice(&free.smooth.mass.entries),
+                // Stage 6 added its implicit terms to the entries of the mass matrix. This restores the entries.
+                Recomputed::Velocity | Recomputed::Forces => free.smooth.mass.entries.copy_from_slice(&system.mass),
             }
             free.smooth.complete_mass(compiled, kinematics, Implicit::none());
         });
@@ -144,12 +142,11 @@ impl<R: Real> Acceleration<'_, R> {
     /// Computes stage 4: assembles the rows of MuJoCo's contact law.
     #[inline(always)]
     fn assemble(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
-        let StepInput { compiled, options, alive, .. } = input;
-        let Self { evaluation, free, problem, velocity, builder, effective } = self;
+        let StepInput { compiled, inputs, alive, .. } = input;
+        let Self { evaluation, free, system, builder, effective, .. } = self;
         let Some(softness) = &compiled.softness else { return };
-        let row = &RowInput {
+        let row = RowState {
             compiled,
-            options,
             kinematics: &evaluation.kinematics,
             mass: &free.smooth.mass,
             q: &stage.q,
@@ -157,18 +154,12 @@ impl<R: Real> Acceleration<'_, R> {
             motion: &free.smooth.newton_euler,
             v_free: &stage.v,
             losses: &free.actuator_forces.losses,
-            h: R::of(options.timestep),
-            longest: R::of(options.timestep),
-            is_impact: R::Mask::splat(false),
-            bounces_at_end: R::Mask::splat(false),
-            ignores_impacts: R::Mask::splat(false),
-            times: &evaluation.times,
-            in_the_middle: false,
+            active_equalities: &inputs.active_equalities,
             solved_overlaps: evaluation.solved_overlaps.as_deref(),
             alive,
         };
         let input = SoftInput { row, softness, effective: effective.as_ref() };
-        Assembler { problem, velocity, builder }.assemble_soft(input, &mut evaluation.contacts);
+        SoftAssembler { input, builder, system }.assemble(&mut evaluation.contacts);
     }
 
     /// Computes stage 5: solves for the acceleration. The residual is the velocity that the remaining force imbalance would cause in a
@@ -176,24 +167,22 @@ impl<R: Real> Acceleration<'_, R> {
     #[inline(always)]
     fn solve(&mut self, input: StepInput<'_, R>, from_impulse: bool) -> Outcome<R> {
         let StepInput { compiled, options, state, .. } = input;
-        let Self { evaluation, free, problem, velocity, .. } = self;
-        let (h, constrained, smooth) = (R::of(options.timestep), problem.constrained, &free.smooth);
+        let Self { evaluation, free, system, velocity, .. } = self;
+        let (h, constrained, smooth) = (R::of(options.timestep), system.constrained.any(), &free.smooth);
         let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-        if let Some(system) = &mut problem.soft {
-            if from_impulse && constrained.any() {
-                system.start_from_impulse(compiled, &smooth.mass, &smooth.acc, &state.impulse, h);
-            }
-            system.accelerate_freely(&smooth.acc, constrained);
-            if constrained.any() {
-                let effort = Effort { steps: options.iterations, tolerance: R::of(options.tolerance) / h };
-                let solved = system.solve(compiled, &smooth.mass, &smooth.acc, effort, constrained);
-                (outcome.residual, outcome.newton_steps) = (solved.residual * h, solved.steps);
+        if from_impulse && constrained {
+            system.start_from_impulse(compiled, &smooth.mass, &smooth.acc, &state.impulse, h);
+        }
+        system.accelerate_freely(&smooth.acc);
+        if constrained {
+            let effort = Effort { steps: options.iterations, tolerance: R::of(options.tolerance) / h };
+            let solved = system.solve(compiled, &smooth.mass, &smooth.acc, effort);
+            (outcome.residual, outcome.newton_steps) = (solved.residual * h, solved.steps);
+            if let Some(effort) = compiled.softness.as_ref().and_then(|softness| softness.noslip) {
+                outcome.sweeps = system.remove_slip(compiled, &smooth.mass, &smooth.acc, effort, &evaluation.contacts);
             }
         }
-        if let Some(effort) = compiled.softness.as_ref().and_then(|softness| softness.noslip).filter(|_| constrained.any()) {
-            outcome.sweeps = problem.remove_slip(compiled, &smooth.mass, &smooth.acc, effort, &evaluation.contacts);
-        }
-        problem.store_soft_impulses(h, &mut evaluation.contacts, &mut velocity.scalar_impulse, &mut free.constraint_impulse);
+        system.store_impulses(h, &mut evaluation.contacts, &mut velocity.scalar_impulse, &mut free.constraint_impulse);
         outcome
     }
 }

@@ -10,8 +10,7 @@
 
 use stepper_real::{Mask, Real, kernel};
 
-use crate::constraints::ConstraintProblem;
-use crate::constraints::soft::EffectiveMass;
+use crate::constraints::soft::{EffectiveMass, SoftSystem};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::evaluate::free_motion::FreeMotion;
@@ -28,7 +27,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
     stage: &StageState<R>,
     kinematics: &Kinematics<R>,
     free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
+    system: &mut SoftSystem<R>,
     effective: &mut Option<EffectiveMass<R>>,
 ) {
     let StepInput { compiled, options, inputs, .. } = input;
@@ -71,9 +70,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
     smooth.add_implicit_terms(compiled, kinematics, [&[], &[]], v, h);
     kernel!(R, || {
         effective.finish(compiled, &smooth.mass.entries);
-        if let Some(system) = &mut problem.soft {
-            system.mass.copy_from_slice(&smooth.mass.entries);
-        }
+        system.mass.copy_from_slice(&smooth.mass.entries);
         smooth.mass.factor(compiled);
     });
 }
@@ -83,12 +80,12 @@ pub(super) fn integrate_velocity<R: Real>(
     input: StepInput<'_, R>,
     kinematics: &Kinematics<R>,
     free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
+    system: &mut SoftSystem<R>,
     effective: Option<&EffectiveMass<R>>,
     v_next: &mut [R],
 ) {
     let StepInput { compiled, options, state, .. } = input;
-    let (Some(system), h) = (&mut problem.soft, R::of(options.timestep)) else { return };
+    let h = R::of(options.timestep);
     if let Some(effective) = effective {
         for single in compiled.single_bodies.iter().filter(|single| single.kind == JointKind::Free) {
             let dofs = single.dof..single.dof + 6;

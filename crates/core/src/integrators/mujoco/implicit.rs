@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::forces::ForceState;
 use crate::compile::{CompiledTendon, LaneModel, PathLengths, Spring};
-use crate::constraints::ConstraintProblem;
+use crate::constraints::soft::SoftSystem;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::evaluate::free_motion::{FreeMotion, Scratch};
@@ -27,13 +27,12 @@ pub(super) fn integrate_velocity<R: Real>(
     input: StepInput<'_, R>,
     kinematics: &Kinematics<R>,
     free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
+    system: &mut SoftSystem<R>,
     unsymmetric: &mut Option<Unsymmetric<R>>,
     v_next: &mut [R],
 ) {
     let StepInput { compiled, options, state, inputs, .. } = input;
     let (all, h) = (options.integrator != Integrator::Euler, R::of(options.timestep));
-    let Some(system) = &mut problem.soft else { return };
     // Lanes whose joints have implicit damping. With Euler's rule, the other lanes need no solve, and get the bits of an undamped model.
     let damped = kernel!(R, || {
         let mut damped = R::Mask::splat(false);

@@ -39,6 +39,11 @@ use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::Infeasible;
 use crate::tuning::{FAST_ROTATION, MAX_IMPULSE_ROTATION};
 
+/// Workspace of MuJoCo's law, which a model that is compiled with this law has.
+fn of_law<R: Real>(mujoco: &mut Option<Box<MujocoWorkspace<R>>>) -> &mut MujocoWorkspace<R> {
+    mujoco.as_deref_mut().expect("a workspace of this contact law")
+}
+
 /// Makes stages 1 to 7 of a step with MuJoCo's contact law: from forces to positions. Writes the next state to the velocity and position
 /// solutions.
 #[inline(always)]
@@ -48,12 +53,12 @@ pub(crate) fn solve_step<R: Real>(
     s: &mut Workspace<R>,
     probe: impl Probe,
 ) -> StepOutcome<R> {
-    let Workspace { state, inputs, evaluation, free_motion: free, problem, velocity, builder, position, alive, .. } = s;
-    let MujocoWorkspace { stage, runge_kutta: stages, unsymmetric, effective } = &mut s.mujoco;
+    let Workspace { state, inputs, evaluation, free_motion: free, mujoco, velocity, builder, position, alive, .. } = s;
+    let MujocoWorkspace { system, stage, runge_kutta: stages, unsymmetric, effective } = of_law(mujoco);
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
     evaluation.times.reset(R::of(options.timestep), R::zero(), R::zero());
-    let mut acceleration = Acceleration { evaluation, free, problem, velocity, builder, effective };
+    let mut acceleration = Acceleration { evaluation, free, system, velocity, builder, effective };
     let solver = if let Some(stages) = stages {
         runge_kutta(input, (stage, stages), &mut acceleration, position, probe)
     } else {
@@ -86,12 +91,12 @@ fn advance<R: Real>(
     probe: impl Probe,
 ) {
     let StepInput { compiled, options, state, inputs, .. } = input;
-    let Acceleration { evaluation, free, problem, velocity, effective, .. } = acceleration;
+    let Acceleration { evaluation, free, system, velocity, effective, .. } = acceleration;
     let h = R::of(options.timestep);
     let (kinematics, v_next) = (&evaluation.kinematics, &mut velocity.v);
     span!(probe, IntegrateVelocity, || match options.integrator {
-        Integrator::Discrete => discrete::integrate_velocity(input, kinematics, free, problem, effective.as_ref(), v_next),
-        _ => integrate_velocity(input, kinematics, free, problem, unsymmetric, v_next),
+        Integrator::Discrete => discrete::integrate_velocity(input, kinematics, free, system, effective.as_ref(), v_next),
+        _ => integrate_velocity(input, kinematics, free, system, unsymmetric, v_next),
     });
     span!(probe, IntegratePosition, || {
         integrate_position(compiled, &state.q, &velocity.v, &evaluation.times, &mut position.q);
@@ -112,16 +117,14 @@ pub(crate) fn respond_step<R: Real>(
     solution: &[R],
     recomputed: Recomputed,
 ) {
-    let Workspace { state, inputs, evaluation, free_motion: free, problem, velocity, builder, position, alive, .. } = s;
-    let MujocoWorkspace { stage, unsymmetric, effective, .. } = &mut s.mujoco;
+    let Workspace { state, inputs, evaluation, free_motion: free, mujoco, velocity, builder, position, alive, .. } = s;
+    let MujocoWorkspace { system, stage, unsymmetric, effective, .. } = of_law(mujoco);
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
     evaluation.times.reset(R::of(options.timestep), R::zero(), R::zero());
-    let mut acceleration = Acceleration { evaluation, free, problem, velocity, builder, effective };
+    let mut acceleration = Acceleration { evaluation, free, system, velocity, builder, effective };
     acceleration.prepare(input, stage, recomputed, NoProbe);
-    if let Some(system) = &mut acceleration.problem.soft {
-        system.acceleration.copy_from_slice(solution);
-        system.respond(compiled, &acceleration.free.smooth.mass, &acceleration.free.smooth.acc);
-    }
+    acceleration.system.acceleration.copy_from_slice(solution);
+    acceleration.system.respond(compiled, &acceleration.free.smooth.mass, &acceleration.free.smooth.acc);
     advance(input, &mut acceleration, unsymmetric, position, NoProbe);
 }

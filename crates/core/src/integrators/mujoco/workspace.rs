@@ -4,11 +4,11 @@ use stepper_real::Real;
 
 use crate::actuation::forces::ForceState;
 use crate::compile::LaneModel;
-use crate::constraints::soft::EffectiveMass;
+use crate::constraints::soft::{EffectiveMass, SoftSystem};
 use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::unsymmetric::Unsymmetric;
 use crate::integrators::state::State;
-use crate::options::{ContactLaw, Integrator, StepSettings};
+use crate::options::{Integrator, StepSettings};
 
 /// State at which the acceleration is evaluated: the state before the step, or a Runge-Kutta stage.
 #[derive(Clone, Debug)]
@@ -51,9 +51,11 @@ impl<R: Real> RungeKuttaStages<R> {
     }
 }
 
-/// Workspace of the MuJoCo integrator that the options select.
+/// Workspace of a step with MuJoCo's contact law: its constraint problem, and the integrator that the options select.
 #[derive(Clone, Debug)]
 pub(crate) struct MujocoWorkspace<R: Real> {
+    /// Constraint problem, its solver, and the acceleration.
+    pub(crate) system: SoftSystem<R>,
     /// State at which the acceleration is evaluated.
     pub(crate) stage: StageState<R>,
     /// Runge-Kutta stages; `None` with other integrators.
@@ -65,15 +67,17 @@ pub(crate) struct MujocoWorkspace<R: Real> {
 }
 
 impl<R: Real> MujocoWorkspace<R> {
-    /// Workspace for a compiled model and the integrator of `options`.
-    pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings) -> Self {
-        let uses = |integrator| options.contact == ContactLaw::Mujoco && options.integrator == integrator;
+    /// Workspace for a compiled model and the integrator of `options`; `None` with hard contact.
+    pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Option<Box<Self>> {
+        let softness = compiled.softness.as_ref()?;
+        let uses = |integrator| options.integrator == integrator;
         let zeros = |n: usize| vec![R::zero(); n];
-        Self {
+        Some(Box::new(Self {
+            system: SoftSystem::new(compiled, softness, max_contacts),
             stage: StageState { q: zeros(compiled.nq), v: zeros(compiled.nv), act: zeros(compiled.na) },
             runge_kutta: uses(Integrator::Rk4).then(|| RungeKuttaStages::new(compiled.nv, compiled.na)),
             unsymmetric: uses(Integrator::Implicit).then(|| Unsymmetric::new(compiled)),
             effective: uses(Integrator::Discrete).then(|| EffectiveMass::new(compiled)),
-        }
+        }))
     }
 }

@@ -3,7 +3,7 @@
 
 use stepper_real::Real;
 
-use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::assembler::{Assembler, RowInput, RowState};
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::integrators::evaluate::evaluation::Evaluation;
@@ -35,19 +35,24 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// impulses to those of the last step. `predict` may replace them before the solve.
     #[inline(always)]
     pub(crate) fn assemble_problem(&mut self, probe: impl Probe) {
-        let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = self.context;
+        let StepContext { input: StepInput { compiled, options, state, inputs, alive }, evaluation } = self.context;
         let Evaluation { scheme, substep, times, q, kinematics, contacts, solved_overlaps, .. } = evaluation;
         let Self { free, problem, velocity, builder, .. } = self;
         let input = RowInput {
-            compiled,
+            state: RowState {
+                compiled,
+                kinematics,
+                mass: &free.smooth.mass,
+                q,
+                v: &state.v,
+                motion: &free.smooth.newton_euler,
+                v_free: &free.v,
+                losses: &free.actuator_forces.losses,
+                active_equalities: &inputs.active_equalities,
+                solved_overlaps: solved_overlaps.as_deref(),
+                alive,
+            },
             options,
-            kinematics,
-            mass: &free.smooth.mass,
-            q,
-            v: &state.v,
-            motion: &free.smooth.newton_euler,
-            v_free: &free.v,
-            losses: &free.actuator_forces.losses,
             h: scheme.h,
             longest: substep.longest,
             is_impact: substep.is_impact,
@@ -55,8 +60,6 @@ impl<R: Real> VelocityLoop<'_, R> {
             ignores_impacts: substep.ignores_impacts,
             times,
             in_the_middle: scheme.in_the_middle,
-            solved_overlaps: solved_overlaps.as_deref(),
-            alive,
         };
         span!(probe, Assemble, || assemble(&input, contacts, Assembler { problem, velocity, builder }));
     }

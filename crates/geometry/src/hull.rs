@@ -5,7 +5,6 @@ use thiserror::Error;
 use crate::blocks::{self, Block, Ring, SIDE, rings};
 use crate::linear_algebra::*;
 use crate::quickhull;
-use crate::surface_check::SurfaceCheck;
 use crate::vectors::{V, along_axis, furthest, unit_or};
 
 /// Largest distance of a face's vertices from the face's plane, relative to the size of the hull. Vertices of mesh files have single
@@ -37,9 +36,6 @@ pub enum HullError {
     /// The volume of the hull is not finite.
     #[error("its volume is not finite")]
     TooLarge,
-    /// The given surface is not the surface of the convex hull of the points.
-    #[error("the surface kept as its convex hull is not that of its vertices")]
-    OtherSurface,
 }
 
 /// Flat face of a convex hull.
@@ -54,8 +50,6 @@ pub struct Face {
 /// Convex hull of points, in the frame of the points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hull {
-    /// Index of each vertex in the list of points from which the hull was made, ascending.
-    corners: Vec<u32>,
     /// Vertices of the hull, m.
     points: Vec<V>,
     /// Triangles of the hull's surface as vertex indices, counter-clockwise seen from outside.
@@ -100,47 +94,8 @@ impl Hull {
         // Unscaled distances from the plane of three points are products of up to four lengths.
         let extent = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
         let none = if extent.powi(4).is_finite() { HullError::Flat } else { HullError::TooLarge };
-        let triangles = quickhull::triangles(points).ok_or(none)?;
-        let (corners, triangles) = corners(points.len(), &triangles);
-        let neighbours = edge_neighbours(corners.len(), &triangles).expect("the surface of a hull is closed");
-        Self::from_triangles(points, corners, triangles, &neighbours)
-    }
-
-    /// Convex hull of points, m, whose [`Hull::surface`] is known. The result has the same bits as the result of [`Hull::new`], and is
-    /// found in less time.
-    ///
-    /// If the check of the surface fails, the hull is computed from the points and compared.
-    ///
-    /// # Errors
-    /// [`HullError::OtherSurface`] if the triangles are not the surface of a convex body that contains the points.
-    pub fn from_surface(points: &[V], surface: &[[u32; 3]]) -> Result<Self, HullError> {
-        Self::from_convex_surface(points, surface)
-            .or_else(|| Self::new(points).ok().filter(|hull| hull.surface() == surface))
-            .ok_or(HullError::OtherSurface)
-    }
-
-    /// Hull with the given surface. `None` if rounding leaves doubt that the surface is convex and contains all points within the tolerance
-    /// of the faces.
-    fn from_convex_surface(points: &[V], surface: &[[u32; 3]]) -> Option<Self> {
-        if surface.iter().flatten().any(|&v| v as usize >= points.len()) || points.iter().flatten().any(|x| !x.is_finite()) {
-            return None;
-        }
-        let (corners, triangles) = corners(points.len(), surface);
-        let neighbours = edge_neighbours(corners.len(), &triangles)?;
-        let hull = Self::from_triangles(points, corners, triangles, &neighbours).ok()?;
-        let check = SurfaceCheck { points: &hull.points, triangles: &hull.triangles, neighbours: &neighbours, centre: hull.centre };
-        (check.is_convex() && check.contains(points, COPLANAR * hull.bound)).then_some(hull)
-    }
-
-    /// Hull from its vertices and triangles.
-    ///
-    /// `points` are all given points, m, and `corners` the indices of those that are vertices. `triangles` have indices into `corners`.
-    /// `neighbours` are the triangles across the edges that start at each corner of a triangle.
-    fn from_triangles(points: &[V], corners: Vec<u32>, triangles: Vec<[u32; 3]>, neighbours: &[[u32; 3]]) -> Result<Self, HullError> {
-        if corners.is_empty() {
-            return Err(HullError::TooFew);
-        }
-        let points: Vec<V> = corners.iter().map(|&v| points[v as usize]).collect();
+        let [triangles, neighbours] = quickhull::triangles(points).ok_or(none)?;
+        let (points, triangles) = vertices(points, &triangles);
         let (volume, area, centre) = volume(&points, &triangles);
         let bound = points.iter().map(|p| norm(sub(*p, centre))).fold(0.0, f64::max);
         if !(volume.is_finite() && area.is_finite() && bound.is_finite()) {
@@ -151,7 +106,7 @@ impl Hull {
         }
         // An inscribed ball has at most the radius 3 volume / area.
         let thickness = 3.0 * volume / area;
-        let faces = merge(&points, &triangles, neighbours, (COPLANAR * bound).min(COPLANAR_THICKNESS * thickness));
+        let faces = merge(&points, &triangles, &neighbours, (COPLANAR * bound).min(COPLANAR_THICKNESS * thickness));
         if faces.len() < 4 {
             return Err(HullError::Flat);
         }
@@ -168,7 +123,7 @@ impl Hull {
         let least = faces.iter().map(depth).fold(f64::INFINITY, f64::min);
         let along = |k: usize, side: usize| points[extreme[2 * k + side]][k];
         let extent = [std::array::from_fn(|k| along(k, 1)), std::array::from_fn(|k| along(k, 0))];
-        Ok(Self { corners, points, triangles, faces, around, rings, first, blocks, start, extreme, extent, centre, bound, least })
+        Ok(Self { points, triangles, faces, around, rings, first, blocks, start, extreme, extent, centre, bound, least })
     }
 
     /// Vertices of the hull, m.
@@ -179,11 +134,6 @@ impl Hull {
     /// Triangles of the surface as indices of vertices, counter-clockwise seen from outside.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
-    }
-
-    /// Triangles of the surface as indices of the points from which the hull was made, counter-clockwise seen from outside.
-    pub fn surface(&self) -> Vec<[u32; 3]> {
-        self.triangles.iter().map(|t| t.map(|v| self.corners[v as usize])).collect()
     }
 
     /// Flat faces of the hull. Coplanar triangles are one face.
@@ -361,42 +311,13 @@ fn starts(points: &[Block]) -> Vec<u32> {
     (0..6 * CELLS * CELLS).map(|c| blocks::furthest(points, through(c)) as u32).collect()
 }
 
-/// Ascending indices of the points that are corners of triangles, and the triangles with indices into this list. `points` is the number of
-/// all points.
-fn corners(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
-    let mut place = vec![u32::MAX; points];
+/// Points that are corners of triangles, in the given order, and the triangles with indices into this list.
+fn vertices(points: &[V], triangles: &[[u32; 3]]) -> (Vec<V>, Vec<[u32; 3]>) {
+    let mut place = vec![u32::MAX; points.len()];
     triangles.iter().flatten().for_each(|&v| place[v as usize] = 0);
-    let corners: Vec<u32> = (0..points as u32).filter(|&v| place[v as usize] == 0).collect();
-    (0..).zip(&corners).for_each(|(i, &v)| place[v as usize] = i);
-    let triangles = triangles.iter().map(|t| t.map(|v| place[v as usize])).collect();
-    (corners, triangles)
-}
-
-/// For each triangle, the neighbouring triangle across the edge that starts at each of its corners.
-///
-/// `None` if an edge does not have one triangle on each side. `points` is the number of points.
-fn edge_neighbours(points: usize, triangles: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
-    // leaving[first[v]..first[v + 1]] has the edges that start at point v, each as its end point and its triangle.
-    let mut first = vec![0; points + 1];
-    triangles.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
-    (0..points).for_each(|v| first[v + 1] += first[v]);
-    let mut next = first.clone();
-    let mut leaving = vec![(0, 0); 3 * triangles.len()];
-    for (i, t) in (0..).zip(triangles) {
-        for k in 0..3 {
-            let (from, to) = (t[k] as usize, t[(k + 1) % 3]);
-            if leaving[first[from]..next[from]].iter().any(|&(other, _)| other == to) {
-                return None;
-            }
-            leaving[next[from]] = (to, i);
-            next[from] += 1;
-        }
-    }
-    let across = |from: u32, to: u32| {
-        let from = from as usize;
-        leaving[first[from]..first[from + 1]].iter().find(|&&(other, _)| other == to).map(|&(_, t)| t)
-    };
-    triangles.iter().map(|&[a, b, c]| Some([across(b, a)?, across(c, b)?, across(a, c)?])).collect()
+    let corners: Vec<usize> = (0..points.len()).filter(|&v| place[v] == 0).collect();
+    (0..).zip(&corners).for_each(|(i, &v)| place[v] = i);
+    (corners.iter().map(|&v| points[v]).collect(), triangles.iter().map(|t| t.map(|v| place[v as usize])).collect())
 }
 
 /// Volume, m^3, surface area, m^2, and centre of the volume, m, of a convex hull with these triangles.

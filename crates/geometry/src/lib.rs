@@ -106,7 +106,6 @@ mod separation;
 mod shape;
 mod solid;
 mod surface;
-mod surface_check;
 mod vectors;
 mod warm_start;
 mod workspace;

@@ -55,9 +55,9 @@ struct Growing<'a> {
     rim: Vec<[usize; 2]>,
 }
 
-/// Triangles of the convex hull of finite points, counter-clockwise seen from outside. `None` if all points are on one plane up to
-/// rounding.
-pub(super) fn triangles(points: &[V]) -> Option<Vec<[u32; 3]>> {
+/// Triangles of the convex hull of finite points, counter-clockwise seen from outside. For each triangle, the second list has the
+/// neighbouring triangles across the edges that start at its corners. `None` if all points are on one plane up to rounding.
+pub(super) fn triangles(points: &[V]) -> Option<[Vec<[u32; 3]>; 2]> {
     let largest = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
     let simplex = simplex(points, FLAT * largest)?;
     let mut hull = Growing { points, triangles: Vec::new(), near: ROUNDING * largest, rim: vec![[0; 2]; points.len()] };
@@ -69,7 +69,10 @@ pub(super) fn triangles(points: &[V]) -> Option<Vec<[u32; 3]>> {
         }
         next += 1;
     }
-    Some(hull.triangles.iter().filter(|t| t.alive).map(|t| t.corners).collect())
+    let mut alive = 0;
+    let number = hull.triangles.iter().map(|t| (alive, alive += u32::from(t.alive)).0).collect::<Vec<u32>>();
+    let kept = || hull.triangles.iter().filter(|t| t.alive);
+    Some([kept().map(|t| t.corners).collect(), kept().map(|t| t.neighbours.map(|n| number[n])).collect()])
 }
 
 /// Four points that span a large volume. The last point is on the inner side of the triangle of the first three. `None` if all points are
@@ -100,13 +103,7 @@ fn simplex(points: &[V], flat: f64) -> Option<[u32; 4]> {
 ///
 /// `corners` and `p` are indices of `points`.
 pub(super) fn outside(points: &[V], corners: [u32; 3], p: u32) -> f64 {
-    volume_over(corners.map(|v| points[v as usize]), points[p as usize])
-}
-
-/// Six times the volume of the tetrahedron between a triangle and the point `p`, m^3. It is positive if the point is on the outer side of
-/// the triangle. The sign is exact.
-pub(super) fn volume_over(corners: [V; 3], p: V) -> f64 {
-    let [a, b, c, p] = [corners[0], corners[1], corners[2], p].map(|[x, y, z]| Coord3D { x, y, z });
+    let [a, b, c, p] = [corners[0], corners[1], corners[2], p].map(|v| points[v as usize]).map(|[x, y, z]| Coord3D { x, y, z });
     -orient3d(a, b, c, p)
 }
 

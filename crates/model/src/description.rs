@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 use stepper_geometry::Obstacle;
 use stepper_geometry::linear_algebra::*;
 
-use crate::added_fields;
 use crate::asset::{HeightField, Mesh};
 use crate::equality::Equality;
 use crate::fluid::{Ellipsoid, Medium};
@@ -50,7 +49,7 @@ pub struct Description {
     pub excludes: Vec<[usize; 2]>,
     /// Pairs of geoms that overlap in the reference pose and whose collisions are disabled, see
     /// [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
-    #[serde(default, with = "added_fields")]
+    #[serde(default)]
     pub excluded_overlaps: Vec<Overlap>,
     /// Tendons: fixed ones, and spatial ones.
     pub tendons: Vec<Tendon>,
@@ -183,7 +182,7 @@ pub struct Joint {
     /// Lowest and highest sum of actuator forces on this joint, N or N m; `None` without bounds.
     pub actuator_force_range: Option<[f64; 2]>,
     /// Largest speed according to the source file, rad/s or m/s. The step does not enforce it.
-    #[serde(default, with = "added_fields")]
+    #[serde(default)]
     pub velocity_limit: Option<f64>,
     /// Softness of the joint's limit in MuJoCo's contact law.
     pub limit_softness: Softness,
@@ -363,17 +362,17 @@ pub struct Actuator {
     /// Activation dynamics.
     pub activation: Activation,
     /// Whether the force uses the activation at the end of the step and not at its beginning (MuJoCo's `actearly`).
-    #[serde(default, with = "added_fields")]
+    #[serde(default)]
     pub early: bool,
     /// Parameters of the gain: constant, factor of length, factor of velocity. For a DC motor they are resistance and motor constant.
     pub gain: [f64; 3],
     /// Parameters of the bias: constant, factor of length, factor of velocity.
     pub bias: [f64; 3],
     /// Types of gain and bias, which determine how the force follows from these parameters.
-    #[serde(default, with = "added_fields")]
+    #[serde(default)]
     pub force_model: ForceModel,
     /// Parameters of a muscle; unused by other types of gain and bias.
-    #[serde(default, with = "added_fields")]
+    #[serde(default)]
     pub muscle: Muscle,
 }
 

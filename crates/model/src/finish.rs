@@ -10,7 +10,7 @@ pub(crate) use check::parameters as check_parameters;
 pub(crate) use element::{Checked, Element};
 pub(crate) use inertia::check as check_inertia;
 
-use crate::hulls::Source;
+use crate::hulls::Hulls;
 use crate::{Description, EqualityKind, JointKind, Model, ModelError, label};
 
 /// Largest deviation of the norm of a quaternion or axis from 1 that counts as rounding in the source file. Vectors with such a deviation
@@ -31,11 +31,11 @@ impl Description {
     /// [`ModelError::Invalid`] for the first invalid value, with the element and the remedy; [`ModelError::Unsupported`] with all elements
     /// that change the motion and are not simulated.
     pub fn finish(self, strict: bool) -> Result<Model, ModelError> {
-        self.finish_with(strict, Source::Vertices)
+        self.finish_with(strict, &Hulls::default())
     }
 
-    /// Checks the description like [`Description::finish`], with convex hulls from the source `hulls`.
-    pub(super) fn finish_with(self, strict: bool, hulls: Source<'_>) -> Result<Model, ModelError> {
+    /// Checks the description like [`Description::finish`], which takes the convex hulls of meshes that are in `hulls` from there.
+    pub(super) fn finish_with(self, strict: bool, hulls: &Hulls) -> Result<Model, ModelError> {
         let Model { description: mut model, hulls } = self.check(hulls)?;
         model.omitted.retain(|o| !scope::is_own(o));
         model.omitted.extend(scope::not_simulated(&model));
@@ -45,7 +45,7 @@ impl Description {
 
     /// Checks the description like [`Description::finish`], but does not search for elements that are not simulated. The search was done
     /// when the model was first finished.
-    pub(super) fn check(mut self, hulls: Source<'_>) -> Result<Model, ModelError> {
+    pub(super) fn check(mut self, hulls: &Hulls) -> Result<Model, ModelError> {
         check::structure(&self)?;
         self.normalise()?;
         let hulls = check::values(&self, hulls)?;

@@ -48,7 +48,6 @@
 
 mod actuator_fields;
 pub mod actuator_spec;
-mod added_fields;
 mod asset;
 mod builder;
 mod description;

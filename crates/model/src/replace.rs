@@ -1,7 +1,6 @@
 //! Fields of a model that can be read and replaced, as a table.
 
 use crate::actuator_fields::{self, GEAR, PARAMETERS};
-use crate::hulls::Source;
 use crate::overridden_geom_fields::OverriddenGeomFields;
 use crate::{Actuator, Description, Geom, Model, ModelError, Shape};
 
@@ -385,7 +384,7 @@ impl Model {
         OverriddenGeomFields::new(self, fields.iter().map(|field| field.0)).check(fields)?;
         let strict = !self.omitted.iter().any(|o| o.changes_motion);
         // No field changes the vertices of a mesh, so that the hulls can be reused.
-        model.finish_with(strict, Source::Same(&self.hulls))
+        model.finish_with(strict, &self.hulls)
     }
 }
 

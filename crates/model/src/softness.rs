@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::added_fields;
-
 /// Shape of the friction cones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cone {
@@ -106,7 +104,7 @@ pub struct SoftSettings {
     /// Inverse weights (mean inverse inertias) that scale the softness of constraints. With `None`, stepper computes them from the model.
     pub inverse_weights: Option<InverseWeights>,
     /// Settings of the noslip iterations, which run after the solver and reduce the slip of sticking contacts.
-    #[serde(default, with = "added_fields")]
+    #[serde(default)]
     pub noslip: NoSlip,
 }
 

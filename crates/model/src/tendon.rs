@@ -1,6 +1,5 @@
 //! Tendons: linear combinations of joint positions (fixed tendons), and paths through sites and around geoms (spatial tendons).
 
-use crate::added_fields;
 use crate::shape::Shape;
 use crate::softness::Softness;
 use serde::{Deserialize, Serialize};
@@ -14,7 +13,7 @@ pub struct Tendon {
     /// Terms of the length: index of the joint, and coefficient.
     pub joints: Vec<(usize, f64)>,
     /// Path of a spatial tendon; empty for a fixed tendon.
-    #[serde(default, with = "added_fields")]
+    #[serde(default)]
     pub path: Vec<PathElement>,
     /// Lowest and highest tendon length, in the unit u (m or rad); `None` without limits.
     pub range: Option<[f64; 2]>,

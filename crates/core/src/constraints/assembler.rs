@@ -17,8 +17,8 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::options::StepSettings;
 use crate::tuning::WIDE_GAP_RATIO;
 
-/// Assembler of the constraint rows of a step with hard contact. The methods for each kind of element (contacts, limits ...) are in a separate file of this
-/// folder.
+/// Assembler of the constraint rows of a step with hard contact. The methods for each kind of element (contacts, limits ...) are in a
+/// separate file of this folder.
 pub(crate) struct Assembler<'a, R: Real> {
     /// Constraint problem to which the assembler adds rows.
     pub(crate) problem: &'a mut ConstraintProblem<R>,

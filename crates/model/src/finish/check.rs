@@ -5,7 +5,7 @@ mod assets;
 use std::collections::HashSet;
 
 use crate::finish::element::{Checked, Element, elements};
-use crate::hulls::{Hulls, Source};
+use crate::hulls::Hulls;
 use crate::tendon::{PathElement, round};
 use crate::{Activation, Actuator, BiasType, Description, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape, Transmission};
 
@@ -96,7 +96,7 @@ fn joints_fit_bodies(model: &Description) -> Checked {
 }
 
 /// Checks the values of all elements. Returns the convex hulls of the meshes.
-pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, ModelError> {
+pub(super) fn values(model: &Description, hulls: &Hulls) -> Result<Hulls, ModelError> {
     let scene = Element("model".into());
     scene.positive("timestep", &[model.timestep], " s")?;
     scene.finite("gravity", &model.gravity)?;

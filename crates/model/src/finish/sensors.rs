@@ -1,7 +1,6 @@
 //! Checks of sites and sensors.
 
 use crate::finish::element::{Checked, Element, elements};
-use crate::hulls::Source;
 use crate::{ContactSide, Description, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape};
 
 /// Checks every site and sensor.
@@ -98,7 +97,7 @@ impl Model {
     pub fn with_sensors(&self, sensors: impl IntoIterator<Item = Sensor>) -> Result<Self, ModelError> {
         let mut model = self.description.clone();
         model.sensors.extend(sensors);
-        model.check(Source::Same(&self.hulls))
+        model.check(&self.hulls)
     }
 
     /// Checks that no force or torque sensor is part of a loop that active equalities close. `acts(k)` returns whether the equality with

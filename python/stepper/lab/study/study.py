@@ -367,7 +367,7 @@ class Study:
         ]
         return {
             "rows": _ROWS,
-            "model": {"name": model.name, "sha256": model.digest, "omitted": len(model.omitted), "forces": _force_types(model)},
+            "model": {"name": model.name, "sha256": model.digest, "omitted": len(model.omitted)},
             "controller": {"name": controllers.name_of(self.controller), "sha256": controllers.digest_of(self.batch_controller())},
             "start": {"name": controllers.name_of(self.start), "sha256": controllers.digest_of(self.start), "keyframe": self.keyframe},
             "noise": [self.qpos_noise, self.qvel_noise],
@@ -511,14 +511,6 @@ def _words() -> dict[str, tuple[Any, ...]]:
 def _members(part: Any) -> tuple[Any, ...]:
     """Allowed values of an option from one part of its type annotation: the words of a Literal, None for `NoneType`, or the part itself."""
     return get_args(part) or ((None,) if part is type(None) else (part,))
-
-
-def _force_types(model: Model) -> list[str]:
-    """Gain type and bias type of every actuator, as one text. The effect of parameters on gains depends on them.
-
-    `Study.identity` includes these types separately, because the digest of a model does not depend on them.
-    """
-    return [f"{actuator.gaintype} {actuator.biastype}" for actuator in map(model.actuator, range(model.nu))]
 
 
 def _digest(value: Any) -> str:

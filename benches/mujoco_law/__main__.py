@@ -26,9 +26,7 @@ def main() -> None:
         "--only", action="append", default=[], metavar="SUBSTRING", help="compare only models with this in their name; may be repeated"
     )
     parser.add_argument("--states", type=int, default=100, help="number of states of each model [100]")
-    parser.add_argument(
-        "--integrator", choices=("euler", "implicitfast", "implicit", "discrete", "rk4"), help="integrator [that of the model]"
-    )
+    parser.add_argument("--integrator", choices=("euler", "implicitfast", "implicit", "rk4"), help="integrator [that of the model]")
     parser.add_argument("--cone", choices=("pyramidal", "elliptic"), help="friction cone [that of the model]")
     parser.add_argument("--noslip", type=int, metavar="ITERATIONS", help="iterations of MuJoCo's noslip solver [0]")
     parser.add_argument("--out", type=Path, help="folder for mujoco_law.csv")

@@ -44,9 +44,9 @@ class Options:
               this step. Other environments take a midpoint step, which has errors of momentum and energy. The Runge-Kutta step is explicit:
               springs need h sqrt(k / m) < 2.8, and dampers with coefficient d need h d / m < 2.7.
 
-            With contact="mujoco" the integrators are those of MuJoCo: "euler", "implicitfast", "implicit", "discrete" and "rk4". Joint
-            damping is implicit in "euler", unless the model disables that. In "discrete", springs, dampers, servos and constraints are all
-            evaluated together at the end of the step. In "rk4", the constraints are solved in each of the four stages.
+            With contact="mujoco" the integrators are those of MuJoCo, except "discrete": "euler", "implicitfast", "implicit" and "rk4".
+            Joint damping is implicit in "euler", unless the model disables that. In "rk4", the constraints are solved in each of the four
+            stages.
 
             With "midpoint" and "implicit", a servo at its force limit exerts that limit and adds no stiffness. Fixed tendons whose
             joints lie on several branches get an added inertia that grows with h^2 k and h d, which keeps them stable.
@@ -89,7 +89,7 @@ class Options:
 
     timestep: float | None = None
     contact: Literal["hard", "mujoco"] = "hard"
-    integrator: Literal["euler", "midpoint", "implicit", "implicitfast", "discrete", "rk4"] | None = None
+    integrator: Literal["euler", "midpoint", "implicit", "implicitfast", "rk4"] | None = None
     error: float | None = None
     solver: Literal["auto", "pgs", "newton"] = "auto"
     iterations: int = 50

@@ -100,7 +100,7 @@ def test_every_phrase_that_is_translated_is_said():
 
 
 @pytest.mark.parametrize(("call", "message"), [
-    (lambda m: stepper.Stepper(m, options=stepper.Options(integrator="discrete")), 'rk4 with contact="hard"'),
+    (lambda m: stepper.Stepper(m, options=stepper.Options(integrator="implicitfast")), 'rk4 with contact="hard"'),
     (lambda m: stepper.Stepper(m, 1).randomize(timestep=np.ones(1)), r"make a stepper.Stepper of model\.replace\(timestep=\.\.\.\)"),
     (
         lambda m: stepper.Stepper(m, 1).randomize(jnt_stiffness=np.ones((1, 1))),

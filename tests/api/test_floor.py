@@ -252,7 +252,6 @@ def test_the_warning_can_be_silenced_and_saved_models_say_it_in_explain(tmp_path
     ("", stepper.Options(contact="mujoco", integrator="euler", iterations=100)),
     ('integrator="RK4" iterations="5" solver="PGS"', stepper.Options(contact="mujoco", integrator="rk4", iterations=50)),
     ('integrator="implicit" solver="CG"', stepper.Options(contact="mujoco", integrator="implicit", iterations=100)),
-    ('integrator="discrete"', stepper.Options(contact="mujoco", integrator="discrete", iterations=100)),
     ('integrator="implicitfast" iterations="300"', stepper.Options(contact="mujoco", integrator="implicitfast", iterations=300)),
 ])  # fmt: skip
 def test_options_of_a_model_are_those_of_its_source(option, expected):
@@ -261,10 +260,13 @@ def test_options_of_a_model_are_those_of_its_source(option, expected):
 
 
 def test_an_integrator_that_is_not_there_is_named():
-    described = describe(mujoco.MjModel.from_xml_string(scene()))
-    described["requested"]["integrator"] = "leapfrog"
-    with pytest.raises(ValueError, match="the source asks for leapfrog, which stepper does not have; choose"):
-        stepper.Options.from_model(stepper.Model.from_description(described, strict=True))
+    model = stepper.load(scene(option='integrator="discrete"'))
+    for use in (stepper.Options.from_model, lambda m: stepper.Stepper(m, options=stepper.Options(contact="mujoco"))):
+        with pytest.raises(ValueError, match="the source asks for discrete, which stepper does not have; choose"):
+            use(model)
+    # A choice replaces that of the file, and hard contact does not use it.
+    for options in (stepper.Options(contact="mujoco", integrator="implicitfast"), stepper.Options()):
+        stepper.Stepper(model, options=options).step()
 
 
 def test_options_of_a_model_make_a_stepper_that_is_nearer_to_mujoco():

@@ -21,7 +21,7 @@ SIM = stepper.Stepper(MODEL, 2)
 OPTIONS = stepper.Options()
 LIN = stepper.Stepper(MODEL).linearize(sensors=True)
 WORDS = {
-    "contact": ("hard", "mujoco"), "integrator": ("euler", "midpoint", "implicit", "implicitfast", "discrete", "rk4", None),
+    "contact": ("hard", "mujoco"), "integrator": ("euler", "midpoint", "implicit", "implicitfast", "rk4", None),
     "solver": ("auto", "pgs", "newton"), "stabilization": ("baumgarte", "split", "none"),
 }  # fmt: skip
 NUMBERS = {
@@ -137,7 +137,7 @@ def test_an_option_is_one_of_its_words_or_an_error(option):
     for word in ("foo", "Euler", "soft", "Newton", 3, -1.5):
         raises((TypeError, ValueError), f"{option} is ", stepper.Options, **{option: word})
     for word in WORDS[option]:
-        more = {"contact": "mujoco"} if word in ("implicitfast", "discrete") else {}
+        more = {"contact": "mujoco"} if word == "implicitfast" else {}
         assert getattr(stepper.Options(**{option: word}, **more), option) == word
 
 

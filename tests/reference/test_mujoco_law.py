@@ -22,7 +22,7 @@ OTHER_POINTS = {"gymnasium/pusher": "plane and cylinder", "gymnasium/pusher_v5":
 EXACT = stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100)
 CROWD = """<mujoco><option cone="{cone}" timestep=".004"/><worldbody><geom type="plane" size="9 9 .1" friction=".6"/>
   {bodies}<body name="plate" pos="0 0 .05"><freejoint/><geom type="box" size="1 1 .04" mass="9"/></body></worldbody></mujoco>"""
-TUMBLES = """<mujoco><option integrator="discrete" timestep=".01" gravity="0 0 {gravity}"/><worldbody><geom type="plane" size="9 9 .1"/>
+TUMBLES = """<mujoco><option integrator="implicitfast" timestep=".01" gravity="0 0 {gravity}"/><worldbody><geom type="plane" size="9 9 .1"/>
   <body name="stone" pos="0 0 .3"><freejoint/><geom type="box" size=".1 .2 .05" mass="2"/><site name="s" pos=".1 0 .1"/></body>
   <body pos="2 0 1"><freejoint/><geom type="ellipsoid" size=".1 .05 .03" mass="1"/></body></worldbody>{more}</mujoco>"""
 
@@ -80,7 +80,7 @@ def test_robots_of_others_step_as_in_mujoco(name, sweeps):
     assert found.same == 1.0 or name in OTHER_POINTS
 
 
-@every(sweeps=[0, 20], cone=["pyramidal", "elliptic"], integrator=["euler", "implicitfast", "implicit", "discrete", "rk4"])
+@every(sweeps=[0, 20], cone=["pyramidal", "elliptic"], integrator=["euler", "implicitfast", "implicit", "rk4"])
 def test_every_cone_with_every_integrator(cone, integrator, sweeps):
     cone, integrator = getattr(mujoco.mjtCone, f"mjCONE_{cone.upper()}"), getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     found = parity(compiled(SOURCES["dm_control/quadruped"], cone=int(cone), integrator=int(integrator), noslip_iterations=sweeps))
@@ -140,51 +140,6 @@ SCENES = {
     },
     "implicitfast": {"option": 'integrator="implicitfast"', "joint": 'damping=".1"'},
     "implicit": {"option": 'integrator="implicit"', "joint": 'damping=".1"'},
-    "discrete": {"option": 'integrator="discrete"', "joint": 'damping=".1" stiffness="2" springref=".2"'},
-    "discrete elliptic": {
-        "option": 'integrator="discrete" cone="elliptic" impratio="5"',
-        "geom": 'condim="4"',
-        "joint": 'armature=".1" damping="3"',
-    },
-    "discrete condim 1": {"option": 'integrator="discrete"', "geom": 'condim="1"', "joint": 'armature=".02" damping="2"'},
-    "discrete condim 6 of a pyramid": {
-        "option": 'integrator="discrete"',
-        "geom": 'condim="6" friction=".8 .02 .003"',
-        "joint": 'damping="2"',
-    },
-    "discrete solreffriction": {
-        "option": 'integrator="discrete" cone="elliptic"',
-        "more": PAIR.format(friction=".9 .3 .02 .003 .001", more='solref=".03 1" solreffriction=".001 1"'),
-    },
-    "discrete below two steps": {
-        "option": 'integrator="discrete" timestep=".005"',
-        "geom": 'solref=".002 1"',
-        "joint": 'solreflimit=".003 .5" solreffriction=".001 1" frictionloss=".05"',
-    },
-    "discrete, nearly rigid": {"option": 'integrator="discrete"', "geom": 'solref=".001 .1" solimp=".9998 .99995 .001"'},
-    "discrete, refsafe off": {
-        "option": 'integrator="discrete"',
-        "geom": 'solref=".0005 1"',
-        "joint": 'solreflimit=".0003 .5"',
-        "more": '<option><flag refsafe="disable"/></option>',
-    },
-    "discrete direct solref": {"option": 'integrator="discrete"', "geom": 'solref="-2e5 -30"', "joint": 'solreflimit="-5e5 -7"'},
-    "discrete tendon and servos": {
-        "option": 'integrator="discrete"',
-        "more": '<tendon><fixed name="t" range="-.05 .05" limited="true" frictionloss=".02" stiffness="3e3" damping=".2"'
-        ' springlength="-.01 .01">'
-        '<joint joint="hinge" coef="1"/><joint joint="slide" coef="-2"/></fixed></tendon>'
-        '<actuator><position joint="hinge" kp="500" kv="3" forcerange="-20 20" ctrlrange="-.3 .3"/>'
-        '<position tendon="t" kp="800" dampratio="1"/><intvelocity joint="hinge" kp="90" actrange="-1 1"/>'
-        '<general joint="slide" gaintype="affine" gainprm="0 -200 -30" ctrlrange="-1 1"/>'
-        "</actuator>",
-    },
-    "discrete equalities": {
-        "option": 'integrator="discrete"',
-        "joint": 'damping=".4" armature=".02"',
-        "more": '<equality><weld body1="rod" body2="bob" solref=".001 1"/>'
-        '<joint joint1="hinge" joint2="slide" polycoef="0 .1 0 0 0"/></equality>',
-    },
     "damping": {"joint": 'damping=".1"'},
     "eulerdamp off": {"joint": 'damping=".1"', "more": '<option><flag eulerdamp="disable"/></option>'},
     "rk4": {"option": 'integrator="RK4"'},
@@ -300,7 +255,6 @@ def test_bodies_on_a_plate_accelerate_as_mujocos(cone):
 @pytest.mark.parametrize(("options", "words"), [
     ({"integrator": "midpoint"}, "integrator is midpoint"),
     ({"contact": "hard", "integrator": "implicitfast"}, "integrator is implicitfast"),
-    ({"contact": "hard", "integrator": "discrete"}, "integrator is discrete"),
     ({"contact": "soft"}, 'contact is "soft", must be one of: hard, mujoco'),
 ])  # fmt: skip
 def test_what_the_law_does_not_have_is_named(options, words):
@@ -308,8 +262,8 @@ def test_what_the_law_does_not_have_is_named(options, words):
 
 
 @pytest.mark.parametrize("more", ["", '<actuator><position site="s" refsite="r" gear="1 .2 0 0 .1 0" kp="300" kv="4"/></actuator>'])
-def test_free_bodies_tumble_as_mujocos_in_discrete_steps(more):
-    """Bodies that nothing touches have the derivative of their gyroscopic force, those that something does have not."""
+def test_free_bodies_tumble_as_mujocos(more):
+    """Bodies on free joints have the derivative of their gyroscopic force in the implicit matrix."""
     text = TUMBLES.format(gravity=-9.81, more=more).replace('<geom type="plane"', '<site name="r" pos=".1 .2 .3"/><geom type="plane"')
     model = compiled(text)
     rng, data = np.random.default_rng(1), mujoco.MjData(model)
@@ -329,29 +283,7 @@ def test_free_bodies_tumble_as_mujocos_in_discrete_steps(more):
     assert touching == {True, False}
 
 
-def test_discrete_steps_hold_what_other_integrators_cannot():
-    """A servo of 1e6 N m/rad on 1 g m^2 with 10 ms: h^2 k / m is 1e5, where Euler's rule goes to infinity and this one comes to rest."""
-    text = """<mujoco><option integrator="discrete" timestep=".01"/><worldbody><body><joint name="j" axis="0 1 0"/>
-      <inertial pos="0 0 0" mass="1" diaginertia=".001 .001 .001"/></body></worldbody>
-      <actuator><position joint="j" kp="1e6"/></actuator></mujoco>"""
-    sim = stepper.Stepper(stepper.load(text), options=stepper.Options.from_model(stepper.load(text)))
-    sim.step(np.array([0.3]), nstep=20)
-    assert abs(sim.qpos[0] - 0.3) < 1e-6
-
-
-def test_forces_of_constraints_are_no_springs():
-    """In discrete steps springs across joints are rows of the solver's problem, and not among the forces of constraints."""
-    tendon = '<fixed name="t" stiffness="500" damping="2"><joint joint="hinge" coef="1"/><joint joint="slide" coef="-2"/></fixed>'
-    model = compiled(scene(option='integrator="discrete"', more=f"<tendon>{tendon}</tendon>"))
-    found = states(model, 12)
-    sim = start(stepper.load(model), found)
-    sim.step()
-    for env, data in stepped(model, found):
-        size = 1 + np.abs(data.qfrc_constraint).max()
-        assert np.abs(sim.qfrc_constraint[env] - data.qfrc_constraint).max() < AGREES * size
-
-
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit", "RK4", "discrete"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit", "RK4"])
 def test_a_step_with_the_inertia_of_a_tendon_is_mujocos(integrator):
     """The inertia of a fixed tendon is in the mass matrix."""
     tendon = '<fixed armature=".3"><joint joint="hinge" coef="1"/><joint joint="slide" coef="-2"/></fixed>'

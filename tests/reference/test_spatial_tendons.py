@@ -62,7 +62,7 @@ ACTUATORS = {
     "muscle with a smooth activation": MUSCLE.format('tausmooth=".3"'),
     "bounded muscle": MUSCLE.format('forcerange="-5 0"'),
 }
-INTEGRATORS = ["Euler", "implicitfast", "implicit", "RK4", "discrete"]
+INTEGRATORS = ["Euler", "implicitfast", "implicit", "RK4"]
 # MuJoCo allows an inertia of tendons that wrap around nothing.
 STRAIGHT = {
     "one branch": '<site site="base"/><site site="tip"/>',

@@ -47,22 +47,21 @@ named! {
         /// MuJoCo's `implicitfast`, only with MuJoCo's contact law: Euler's rule with the symmetric part of the forces' derivatives with
         /// respect to velocity.
         ImplicitFast = "implicitfast",
-        /// MuJoCo's `discrete`, only with MuJoCo's contact law. Springs, dampers, servos and constraint rows are evaluated at the end of
-        /// the step, and the constraints are solved with the resulting mass matrix.
-        Discrete = "discrete",
     }
 }
 
 impl Integrator {
-    /// Integrator whose name in model files is `name`; `None` if no integrator has this name.
-    pub(crate) fn of_source(name: &str) -> Option<Self> {
+    /// Integrator whose name in model files is `name`.
+    ///
+    /// # Errors
+    /// [`Error::SourceIntegrator`] if no integrator has this name.
+    fn of_source(name: &str) -> Result<Self, Error> {
         match name {
-            "Euler" => Some(Self::Euler),
-            "RK4" => Some(Self::Rk4),
-            "implicitfast" => Some(Self::ImplicitFast),
-            "implicit" => Some(Self::Implicit),
-            "discrete" => Some(Self::Discrete),
-            _ => None,
+            "Euler" => Ok(Self::Euler),
+            "RK4" => Ok(Self::Rk4),
+            "implicitfast" => Ok(Self::ImplicitFast),
+            "implicit" => Ok(Self::Implicit),
+            _ => Err(Error::SourceIntegrator { found: name.to_owned() }),
         }
     }
 }
@@ -186,7 +185,7 @@ const MAX_TOLERANCE: f64 = 1e-4;
 const MAX_TURN_RATE: f64 = 6e-3;
 
 /// Quantities of a model from which options follow that the user has not set.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct ModelScales {
     /// Time step of the model, s.
     pub(crate) timestep: f64,
@@ -195,8 +194,8 @@ pub(crate) struct ModelScales {
     /// Radius of gyration of the smallest body with a free joint, m; infinite if there is none. The radius is that about the axis of the
     /// largest moment of inertia, so that a thin rod counts as long.
     pub(crate) smallest_gyration_radius: f64,
-    /// Integrator that the model file selects; `None` if it selects none.
-    pub(crate) integrator: Option<Integrator>,
+    /// Name of the integrator that the model file selects; `None` if it selects none.
+    pub(crate) integrator: Option<String>,
 }
 
 impl ModelScales {
@@ -208,7 +207,7 @@ impl ModelScales {
             timestep: model.timestep,
             gravity: model.gravity.iter().map(|g| g * g).sum::<f64>().sqrt(),
             smallest_gyration_radius: gyration.fold(f64::INFINITY, f64::min),
-            integrator: model.requested.as_ref().and_then(|requested| Integrator::of_source(&requested.integrator)),
+            integrator: model.requested.as_ref().map(|requested| requested.integrator.clone()),
         }
     }
 }
@@ -260,8 +259,7 @@ impl Options {
     /// [`Error::SourceIntegrator`] when the source selects an integrator that does not exist here.
     pub fn from_model(model: &Description) -> Result<Self, Error> {
         let Some(requested) = &model.requested else { return Ok(Self::default()) };
-        let name = &requested.integrator;
-        let integrator = Integrator::of_source(name).ok_or_else(|| Error::SourceIntegrator { found: name.clone() })?;
+        let integrator = Integrator::of_source(&requested.integrator)?;
         let usual = Self::default();
         let iterations = usual.iterations.max(requested.iterations);
         Ok(Self { contact: ContactLaw::Mujoco, integrator: Some(integrator), iterations, ..usual })
@@ -270,9 +268,10 @@ impl Options {
     /// Resolves these options to settings, for a model with the scales `scales`.
     ///
     /// # Errors
-    /// [`Error::Option`] for an integrator that the contact law does not have.
+    /// [`Error::Option`] for an integrator that the contact law does not have. [`Error::SourceIntegrator`] if the options select none, and
+    /// the file one that does not exist here.
     pub(crate) fn resolve(&self, scales: &ModelScales, precision: Precision) -> Result<StepSettings, Error> {
-        let integrator = self.integrator_of(scales.integrator)?;
+        let integrator = self.integrator_of(scales.integrator.as_deref())?;
         let timestep = self.timestep.unwrap_or(scales.timestep);
         Ok(StepSettings {
             timestep,
@@ -293,18 +292,19 @@ impl Options {
         })
     }
 
-    /// Integrator of the step. `asked` is the integrator that the model file selects; `None` if it selects none.
+    /// Integrator of the step. `asked` is the name of the integrator that the model file selects; `None` if it selects none.
     ///
     /// # Errors
-    /// [`Error::Option`] for an integrator that the contact law does not have.
-    fn integrator_of(&self, asked: Option<Integrator>) -> Result<Integrator, Error> {
-        let integrator = self.integrator.unwrap_or(match self.contact {
-            ContactLaw::Hard => Integrator::Midpoint,
-            ContactLaw::Mujoco => asked.unwrap_or(Integrator::Euler),
-        });
+    /// The errors of [`Options::resolve`].
+    fn integrator_of(&self, asked: Option<&str>) -> Result<Integrator, Error> {
+        let integrator = match (self.integrator, self.contact) {
+            (Some(integrator), _) => integrator,
+            (None, ContactLaw::Hard) => Integrator::Midpoint,
+            (None, ContactLaw::Mujoco) => asked.map_or(Ok(Integrator::Euler), Integrator::of_source)?,
+        };
         let must = match (self.contact, integrator) {
-            (ContactLaw::Mujoco, Integrator::Midpoint) => "euler, implicitfast, implicit, discrete or rk4 with ContactLaw::Mujoco",
-            (ContactLaw::Hard, Integrator::ImplicitFast | Integrator::Discrete) => "euler, midpoint, implicit or rk4 with ContactLaw::Hard",
+            (ContactLaw::Mujoco, Integrator::Midpoint) => "euler, implicitfast, implicit or rk4 with ContactLaw::Mujoco",
+            (ContactLaw::Hard, Integrator::ImplicitFast) => "euler, midpoint, implicit or rk4 with ContactLaw::Hard",
             _ => "",
         };
         if !must.is_empty() {

@@ -50,7 +50,6 @@ fn a_step_allocates_nothing_the_second_time() {
         Options { integrator: Some(Integrator::Euler), stabilization: Stabilization::Split, ..base },
         Options { solver: Solver::Newton, ..base },
         Options { contact: ContactLaw::Mujoco, ..base },
-        Options { contact: ContactLaw::Mujoco, integrator: Some(Integrator::Discrete), ..base },
     ];
     for options in settings {
         for (n, precision) in [(1, Precision::F64), (20, Precision::F64), (20, Precision::F32)] {

@@ -46,8 +46,7 @@ impl<'py> Given<'_, 'py> {
 /// Settings of the step for the core, from a `stepper.Options` object.
 pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
     let given = Given(given);
-    let integrators =
-        [Integrator::Euler, Integrator::Midpoint, Integrator::Implicit, Integrator::ImplicitFast, Integrator::Discrete, Integrator::Rk4];
+    let integrators = [Integrator::Euler, Integrator::Midpoint, Integrator::Implicit, Integrator::ImplicitFast, Integrator::Rk4];
     let integrators = integrators.map(|integrator| (integrator.name(), integrator));
     let stabilizations = [("baumgarte", Stabilization::Baumgarte), ("split", Stabilization::Split), ("none", Stabilization::None)];
     let options = Options {

@@ -20,7 +20,7 @@ pub struct EquivalentSpring {
 pub fn equivalent_springs(model: &Model) -> Vec<EquivalentSpring> {
     let mut compiled = CompiledModel::<f64>::new(model);
     let weights = model.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(model));
-    compiled.soften(model, &weights, model.timestep, false);
+    compiled.soften(model, &weights, model.timestep);
     let structure = compiled.structure;
     let laws = structure.softness.expect("it was just added").pairs;
     let spring = |(pair, law): (&CompiledPair<f64>, &SoftContactLaw<f64>)| {

@@ -15,7 +15,7 @@ use crate::batch::worst_row::WorstRow;
 use crate::compile::{CompiledModel, obstacle_count};
 use crate::error::Error;
 use crate::model::Model;
-use crate::options::{ContactLaw, Integrator, StepSettings};
+use crate::options::{ContactLaw, StepSettings};
 use crate::sensing::errors::Errors;
 use crate::stages::s10_record::Status;
 
@@ -116,7 +116,7 @@ pub(super) fn compile<S: LaneScalar>(model: &Model, specs: &[Option<ActuatorSpec
     let mut compiled = CompiledModel::with_actuator_specs(model, specs);
     if settings.contact == ContactLaw::Mujoco {
         let weights = model.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(model));
-        compiled.soften(model, &weights, settings.timestep, settings.integrator == Integrator::Discrete);
+        compiled.soften(model, &weights, settings.timestep);
     }
     compiled
 }

@@ -41,7 +41,7 @@ pub use passive::{CompiledEllipsoid, FluidShape};
 pub(crate) use paths::obstacle_count;
 pub use paths::{CompiledObstacle, CompiledPath, CompiledSegment, PathLengths, PathTerm, Spot};
 pub use ray_surfaces::RaySurfaces;
+pub(crate) use softness::MIN_FRICTION;
 pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};
-pub(crate) use softness::{EndLaw, MIN_FRICTION, MIN_MOBILITY};
 pub use static_pairs::StaticPairs;
 pub use tree::{CompiledJoint, CompiledSingleBody, Descendant, Dof, Link};

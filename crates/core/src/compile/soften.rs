@@ -13,13 +13,13 @@ use crate::model::{Cone, Equality, EqualityKind, Filter, InverseWeights, Joint, 
 impl<S: Scalar> CompiledModel<S> {
     /// Adds the constraint parameters of MuJoCo's contact law, for steps of `timestep` seconds.
     ///
-    /// If `discrete` is true, a step evaluates constraints at its end. The function also removes the pair groups. They serve to remove
+    /// The function also removes the pair groups. They serve to remove
     /// redundant contacts, but MuJoCo's contact law determines the force of every contact.
-    pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64, discrete: bool) {
+    pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64) {
         let SoftSettings { cone, impratio, refsafe, noslip, .. } = model.soft;
         let effort = SlipEffort { sweeps: noslip.iterations, tolerance: S::from_f64(noslip.tolerance) };
-        let least_time = if refsafe && !discrete { 2.0 * timestep } else { 0.0 };
-        let maker = LawMaker { least_time, timestep, yields: refsafe && discrete };
+        let least_time = if refsafe { 2.0 * timestep } else { 0.0 };
+        let maker = LawMaker { least_time, timestep };
         let geom_weights: Vec<f64> = model.geoms.iter().map(|g| weights.bodies[g.body][0]).collect();
         let addresses = &self.structure.merged.addresses;
         let joints = || model.joints.iter().zip(addresses);
@@ -36,7 +36,7 @@ impl<S: Scalar> CompiledModel<S> {
         });
         let equalities = model.equalities.iter().map(|e| {
             let [translation, rotation] = equality_weights(e, weights, addresses);
-            [maker.equality(&e.softness, translation), maker.equality(&e.softness, rotation)]
+            [maker.law(&e.softness, translation), maker.law(&e.softness, rotation)]
         });
         let filter = Filter::new(model);
         let pairs = self.structure.pairs.iter().map(|pair| {

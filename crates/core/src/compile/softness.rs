@@ -11,8 +11,6 @@ const IMPEDANCE: [f64; 2] = [1e-4, 0.9999];
 
 /// Smallest coefficient of friction (`mjMINMU`).
 pub(crate) const MIN_FRICTION: f64 = 1e-5;
-/// Inverse inertia along a row below which the row counts as immovable, 1/kg or 1/(kg m^2) (MuJoCo's `mjMINVAL`).
-pub(crate) const MIN_MOBILITY: f64 = MIN_VALUE;
 
 /// Constraint law of a soft row: reference acceleration -B v - K d(r) r, and regularisation (1 - d(r)) / d(r) times an approximate inverse
 /// inertia.
@@ -36,8 +34,6 @@ pub struct SoftLaw<S> {
     power: S,
     /// Approximate inverse inertia along the row, 1/kg or 1/(kg m^2).
     pub weight: S,
-    /// Whether a discrete step softens the row if its spring is too stiff for the time step (`refsafe`).
-    pub yields: bool,
 }
 
 /// Constraint law of the contacts of a pair of geoms.
@@ -94,8 +90,6 @@ pub(super) struct LawMaker {
     pub(super) least_time: f64,
     /// Time step, s.
     pub(super) timestep: f64,
-    /// Whether discrete steps soften limits and contacts that are too stiff for the time step, see [`SoftLaw::yields`].
-    pub(super) yields: bool,
 }
 
 impl<S: Scalar> SoftLaw<S> {
@@ -138,55 +132,6 @@ impl<S: Scalar> SoftLaw<S> {
         let reference = -(R::splat(self.damping) * v) - R::splat(self.stiffness) * impedance * r;
         let weight = R::one() / Self::regularisation(impedance, R::splat(self.weight));
         [reference, R::select(active, weight, R::zero())]
-    }
-}
-
-/// Constraint law of a soft row whose spring and damper are evaluated at the end of a discrete step.
-///
-/// The reference acceleration is -(K d r + (B + h K d) v) / f, and the regularisation R / f, with f = 1 + h B + h^2 K d (MuJoCo's
-/// documentation, "Integrators"). K is the stiffness, B the damping, d the impedance, r the position error, v its rate and h the time step.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct EndLaw<R> {
-    /// Coefficients K d (of the position error) and B + h K d (of its rate) in the reference acceleration, before it is divided by
-    /// `factor`.
-    pub(crate) spring: [R; 2],
-    /// Factor f = 1 + h B + h^2 K d, by which the reference acceleration and the regularisation are divided.
-    pub(crate) factor: R,
-}
-
-impl<R: Real> EndLaw<R> {
-    /// Constraint law at the impedance `impedance`, for a step of `h` seconds.
-    ///
-    /// A law that is too stiff for the time step, h^2 K d > 1, gets the largest stiffness with which the row does not bounce, h^2 K d = 1.
-    /// The law keeps its damping ratio as far as the largest impedance permits.
-    #[inline(always)]
-    pub(crate) fn new(law: &SoftLaw<R::Scalar>, impedance: R, h: R) -> Self {
-        let (mut stiffness, mut damping) = (R::splat(law.stiffness) * impedance, R::splat(law.damping));
-        if law.yields {
-            let (rate, most) = (R::one() / h, R::of(IMPEDANCE[1]));
-            let excess = h * h * stiffness;
-            let unresolved = excess.gt(R::one());
-            let largest = most * (R::one() - impedance) / (impedance * (R::one() - most));
-            let ratio = damping / R::select(unresolved, excess, R::one()).sqrt();
-            let softened = ratio.min((largest - R::of(2.0)).max(R::zero()) * rate);
-            stiffness = R::select(unresolved, rate * rate, stiffness);
-            damping = R::select(unresolved, softened, damping);
-        }
-        Self { spring: [stiffness, damping + h * stiffness], factor: R::one() + h * damping + h * h * stiffness }
-    }
-
-    /// Regularisation of a constraint row with the impedance `impedance` and the approximate inverse inertia `weight`. The regularisation
-    /// at MuJoCo's largest impedance is the lower bound of the result.
-    #[inline(always)]
-    pub(crate) fn regularisation(&self, impedance: R, weight: R) -> R {
-        let own = SoftLaw::<R::Scalar>::regularisation(impedance, weight) / self.factor;
-        own.max((Self::least() * weight).max(R::of(MIN_VALUE)))
-    }
-
-    /// Smallest ratio of a row's regularisation to its approximate inverse inertia.
-    #[inline(always)]
-    pub(crate) fn least() -> R {
-        R::of((1.0 - IMPEDANCE[1]) / IMPEDANCE[1])
     }
 }
 
@@ -238,18 +183,12 @@ impl LawMaker {
             factors: scalars(factors),
             power: of(power),
             weight: of(weight),
-            yields: self.yields && in_one_format(softness.solref)[0] > 0.0,
         }
-    }
-
-    /// Constraint law of an equality row. Discrete steps never soften it.
-    pub(super) fn equality<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
-        SoftLaw { yields: false, ..self.law(softness, weight) }
     }
 
     /// Constraint law of dry friction, which has no stiffness.
     pub(super) fn friction<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
-        SoftLaw { stiffness: S::default(), ..self.equality(softness, weight) }
+        SoftLaw { stiffness: S::default(), ..self.law(softness, weight) }
     }
 
     pub(super) fn contact<S: Scalar>(self, pair: &Pair, weight: f64) -> SoftContactLaw<S> {
@@ -282,7 +221,6 @@ impl LawMaker {
             factors: [of(1.0); 2],
             power: of(1.0),
             weight: of(weight),
-            yields: false,
         };
         let condim = pair.condim;
         SoftContactLaw { normal, friction_damping: normal.damping, condim, anisotropy: scalars(pair.anisotropy), spring: normal.weight }

@@ -119,24 +119,6 @@ impl<R: Real> Hessian<R> {
         self.add_contacts(&problem.rolling_contacts, problem.cone, &argument.rolling_contacts);
     }
 
-    /// Sets the matrix to the mass matrix `metric` plus the couplings. Couplings are the scalar rows with an index of at least `first`.
-    /// They are terms of the mass matrix and no constraints.
-    ///
-    /// If `lumped`, only the diagonals of the couplings are added. The pattern must be that of the problem.
-    #[inline(always)]
-    pub(super) fn assemble_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, first: usize, lumped: bool) {
-        self.copy_metric(metric);
-        for row in &problem.rows[first..] {
-            let (columns, jacobian) = problem.entries(row);
-            for (k, (&d, &j)) in columns.iter().zip(jacobian).enumerate() {
-                let (scaled, from) = (j * row.weight, if lumped { k } else { 0 });
-                for (&c, &j) in columns[from..=k].iter().zip(&jacobian[from..=k]) {
-                    *self.entry(d, c) += scaled * j;
-                }
-            }
-        }
-    }
-
     /// Sets the entries to those of the mass matrix, and to zero where only other terms have entries.
     #[inline(always)]
     fn copy_metric(&mut self, metric: &impl Metric<R>) {

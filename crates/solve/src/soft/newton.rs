@@ -141,9 +141,7 @@ impl<R: Real> SoftSolver<R> {
     /// the lanes `lanes`.
     ///
     /// `a` is replaced by the acceleration with the new forces (see the module `noslip`). `visits` are the contacts in the order in which
-    /// each sweep visits them. Scalar rows with an index of at least `constraints` are couplings of the mass matrix and no constraints. The
-    /// sweeps use only the diagonal of each coupling, as MuJoCo's do; the final acceleration uses the whole coupling. Returns the number of
-    /// sweeps of each lane.
+    /// each sweep visits them. Returns the number of sweeps of each lane.
     ///
     /// # Panics
     /// If the solver was made without [`SoftSolver::with_noslip`].
@@ -153,57 +151,27 @@ impl<R: Real> SoftSolver<R> {
         problem: &SoftProblem<R>,
         metric: &impl Metric<R>,
         free: &[R],
-        constraints: usize,
         visits: &[ContactVisit<R::Mask>],
         effort: SlipEffort<R::Scalar>,
         lanes: R::Mask,
         a: &mut [R],
     ) -> R {
         let mut noslip = self.noslip.take().expect("made with capacity for it");
-        let coupled = constraints < problem.rows.len();
-        noslip.begin(problem, metric, constraints, &self.argument);
-        if coupled {
-            self.hessian.find_pattern(problem, metric);
-        }
-        // In this function, the buffer `inertial` holds the acceleration without constraints, and `direction` the acceleration with them.
-        kernel!(R, || {
-            self.inertial.copy_from_slice(free);
-            if coupled {
-                multiply(metric, free, &mut self.inertial);
-                self.factor_metric(problem, metric, constraints, false);
-                self.hessian.solve(&mut self.inertial);
-                self.factor_metric(problem, metric, constraints, true);
-            }
-            noslip.add_forces(problem, &mut self.forces);
-            self.direction.copy_from_slice(&self.forces);
-            if coupled {
-                self.hessian.solve(&mut self.direction)
-            } else {
-                metric.solve(&mut self.direction)
-            }
-            advance(&mut self.direction, &self.inertial, R::one());
-        });
-        let running = &mut self.direction;
+        noslip.begin(problem, metric, &self.argument);
+        // In this function, the buffer `direction` holds the acceleration.
+        kernel!(R, || self.accelerate(&noslip, problem, metric, free));
         kernel!(R, || {
             noslip.find_responses(
                 problem,
-                constraints,
                 #[inline(always)]
-                |x| if coupled { self.hessian.solve(x) } else { metric.solve(x) },
+                |x| metric.solve(x),
             )
         });
-        let sweeps = noslip.sweep(problem, constraints, visits, effort, lanes, running);
+        let sweeps = noslip.sweep(problem, visits, effort, lanes, &mut self.direction);
         kernel!(R, || {
-            noslip.add_forces(problem, &mut self.forces);
-            self.direction.copy_from_slice(&self.forces);
-            if coupled {
-                self.factor_metric(problem, metric, constraints, false);
-                self.hessian.solve(&mut self.direction);
-            } else {
-                metric.solve(&mut self.direction);
-            }
-            for ((a, &free), &change) in a.iter_mut().zip(&self.inertial).zip(&self.direction) {
-                *a = R::select(lanes, free + change, *a);
+            self.accelerate(&noslip, problem, metric, free);
+            for (a, &next) in a.iter_mut().zip(&self.direction) {
+                *a = R::select(lanes, next, *a);
             }
         });
         self.noslip = Some(noslip);
@@ -211,12 +179,13 @@ impl<R: Real> SoftSolver<R> {
         sweeps
     }
 
-    /// Factorises the mass matrix with its couplings, which are the scalar rows with an index of at least `constraints`. If `lumped`, only
-    /// the diagonals of the couplings are added.
+    /// Computes the acceleration by the forces of the noslip solver into `direction`. `free` is the acceleration without constraints.
     #[inline(always)]
-    fn factor_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, lumped: bool) {
-        self.hessian.assemble_metric(problem, metric, constraints, lumped);
-        self.hessian.factor();
+    fn accelerate(&mut self, noslip: &NoSlip<R>, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R]) {
+        noslip.add_forces(problem, &mut self.forces);
+        self.direction.copy_from_slice(&self.forces);
+        metric.solve(&mut self.direction);
+        advance(&mut self.direction, free, R::one());
     }
 
     /// Noslip solver, if it has computed the current forces; `None` if they are those of the regularised problem.

@@ -213,20 +213,19 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Stores the forces of all rows at a solution, at which their relative accelerations are `argument`. Scalar rows with an index of at
-    /// least `constraints` are couplings of the mass matrix and have no force.
-    pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, argument: &Argument<R>) {
+    /// Stores the forces of all rows at a solution, at which their relative accelerations are `argument`.
+    pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
         self.find_trees(metric);
         let Self { rows, contacts, rolling, .. } = self;
         kernel!(R, || {
             rows.clear();
-            for (i, (row, &u)) in problem.rows.iter().zip(&argument.rows).enumerate() {
-                rows.force.push([if i < constraints { row.force(u) } else { R::zero() }]);
+            for (row, &u) in problem.rows.iter().zip(&argument.rows) {
+                rows.force.push([row.force(u)]);
             }
             contacts.begin(problem.cone, &problem.contacts, &argument.contacts);
             rolling.begin(problem.cone, &problem.rolling_contacts, &argument.rolling_contacts);
         });
-        self.find_islands(problem, constraints);
+        self.find_islands(problem);
     }
 
     /// Finds the kinematic tree of each degree of freedom.
@@ -246,7 +245,7 @@ impl<R: Real> NoSlip<R> {
     }
 
     /// Finds the islands of each lane: sets of kinematic trees that rows couple, directly or through other trees.
-    fn find_islands(&mut self, problem: &SoftProblem<R>, constraints: usize) {
+    fn find_islands(&mut self, problem: &SoftProblem<R>) {
         let Self { trees, count, parents, islands, running, inertia, .. } = self;
         islands.clear();
         for l in 0..R::LANES {
@@ -255,7 +254,7 @@ impl<R: Real> NoSlip<R> {
             }
         }
         let zero = <R::Scalar as Default>::default();
-        for row in &problem.rows[..constraints] {
+        for row in &problem.rows {
             let (columns, jacobian) = problem.entries(row);
             unite::<R>(trees, parents, islands, columns, |e, l| jacobian[e].lane(l) != zero);
         }
@@ -293,7 +292,6 @@ impl<R: Real> NoSlip<R> {
     pub(super) fn sweep(
         &mut self,
         problem: &SoftProblem<R>,
-        constraints: usize,
         visits: &[ContactVisit<R::Mask>],
         effort: SlipEffort<R::Scalar>,
         lanes: R::Mask,
@@ -302,7 +300,7 @@ impl<R: Real> NoSlip<R> {
         self.running.iter_mut().for_each(|running| *running &= lanes.bits());
         self.improvement[..self.count].fill(R::zero());
         let mut sweeps = R::zero();
-        kernel!(R, || self.add_regularisation(problem, constraints));
+        kernel!(R, || self.add_regularisation(problem));
         for _ in 0..effort.sweeps {
             let any = self.running[..self.count].iter().fold(0, |all, &bits| all | bits);
             if any == 0 {
@@ -310,7 +308,7 @@ impl<R: Real> NoSlip<R> {
             }
             kernel!(R, || {
                 sweeps += R::select(R::Mask::from_bits(any), R::one(), R::zero());
-                self.visit_rows(problem, constraints, a);
+                self.visit_rows(problem, a);
                 self.visit_contacts(problem, visits, a);
             });
             kernel!(R, || {
@@ -329,11 +327,11 @@ impl<R: Real> NoSlip<R> {
     /// Computes the response of the acceleration to a unit force in each friction row. It is called once, before [`NoSlip::sweep`].
     /// `respond` replaces a force by the acceleration that it causes.
     #[inline(always)]
-    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, constraints: usize, mut respond: impl FnMut(&mut [R])) {
+    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, mut respond: impl FnMut(&mut [R])) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;
-        for (i, row) in problem.rows.iter().enumerate() {
+        for row in &problem.rows {
             let (columns, jacobian) = problem.entries(row);
-            if i < constraints && is_dry_friction(row.bounds) {
+            if is_dry_friction(row.bounds) {
                 let least = LEAST_INVERSE_INERTIA[0];
                 rows.push_responses(&mut respond, trees, (columns, as_rows(jacobian)), 0..1, work, least);
             } else {
@@ -352,16 +350,16 @@ impl<R: Real> NoSlip<R> {
     /// Adds the regularisation energy of all rows to the improvement of the objective by the first sweep, as MuJoCo does. This energy is
     /// not part of the noslip solver's objective.
     #[inline(always)]
-    fn add_regularisation(&mut self, problem: &SoftProblem<R>, constraints: usize) {
+    fn add_regularisation(&mut self, problem: &SoftProblem<R>) {
         let half = R::of(0.5);
-        for (i, row) in problem.rows[..constraints].iter().enumerate() {
+        for (i, row) in problem.rows.iter().enumerate() {
             let force = self.rows.force[i][0];
             self.add_improvement(i, half * force * force * inverse(row.weight));
         }
-        let sliding = constraints + problem.contacts.items.len();
+        let [first, sliding] = [problem.rows.len(), problem.rows.len() + problem.contacts.items.len()];
         for (i, contact) in problem.contacts.items.iter().enumerate() {
             let energy = regularisation(problem.cone, contact, &self.contacts.force[i], &self.contacts.bound[i]);
-            self.add_improvement(constraints + i, half * energy);
+            self.add_improvement(first + i, half * energy);
         }
         for (i, contact) in problem.rolling_contacts.items.iter().enumerate() {
             let energy = regularisation(problem.cone, contact, &self.rolling.force[i], &self.rolling.bound[i]);
@@ -396,8 +394,8 @@ impl<R: Real> NoSlip<R> {
 
     /// Updates the forces of all dry-friction rows, one after the other.
     #[inline(always)]
-    fn visit_rows(&mut self, problem: &SoftProblem<R>, constraints: usize, a: &mut [R]) {
-        for (i, row) in problem.rows[..constraints].iter().enumerate() {
+    fn visit_rows(&mut self, problem: &SoftProblem<R>, a: &mut [R]) {
+        for (i, row) in problem.rows.iter().enumerate() {
             if !is_dry_friction(row.bounds) {
                 continue;
             }
@@ -414,10 +412,9 @@ impl<R: Real> NoSlip<R> {
     /// Updates the friction forces of all contacts, one after the other.
     #[inline(always)]
     fn visit_contacts(&mut self, problem: &SoftProblem<R>, visits: &[ContactVisit<R::Mask>], a: &mut [R]) {
-        let constraints = self.islands.len() / R::LANES - problem.contacts.items.len() - problem.rolling_contacts.items.len();
         for visit in visits {
             let before = if visit.rolling { problem.contacts.items.len() } else { 0 };
-            let item = constraints + before + visit.index;
+            let item = problem.rows.len() + before + visit.index;
             let lanes = self.running_lanes(item).and(visit.lanes);
             if lanes.none() {
                 continue;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use stepper_real::{Mask, Real, Scalar, kernel};
+use stepper_real::{Mask, Real, Scalar};
 
 use crate::constraints::constraint_set::{add_transposed, multiply};
 use crate::soft::cone::Cone;
@@ -119,20 +119,6 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     #[inline(always)]
     pub(super) fn entries(&self, contact: &SoftContact<R, N>) -> (&[u32], &[[R; N]]) {
         (&self.columns[contact.entries.clone()], &self.jacobian[contact.entries.clone()])
-    }
-
-    /// Lanes in which any contact has a nonzero entry at one of the coordinates.
-    #[inline(always)]
-    fn touches(&self, coordinates: &Range<u32>) -> R::Mask {
-        let mut touched = R::Mask::splat(false);
-        for (d, entries) in self.columns.iter().zip(&self.jacobian) {
-            if coordinates.contains(d) {
-                for j in entries {
-                    touched = touched.or(j.eq(R::zero()).not());
-                }
-            }
-        }
-        touched
     }
 
     /// Reduces the weights of contacts that are too large, see [`SoftProblem::limit_weights`].
@@ -353,28 +339,6 @@ impl<R: Real> SoftProblem<R> {
     #[inline(always)]
     pub(super) fn entries(&self, row: &SoftRow<R>) -> (&[u32], &[R]) {
         (&self.columns[row.entries.clone()], &self.jacobian[row.entries.clone()])
-    }
-
-    /// Coordinates of scalar row `i`, and its Jacobian entry at each.
-    #[inline(always)]
-    pub fn row(&self, i: usize) -> (&[u32], &[R]) {
-        self.entries(&self.rows[i])
-    }
-
-    /// Lanes in which any row or contact has a nonzero entry at one of the coordinates.
-    pub fn touches(&self, coordinates: Range<u32>) -> R::Mask {
-        kernel!(R, || {
-            let mut touched = R::Mask::splat(false);
-            for row in &self.rows {
-                let (columns, jacobian) = self.entries(row);
-                for (d, &j) in columns.iter().zip(jacobian) {
-                    if coordinates.contains(d) {
-                        touched = touched.or(row.weight.gt(R::zero()).and_not(j.eq(R::zero())));
-                    }
-                }
-            }
-            touched.or(self.contacts.touches(&coordinates)).or(self.rolling_contacts.touches(&coordinates))
-        })
     }
 
     /// Multiplies the Jacobian J of the scalar rows by the vector `x`, and writes J x to `out`. If `relative`, it writes J x minus the

@@ -7,7 +7,6 @@ use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::CompiledSoftness;
 use crate::constraints::assembler::RowState;
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::soft::effective_mass::EffectiveMass;
 use crate::constraints::soft::frames::align_tangents;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
@@ -18,8 +17,6 @@ pub(crate) struct SoftInput<'a, R: Real> {
     /// State at which the rows are evaluated. Their velocities follow from `v_free`, which is here the velocity before the step.
     pub(crate) row: RowState<'a, R>,
     pub(crate) softness: &'a CompiledSoftness<R::Scalar>,
-    /// Effective mass matrix of a discrete step, which evaluates constraints at its end; `None` for continuous integrators.
-    pub(crate) effective: Option<&'a EffectiveMass<R>>,
 }
 
 /// Assembler of the rows of a step with MuJoCo's contact law. The methods for each kind of element are in other files of this folder.
@@ -35,7 +32,7 @@ impl<R: Real> SoftAssembler<'_, R> {
     /// Adds the rows of all constraints.
     #[inline(always)]
     pub(crate) fn assemble(&mut self, contacts: &mut Contacts<R>) {
-        let SoftInput { row, effective, .. } = self.input;
+        let row = self.input.row;
         align_tangents(row.compiled, row.kinematics, contacts);
         kernel!(R, || {
             self.system.clear();
@@ -45,9 +42,6 @@ impl<R: Real> SoftAssembler<'_, R> {
         });
         self.add_contacts(contacts);
         kernel!(R, || self.system.limit_weights(row.compiled, row.mass));
-        if effective.is_some_and(|effective| effective.couple(self.system, row.alive)) {
-            self.system.constrained = row.alive;
-        }
     }
 }
 
@@ -68,14 +62,6 @@ impl<R: Real> SoftSystem<R> {
             }
             for (impulse, &force) in impulse.iter_mut().zip(solver.forces()) {
                 *impulse = R::select(*constrained, force * h, R::zero());
-            }
-            // The rows after the constraints are couplings of the effective mass matrix.
-            for i in self.impulse_indices.len()..problem.rows.len() {
-                let (dofs, arms) = problem.row(i);
-                let force = R::select(*constrained, solver.row_force(problem, i), R::zero()) * h;
-                for (&d, &arm) in dofs.iter().zip(arms) {
-                    impulse[d as usize] -= arm * force;
-                }
             }
             for (i, &impulse_index) in self.impulse_indices.iter().enumerate() {
                 scalar_impulse[impulse_index] = solver.row_force(problem, i) * h;

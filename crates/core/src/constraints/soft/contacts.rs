@@ -5,9 +5,8 @@ use stepper_solve::soft::{Cone, ContactVisit};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::compile::{EndLaw, LaneModel, MIN_FRICTION, SoftContactLaw, SoftLaw};
+use crate::compile::{LaneModel, MIN_FRICTION, SoftContactLaw, SoftLaw};
 use crate::constraints::soft::assembly::{SoftAssembler, SoftInput};
-use crate::constraints::soft::effective_mass::in_metric;
 use crate::math::spatial::*;
 
 /// Parameters of MuJoCo's contact law for the contacts in one slot (one contact per lane).
@@ -26,9 +25,6 @@ struct ContactLaw<R: Real> {
     friction: [R; 5],
     /// Number of friction rows of each contact: condim - 1.
     frictions: R,
-    /// Divisor of the normal row's regularisation, and lower bound of the regularisation divided by `inverse_inertia`. With continuous
-    /// integrators they are 1 and 0.
-    end: [R; 2],
 }
 
 impl<R: Real> ContactLaw<R> {
@@ -44,7 +40,6 @@ impl<R: Real> ContactLaw<R> {
             friction_damping: z,
             friction: [R::one(); 5],
             frictions: z,
-            end: [R::one(), z],
         };
         for (pair, lanes) in contacts.pairs(k, lanes) {
             let there = R::Mask::from_bits(lanes);
@@ -56,17 +51,8 @@ impl<R: Real> ContactLaw<R> {
             let friction =
                 [least(params.mu), least(params.mu * slide), least(params.torsion), least(params.rolling), least(params.rolling * roll)];
             law.impedance = R::select(there, impedance, law.impedance);
-            let mut spring = [R::splat(own.normal.stiffness) * impedance, R::splat(own.normal.damping)];
-            let mut friction_damping = R::splat(own.friction_damping);
-            // Contact springs in N/m are evaluated at the end of the step by every integrator, so that the discrete law does not apply to
-            // them.
-            if let Some(effective) = input.effective.filter(|_| own.spring == <R::Scalar as Default>::default()) {
-                let end = EndLaw::new(&own.normal, impedance, effective.h);
-                spring = end.spring.map(|x| x / end.factor);
-                friction_damping = friction_damping / (R::one() + effective.h * friction_damping);
-                law.end[0] = R::select(there, end.factor, law.end[0]);
-                law.end[1] = R::select(there, EndLaw::<R>::least(), law.end[1]);
-            }
+            let spring = [R::splat(own.normal.stiffness) * impedance, R::splat(own.normal.damping)];
+            let friction_damping = R::splat(own.friction_damping);
             law.spring = [R::select(there, spring[0], law.spring[0]), R::select(there, spring[1], law.spring[1])];
             law.inverse_inertia = R::select(there, R::splat(own.normal.weight), law.inverse_inertia);
             law.spring_regularisation = R::select(there, R::splat(own.spring), law.spring_regularisation);
@@ -82,17 +68,9 @@ impl<R: Real> ContactLaw<R> {
     /// Reference accelerations, weights D = 1 / R and scales of `N` rows of the contacts in the lanes `active`; see
     /// [`stepper_solve::soft::SoftContact`].
     ///
-    /// `distance` is the distance of the contacts, m, and `v` the velocities of the rows. `column` has the Jacobian of the rows along
-    /// normal and tangents, at the degrees of freedom `dofs`.
+    /// `distance` is the distance of the contacts, m, and `v` the velocities of the rows.
     #[inline(always)]
-    fn rows<const N: usize>(
-        &self,
-        (input, cone): (SoftInput<'_, R>, Cone),
-        distance: R,
-        v: [R; N],
-        active: R::Mask,
-        (dofs, column): (&[u32], &[V3<R>]),
-    ) -> [[R; N]; 3] {
+    fn rows<const N: usize>(&self, (cone, impratio): (Cone, R), distance: R, v: [R; N], active: R::Mask) -> [[R; N]; 3] {
         let mut reference = [R::zero(); N];
         reference[0] = -(self.spring[1] * v[0]) - self.spring[0] * distance;
         // The edges of a pyramid have the damping of the normal row.
@@ -100,13 +78,13 @@ impl<R: Real> ContactLaw<R> {
         for i in 1..N {
             reference[i] = -(damping * v[i]);
         }
-        let [weight, scale] = self.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
-        [reference, self.in_metric(input, cone, dofs, column, weight), scale]
+        let [weight, scale] = self.weights(cone, impratio, active);
+        [reference, weight, scale]
     }
 
     /// Weights D = 1 / R and scales of `N` rows of a contact in the lanes `active`; see [`stepper_solve::soft::SoftContact`].
     #[inline(always)]
-    fn weights<const N: usize>(&self, cone: Cone, impratio: R, discrete: bool, active: R::Mask) -> [[R; N]; 2] {
+    fn weights<const N: usize>(&self, cone: Cone, impratio: R, active: R::Mask) -> [[R; N]; 2] {
         let (zero, one) = (R::zero(), R::one());
         let (mut weight, mut scale) = ([zero; N], [zero; N]);
         let mu = self.friction[0];
@@ -116,10 +94,7 @@ impl<R: Real> ContactLaw<R> {
             Cone::Elliptic => self.inverse_inertia,
             Cone::Pyramidal => R::select(rubs, self.inverse_inertia + mu * mu * self.inverse_inertia, self.inverse_inertia),
         };
-        let mut normal = SoftLaw::<R::Scalar>::regularisation(self.impedance, diagonal);
-        if discrete {
-            normal = (normal / self.end[0]).max(self.end[1] * diagonal);
-        }
+        let normal = SoftLaw::<R::Scalar>::regularisation(self.impedance, diagonal);
         scale[0] = R::select(rubs, cone_mu, one);
         weight[0] = R::select(active, one / normal, zero);
         // Without friction, the two edges of a pyramid both are the normal.
@@ -142,27 +117,6 @@ impl<R: Real> ContactLaw<R> {
             };
         }
         [weight, scale]
-    }
-
-    /// Weights D of the rows of a contact, for the effective mass matrix of a discrete step. The ratio of the first row's inverse inertias
-    /// with the effective and with the ordinary mass matrix corrects the weights of all rows.
-    #[inline(always)]
-    fn in_metric<const N: usize>(&self, input: SoftInput<'_, R>, cone: Cone, dofs: &[u32], column: &[V3<R>], mut weight: [R; N]) -> [R; N] {
-        let Some(effective) = input.effective else { return weight };
-        let slope = match cone {
-            Cone::Elliptic => R::zero(),
-            Cone::Pyramidal => R::select(self.frictions.gt(R::zero()), self.friction[0], R::zero()),
-        };
-        let mobility = effective.mobility(
-            dofs,
-            #[inline(always)]
-            |d| column[d][0] + slope * column[d][1],
-        );
-        let mobility = R::select(self.spring_regularisation.gt(R::zero()), R::one(), mobility);
-        for weight in &mut weight {
-            *weight = in_metric(*weight, mobility);
-        }
-        weight
     }
 }
 
@@ -206,7 +160,7 @@ impl<R: Real> SoftAssembler<'_, R> {
             builder.column[d] = select(active, builder.column[d], zero());
         }
         let law = ContactLaw::gather(*input, contacts, k, lanes);
-        let (law_input, distance) = ((*input, system.problem.cone), slot.point.distance);
+        let (cone, distance) = ((system.problem.cone, R::splat(input.softness.impratio)), slot.point.distance);
         if rolls {
             builder.keep_sliding_rows();
             let normal = slot.point.normal;
@@ -215,8 +169,7 @@ impl<R: Real> SoftAssembler<'_, R> {
             let turning = [dot(normal, surface_rotation), R::zero(), R::zero()];
             let [spin, roll_a, roll_b] = builder.rotation_columns(row, &axes, [R::one(); 3], turning);
             let (linear, rotation) = (&builder.linear, &builder.column);
-            let [reference, weight, scales] =
-                law.rows(law_input, distance, [n, a, b, spin, roll_a, roll_b], active, (&builder.dofs, linear));
+            let [reference, weight, scales] = law.rows(cone, distance, [n, a, b, spin, roll_a, roll_b], active);
             system.problem.rolling_contacts.push(
                 &builder.dofs,
                 #[inline(always)]
@@ -230,7 +183,7 @@ impl<R: Real> SoftAssembler<'_, R> {
             );
         } else {
             let column = &builder.column;
-            let [reference, weight, scales] = law.rows(law_input, distance, [n, a, b], active, (&builder.dofs, column));
+            let [reference, weight, scales] = law.rows(cone, distance, [n, a, b], active);
             system.problem.contacts.push(
                 &builder.dofs,
                 #[inline(always)]

@@ -6,8 +6,6 @@ use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
 use crate::constraints::equality::{angular_acceleration, moves};
 use crate::constraints::rows::unbounded;
 use crate::constraints::soft::assembly::{SoftAssembler, SoftInput};
-use crate::constraints::soft::effective_mass::law_at;
-use crate::constraints::soft::rows::row_law;
 use crate::math::spatial::*;
 
 impl<R: Real> SoftAssembler<'_, R> {
@@ -65,7 +63,7 @@ impl<R: Real> SoftAssembler<'_, R> {
                 }
                 let active = input.row.alive.and(input.row.active_equalities.lanes(equality));
                 // MuJoCo neglects the acceleration J' v of couplings.
-                let law = row_law(law, input, [rows.error[0], rate], active);
+                let law = law.row(rows.error[0], rate, active);
                 self.system.use_terms(&equality.dofs);
                 self.push_row(law, unbounded(), active, equality.impulse_index);
             }
@@ -84,14 +82,15 @@ impl<R: Real> SoftAssembler<'_, R> {
         impedance: R,
         [error, kappa]: [V3<R>; 2],
     ) {
-        let (SoftInput { row, effective, .. }, mut rate) = (self.input, zero());
+        let (row, mut rate) = (self.input.row, zero());
         let active = row.alive.and(row.active_equalities.lanes(equality));
         for &d in &equality.dofs {
             rate = add_scaled(rate, self.builder.column[d as usize], row.v_free[d as usize]);
         }
         self.system.use_terms(&equality.dofs);
         for k in 0..3 {
-            let law = law_at(law, effective, impedance, [error[k], rate[k], kappa[k]], active);
+            let [reference, weight] = law.row_at(impedance, error[k], rate[k], active);
+            let law = [reference - kappa[k], weight];
             self.push_row(law, unbounded(), active, equality.impulse_index + first + k);
             for &d in &equality.dofs {
                 let [_, b, c] = self.builder.column[d as usize];

@@ -6,7 +6,6 @@
 
 mod assembly;
 mod contacts;
-mod effective_mass;
 mod equalities;
 mod frames;
 mod rows;
@@ -14,5 +13,4 @@ mod slip;
 mod system;
 
 pub(crate) use assembly::{SoftAssembler, SoftInput};
-pub use effective_mass::EffectiveMass;
 pub use system::SoftSystem;

@@ -5,7 +5,6 @@ use stepper_real::{Mask, Real};
 use crate::compile::{Combination, SoftLaw};
 use crate::constraints::joint::limits::{ball_limit, nearer_end};
 use crate::constraints::soft::assembly::{SoftAssembler, SoftInput};
-use crate::constraints::soft::effective_mass::{in_metric, law_at};
 use crate::math::spatial::*;
 
 impl<R: Real> SoftAssembler<'_, R> {
@@ -37,19 +36,11 @@ impl<R: Real> SoftAssembler<'_, R> {
     ///
     /// `law` has the reference acceleration of the row and its weight D = 1 / R, and `bounds` its lowest and highest force.
     #[inline(always)]
-    pub(super) fn push_row(&mut self, [reference, mut weight]: [R; 2], bounds: [R; 2], active: R::Mask, impulse_index: usize) {
+    pub(super) fn push_row(&mut self, [reference, weight]: [R; 2], bounds: [R; 2], active: R::Mask, impulse_index: usize) {
         let (column, system) = (&mut self.builder.column, &mut *self.system);
         for &d in &system.terms {
             let entry = R::select(active, column[d as usize][0], R::zero());
             column[d as usize][0] = entry;
-        }
-        if let Some(effective) = self.input.effective {
-            let mobility = effective.mobility(
-                &system.terms,
-                #[inline(always)]
-                |d| column[d][0],
-            );
-            weight = in_metric(weight, mobility);
         }
         system.problem.push_row(
             &system.terms,
@@ -74,7 +65,7 @@ impl<R: Real> SoftAssembler<'_, R> {
                 let [forwards, backwards] = row.losses[i];
                 bounds = [bounds[0] - forwards, bounds[1] + backwards];
             }
-            let law = row_law(law, self.input, [R::zero(), row.v_free[friction.dof]], row.alive);
+            let law = law.row(R::zero(), row.v_free[friction.dof], row.alive);
             self.builder.column[friction.dof] = [R::one(), R::zero(), R::zero()];
             self.system.use_terms(&[friction.dof as u32]);
             self.push_row(law, bounds, row.alive, row.compiled.limits.len() + i);
@@ -82,7 +73,7 @@ impl<R: Real> SoftAssembler<'_, R> {
         for (tendon, [_, law]) in row.compiled.tendons.iter().zip(&softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
-                let law = row_law(law, self.input, [R::zero(), tendon.length.rate(row.v_free, &row.kinematics.paths)], row.alive);
+                let law = law.row(R::zero(), tendon.length.rate(row.v_free, &row.kinematics.paths), row.alive);
                 self.combine(&tendon.length, R::one());
                 self.push_row(law, [-most, most], row.alive, tendon.impulse_index + 1);
             }
@@ -130,13 +121,6 @@ impl<R: Real> SoftAssembler<'_, R> {
     /// error.
     #[inline(always)]
     fn push_limit(&mut self, law: &SoftLaw<R::Scalar>, [error, rate]: [R; 2], active: R::Mask, impulse_index: usize) {
-        let law = row_law(law, self.input, [error, rate], active);
-        self.push_row(law, [R::zero(), R::of(f64::INFINITY)], active, impulse_index);
+        self.push_row(law.row(error, rate, active), [R::zero(), R::of(f64::INFINITY)], active, impulse_index);
     }
-}
-
-/// Reference acceleration and weight D of a scalar row, for its position error and the error's time derivative.
-#[inline(always)]
-pub(super) fn row_law<R: Real>(law: &SoftLaw<R::Scalar>, input: SoftInput<'_, R>, [error, rate]: [R; 2], active: R::Mask) -> [R; 2] {
-    law_at(law, input.effective, law.impedance(error), [error, rate, R::zero()], active)
 }

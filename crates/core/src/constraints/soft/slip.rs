@@ -22,10 +22,9 @@ impl<R: Real> SoftSystem<R> {
         contacts: &Contacts<R>,
     ) -> R {
         self.order_contacts(compiled, contacts);
-        // Rows after the constraints are couplings of the mass matrix.
         let Self { problem, solver, acceleration, mass, order, .. } = self;
-        let (metric, constraints) = (TreeMass { compiled, mass, factors }, self.impulse_indices.len());
-        solver.remove_slip(problem, &metric, free, constraints, &order.visits, effort, self.constrained, acceleration)
+        let metric = TreeMass { compiled, mass, factors };
+        solver.remove_slip(problem, &metric, free, &order.visits, effort, self.constrained, acceleration)
     }
 
     /// Determines the order in which noslip iterations visit the contacts of the problem.

@@ -14,8 +14,7 @@ use crate::dynamics::inertia::MassMatrix;
 pub struct SoftSystem<R: Real> {
     /// Rows of the constraint problem.
     pub problem: SoftProblem<R>,
-    /// Index of the impulse of every scalar row in the list of impulses of scalar rows. The rows after these are couplings of the effective
-    /// mass matrix.
+    /// Index of the impulse of every scalar row in the list of impulses of scalar rows.
     pub(super) impulse_indices: Vec<usize>,
     /// Contacts of the problem, ascending by their slot in the contact set, which comes first.
     pub(super) contacts: Vec<(usize, ContactVisit<R::Mask>)>,

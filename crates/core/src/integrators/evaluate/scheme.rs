@@ -44,7 +44,7 @@ impl<R: Real> Scheme<R> {
     /// Integration scheme of the integrator that the options select, for hard contact and a step or substep of `h` seconds.
     ///
     /// `Rk4` counts as `Midpoint` here. Lanes without constraints get the result of the Runge-Kutta method later in the step.
-    /// `ImplicitFast` and `Discrete`, which the options allow only with MuJoCo's law, count as `Implicit` here.
+    /// `ImplicitFast`, which the options allow only with MuJoCo's law, counts as `Implicit` here.
     #[inline(always)]
     pub(crate) fn new(options: &StepSettings, h: R) -> Self {
         let (none, half) = (R::zero(), h * R::of(0.5));
@@ -67,7 +67,7 @@ impl<R: Real> Scheme<R> {
                 implicit_forces: true,
                 ..euler
             },
-            Integrator::Implicit | Integrator::ImplicitFast | Integrator::Discrete => Self {
+            Integrator::Implicit | Integrator::ImplicitFast => Self {
                 time_ahead: h,
                 weights: ImplicitWeights { damping: h, stiffness: h * h, late_step: none },
                 velocity_weight: R::one(),

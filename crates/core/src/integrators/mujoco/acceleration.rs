@@ -10,17 +10,15 @@ use crate::compile::{LaneModel, PathLengths};
 use crate::constraints::VelocitySolution;
 use crate::constraints::assembler::RowState;
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::soft::{EffectiveMass, SoftAssembler, SoftInput, SoftSystem};
+use crate::constraints::soft::{SoftAssembler, SoftInput, SoftSystem};
 use crate::dynamics::kinematics::advance;
 use crate::dynamics::mocap;
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::free_motion::FreeMotion;
 use crate::integrators::evaluate::recomputed::Recomputed;
-use crate::integrators::mujoco::discrete::assemble_effective_mass;
 use crate::integrators::mujoco::implicit::add_along_tendons;
 use crate::integrators::mujoco::workspace::StageState;
 use crate::integrators::step_input::StepInput;
-use crate::options::Integrator;
 use crate::probe::{Counter, Probe, span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s03_detect::detect;
@@ -33,8 +31,6 @@ pub(super) struct Acceleration<'a, R: Real> {
     pub(super) system: &'a mut SoftSystem<R>,
     pub(super) velocity: &'a mut VelocitySolution<R>,
     pub(super) builder: &'a mut RowBuilder<R>,
-    /// Effective mass matrix of the discrete rule; `None` with other integrators.
-    pub(super) effective: &'a mut Option<EffectiveMass<R>>,
 }
 
 impl<R: Real> Acceleration<'_, R> {
@@ -78,13 +74,11 @@ impl<R: Real> Acceleration<'_, R> {
 
     /// Computes stages 1 and 2: forces, and acceleration and velocity without constraints. `recomputed` selects the parts that have
     /// changed.
-    ///
-    /// In a discrete step, springs, dampers, servos and drag are evaluated at the end of the step. Otherwise all forces are explicit.
     #[inline(always)]
     fn free_acceleration(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
         probe.count(Counter::Evaluations, || 1.0);
-        let (compiled, discrete) = (input.compiled, input.options.integrator == Integrator::Discrete);
-        if discrete || recomputed == Recomputed::Configuration {
+        let compiled = input.compiled;
+        if recomputed == Recomputed::Configuration {
             let explicit = Implicit::<R>::none().weights;
             span!(probe, MassMatrix, || {
                 let (smooth, kinematics) = (&mut self.free.smooth, &self.evaluation.kinematics);
@@ -93,11 +87,8 @@ impl<R: Real> Acceleration<'_, R> {
             });
         }
         span!(probe, Actuate, || self.compute_forces(input, stage));
-        let Self { evaluation: Evaluation { kinematics, .. }, free, system, effective, .. } = self;
+        let Self { evaluation: Evaluation { kinematics, .. }, free, system, .. } = self;
         span!(probe, MassFactors, || {
-            if discrete {
-                return assemble_effective_mass(input, stage, kinematics, free, system, effective);
-            }
             match recomputed {
                 Recomputed::Configuration => system.mass.copy_from_slice(&free.smooth.mass.entries),
                 // Stage 6 added its implicit terms to the entries of the mass matrix. This restores the entries.
@@ -143,7 +134,7 @@ impl<R: Real> Acceleration<'_, R> {
     #[inline(always)]
     fn assemble(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, inputs, alive, .. } = input;
-        let Self { evaluation, free, system, builder, effective, .. } = self;
+        let Self { evaluation, free, system, builder, .. } = self;
         let Some(softness) = &compiled.softness else { return };
         let row = RowState {
             compiled,
@@ -158,8 +149,7 @@ impl<R: Real> Acceleration<'_, R> {
             solved_overlaps: evaluation.solved_overlaps.as_deref(),
             alive,
         };
-        let input = SoftInput { row, softness, effective: effective.as_ref() };
-        SoftAssembler { input, builder, system }.assemble(&mut evaluation.contacts);
+        SoftAssembler { input: SoftInput { row, softness }, builder, system }.assemble(&mut evaluation.contacts);
     }
 
     /// Computes stage 5: solves for the acceleration. The residual is the velocity that the remaining force imbalance would cause in a

@@ -139,7 +139,7 @@ pub(super) fn add_along_tendons<R: Real>(
 /// entries of M, then the entries of M + h D. `x` is the right side at degrees of freedom `first` to `first` + 5, and receives the
 /// solution.
 #[inline(always)]
-pub(super) fn solve_alone<R: Real>(
+fn solve_alone<R: Real>(
     compiled: &LaneModel<R>,
     (kinematics, mat): (&Kinematics<R>, &M3<R>),
     entries: [&[R]; 2],

@@ -7,11 +7,9 @@
 //!   the damping of the joints.
 //! * implicitfast (`mj_implicit`): Euler's rule, in which B also has the damping of tendons, actuators and the medium.
 //! * implicit: implicitfast with the derivative of Coriolis forces.
-//! * discrete: springs, dampers, servos and constraint rows at the end of the step, in one problem.
 //! * Runge-Kutta of order 4 (`mj_RungeKutta`): constraints are solved at each of the four stages.
 
 pub(crate) mod acceleration;
-mod discrete;
 mod implicit;
 mod runge_kutta;
 pub mod unsymmetric;
@@ -54,11 +52,11 @@ pub(crate) fn solve_step<R: Real>(
     probe: impl Probe,
 ) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, mujoco, velocity, builder, position, alive, .. } = s;
-    let MujocoWorkspace { system, stage, runge_kutta: stages, unsymmetric, effective } = of_law(mujoco);
+    let MujocoWorkspace { system, stage, runge_kutta: stages, unsymmetric } = of_law(mujoco);
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
     evaluation.times.reset(R::of(options.timestep), R::zero(), R::zero());
-    let mut acceleration = Acceleration { evaluation, free, system, velocity, builder, effective };
+    let mut acceleration = Acceleration { evaluation, free, system, velocity, builder };
     let solver = if let Some(stages) = stages {
         runge_kutta(input, (stage, stages), &mut acceleration, position, probe)
     } else {
@@ -91,13 +89,10 @@ fn advance<R: Real>(
     probe: impl Probe,
 ) {
     let StepInput { compiled, options, state, inputs, .. } = input;
-    let Acceleration { evaluation, free, system, velocity, effective, .. } = acceleration;
+    let Acceleration { evaluation, free, system, velocity, .. } = acceleration;
     let h = R::of(options.timestep);
     let (kinematics, v_next) = (&evaluation.kinematics, &mut velocity.v);
-    span!(probe, IntegrateVelocity, || match options.integrator {
-        Integrator::Discrete => discrete::integrate_velocity(input, kinematics, free, system, effective.as_ref(), v_next),
-        _ => integrate_velocity(input, kinematics, free, system, unsymmetric, v_next),
-    });
+    span!(probe, IntegrateVelocity, || integrate_velocity(input, kinematics, free, system, unsymmetric, v_next));
     span!(probe, IntegratePosition, || {
         integrate_position(compiled, &state.q, &velocity.v, &evaluation.times, &mut position.q);
         advance_activation(compiled, &state.act, &state.act, &inputs.ctrl, h, &mut position.act);
@@ -118,11 +113,11 @@ pub(crate) fn respond_step<R: Real>(
     recomputed: Recomputed,
 ) {
     let Workspace { state, inputs, evaluation, free_motion: free, mujoco, velocity, builder, position, alive, .. } = s;
-    let MujocoWorkspace { system, stage, unsymmetric, effective, .. } = of_law(mujoco);
+    let MujocoWorkspace { system, stage, unsymmetric, .. } = of_law(mujoco);
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
     evaluation.times.reset(R::of(options.timestep), R::zero(), R::zero());
-    let mut acceleration = Acceleration { evaluation, free, system, velocity, builder, effective };
+    let mut acceleration = Acceleration { evaluation, free, system, velocity, builder };
     acceleration.prepare(input, stage, recomputed, NoProbe);
     acceleration.system.acceleration.copy_from_slice(solution);
     acceleration.system.respond(compiled, &acceleration.free.smooth.mass, &acceleration.free.smooth.acc);

@@ -4,7 +4,7 @@ use stepper_real::Real;
 
 use crate::actuation::forces::ForceState;
 use crate::compile::LaneModel;
-use crate::constraints::soft::{EffectiveMass, SoftSystem};
+use crate::constraints::soft::SoftSystem;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::unsymmetric::Unsymmetric;
 use crate::integrators::state::State;
@@ -62,8 +62,6 @@ pub(crate) struct MujocoWorkspace<R: Real> {
     pub(crate) runge_kutta: Option<RungeKuttaStages<R>>,
     /// Matrix of the integrator `implicit`; `None` with other integrators.
     pub(crate) unsymmetric: Option<Unsymmetric<R>>,
-    /// Mass matrix with the implicit terms of the integrator `discrete`; `None` with other integrators.
-    pub(crate) effective: Option<EffectiveMass<R>>,
 }
 
 impl<R: Real> MujocoWorkspace<R> {
@@ -77,7 +75,6 @@ impl<R: Real> MujocoWorkspace<R> {
             stage: StageState { q: zeros(compiled.nq), v: zeros(compiled.nv), act: zeros(compiled.na) },
             runge_kutta: uses(Integrator::Rk4).then(|| RungeKuttaStages::new(compiled.nv, compiled.na)),
             unsymmetric: uses(Integrator::Implicit).then(|| Unsymmetric::new(compiled)),
-            effective: uses(Integrator::Discrete).then(|| EffectiveMass::new(compiled)),
         }))
     }
 }

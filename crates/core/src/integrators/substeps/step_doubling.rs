@@ -77,17 +77,26 @@ pub(super) fn add_vibrating_trees<R: Real>(
             // Joints, then servos: coordinates with a stiffness, a damping and a moment.
             for i in 0..compiled.nv + compiled.servos.len() {
                 arm.fill(R::zero());
-                let ([stiffness, damping], moves_tree) = if i < compiled.nv {
-                    arm[i] = R::one();
-                    let DofParams { damping, stiffness, .. } = compiled.params.dof(i);
-                    ([stiffness, damping], compiled.dofs[i].tree == tree)
-                } else {
-                    let actuator = compiled.servos[i - compiled.nv].actuator;
-                    let moves_tree = set_arms(compiled, actuator_forces, actuator, tree, arm);
-                    // At a bound of its force, a servo is neither stiff nor damped.
-                    (servo_stiffness_and_damping(compiled, &context.forces_at(&state.v), actuator, actuator_forces), moves_tree)
+                let servo = i.checked_sub(compiled.nv).map(|servo| compiled.servos[servo].actuator);
+                let moves_tree = match servo {
+                    None => {
+                        arm[i] = R::one();
+                        compiled.dofs[i].tree == tree
+                    }
+                    Some(actuator) => set_arms(compiled, actuator_forces, actuator, tree, arm),
                 };
-                if !moves_tree || (stiffness + damping).gt(R::zero()).none() {
+                if !moves_tree {
+                    continue;
+                }
+                let [stiffness, damping] = match servo {
+                    None => {
+                        let DofParams { damping, stiffness, .. } = compiled.params.dof(i);
+                        [stiffness, damping]
+                    }
+                    // At a bound of its force, a servo is neither stiff nor damped.
+                    Some(actuator) => servo_stiffness_and_damping(compiled, &context.forces_at(&state.v), actuator, actuator_forces),
+                };
+                if (stiffness + damping).gt(R::zero()).none() {
                     continue;
                 }
                 smooth.mass.solve_lower_transposed(compiled, arm);

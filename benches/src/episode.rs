@@ -51,16 +51,18 @@ impl Episode {
         Ok(Self { simulation: replay.simulation()?, start: replay.start.clone(), calls: replay.calls.clone() })
     }
 
-    /// Copy of the benchmark run with only the environment `env`. Its states equal those of this environment in the batch bit for bit.
+    /// Copy of the benchmark run with only the environment `env`, at the lowest CPU level. Its states equal those of this environment in the
+    /// batch bit for bit.
     ///
     /// # Errors
-    /// Returns the errors of [`Simulation::new`].
+    /// Returns the errors of [`Simulation::restore_state`].
     pub fn of_one(&mut self, env: usize) -> Result<Self, Error> {
         self.rewind();
         let whole = &self.simulation;
         let start = whole.save_state_of(env);
         let calls = self.calls.iter().map(|call| call.of_one(env, whole.num_envs())).collect();
-        let mut simulation = Simulation::new(whole.model().clone(), *whole.options(), None, whole.precision(), 1)?;
+        // The lanes of this level are those of `F32Lanes`, in which operations are counted.
+        let mut simulation = Simulation::at_level(whole.model().clone(), *whole.options(), None, whole.precision(), 1, Level::Baseline);
         simulation.restore_state(&start)?;
         Ok(Self { simulation, start, calls })
     }

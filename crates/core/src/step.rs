@@ -132,8 +132,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
 #[inline(always)]
 fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
-    // `resolution` has buffers for the treatment of motion that is too fast for the time step.
-    let (collisions, resolution, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);
+    let (collisions, step_resolution, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);
     // 1 actuate, 2 smooth dynamics, 3 detect, at the evaluation point of the step. A loop in `locate` moves this point in lanes with fast
     // bodies or impacts.
     locate(StepInput { compiled, options, state, inputs, alive }, evaluation, free, probe);
@@ -149,13 +148,13 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
     let impulses_act = velocity_loop.velocity.impulses.changes_velocity();
     // Velocities are limited in islands whose motion is too fast for the time step or whose kinetic energy the solver's residual may change
     // noticeably (ambiguous energy).
-    let [ambiguous, limited] = span!(probe, GuardEnergy, || velocity_loop.limit_speed(resolution, solver.residual));
+    let [ambiguous, limited] = span!(probe, GuardEnergy, || velocity_loop.limit_speed(step_resolution, solver.residual));
     // With the Runge-Kutta method, the energy of smooth trees is not checked here: stage 7 replaces their solution.
     if let Some(rk4) = &mut s.rk4 {
         rk4.find_smooth_trees(context, problem, free);
     }
     let replaced = |mechanism: usize| s.rk4.as_ref().map_or(R::Mask::splat(false), |rk4| rk4.is_smooth(compiled, mechanism));
-    let energy_unresolved = span!(probe, GuardEnergy, || resolution.find_energy_gain(context, free, velocity, replaced)).or(doubtful);
+    let energy_unresolved = span!(probe, GuardEnergy, || step_resolution.find_energy_gain(context, free, velocity, replaced)).or(doubtful);
     if options.poison {
         free.scratch.poison();
         collisions.poison();
@@ -179,7 +178,7 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
         velocity.poison_impulses();
     }
     let context = StepContext { input, evaluation };
-    span!(probe, GuardEnergy, || resolution.limit_energy(context, problem, &free.v, velocity, &position.q, limited));
+    span!(probe, GuardEnergy, || step_resolution.limit_energy(context, problem, &free.v, velocity, &position.q, limited));
     // The generalized impulse of this step replaces that of the last step, which `compute_free_motion` has read.
     std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
     StepOutcome { solver, ambiguous, infeasible: corrected.infeasible, tunnelled, energy_unresolved }

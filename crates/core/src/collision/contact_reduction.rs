@@ -172,9 +172,9 @@ impl Plane {
         let origin = *hull.first()?;
         let arm = |p: &Point| [p.x[0] - origin.x[0], p.x[1] - origin.x[1]];
         let farthest = |of: &dyn Fn(&Point) -> f64| hull.iter().max_by(|p, q| of(p).total_cmp(&of(q)));
-        let b = farthest(&|p| arm(p)[0].hypot(arm(p)[1]))?;
+        let b = farthest(&|p| square(arm(p)))?;
         let u = arm(b);
-        let length = u[0].hypot(u[1]);
+        let length = square(u).sqrt();
         let area = |p: &Point| u[0] * arm(p)[1] - u[1] * arm(p)[0];
         let c = farthest(&|p| area(p).abs())?;
         if area(c).abs() <= 10.0 * flat * length {
@@ -214,7 +214,12 @@ fn find_hull(points: &mut [Point], hull: &mut Vec<Point>, flat: f64) {
 /// Whether the path from `a` over `b` to `c` turns left, because `b` is to the right of the line from `a` to `c` by more than `flat`, m.
 fn turns_left(a: &Point, b: &Point, c: &Point, flat: f64) -> bool {
     let (u, v) = ([c.x[0] - a.x[0], c.x[1] - a.x[1]], [b.x[0] - a.x[0], b.x[1] - a.x[1]]);
-    v[0] * u[1] - v[1] * u[0] > flat * u[0].hypot(u[1])
+    v[0] * u[1] - v[1] * u[0] > flat * square(u).sqrt()
+}
+
+/// Squared length of a vector. `hypot` would take ten times as long.
+fn square([x, y]: [f64; 2]) -> f64 {
+    x * x + y * y
 }
 
 #[cfg(test)]

@@ -34,11 +34,12 @@ const NEWTON_STEPS: usize = 16;
 const MAX_ERROR: f64 = 1e-4;
 
 /// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies so that they follow the discrete
-/// midpoint rule. `v` is the velocity before the step. `v_free` contains the gyroscopic force at the velocity `v_eval`.
+/// midpoint rule, in the lanes `lanes`. `v` is the velocity before the step. `v_free` contains the gyroscopic force at the velocity
+/// `v_eval`.
 ///
 /// `times` returns two durations for a degree of freedom, s: from the beginning of the step to its evaluation point (the time at which
-/// forces are evaluated), and from there to the end. The lanes of `lanes` in which Newton's method finds no solution are added to
-/// `unresolved`, which has an entry for each mechanism.
+/// forces are evaluated), and from there to the end. Lanes in which Newton's method finds no solution are added to `unresolved`, which has
+/// an entry for each mechanism.
 pub fn correct<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -52,7 +53,10 @@ pub fn correct<R: Real>(
     kernel!(R, || {
         for single in &compiled.single_bodies {
             let Some((body, tumbles)) = Body::of_single(compiled, kinematics, single) else { continue };
-            let at = single.dof;
+            let (at, tumbles) = (single.dof, tumbles.and(lanes));
+            if tumbles.none() {
+                continue;
+            }
             let [time_before, time_after] = times(at);
             let h = time_before + time_after;
             let [old, start] = [v, &*v_free].map(|v| take(v, at, single.kind));
@@ -81,7 +85,7 @@ pub fn correct<R: Real>(
                 }
             }
             let unresolved = &mut unresolved[compiled.mechanism_of(at)];
-            *unresolved = unresolved.or(lanes.and(is_far));
+            *unresolved = unresolved.or(is_far);
             let dofs = single.kind.nv();
             v_free[at..at + dofs].copy_from_slice(&select(tumbles, new, start)[6 - dofs..]);
         }

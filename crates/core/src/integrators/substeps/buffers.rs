@@ -26,7 +26,7 @@ pub(crate) struct Buffers<R: Real> {
     /// Separation of the configuration after two halves of the interval from that after a step over it, nv.
     pub(crate) separation: Vec<R>,
     /// Lanes in which the interval of each kinematic tree is not extrapolated.
-    pub(crate) rough: Vec<R::Mask>,
+    pub(crate) not_extrapolated: Vec<R::Mask>,
     /// Buffer for a configuration.
     pub(crate) configuration: Vec<R>,
     /// Result of the first half of the interval.
@@ -151,7 +151,7 @@ impl<R: Real> Buffers<R> {
             start: new(),
             whole: motion(),
             separation: state.v.clone(),
-            rough: lanes(counts[2]),
+            not_extrapolated: lanes(counts[2]),
             configuration: state.q.clone(),
             middle: new(),
             end: motion(),

@@ -120,7 +120,7 @@ pub(crate) fn step_in_parts<R: Real>(
         buffers.note_worst(&s.velocity.worst, made.residual, R::Mask::from_bits(active));
         buffers.note_saturated(compiled, s, R::Mask::from_bits(active));
         if options.error.is_some() {
-            buffers.note_rough(compiled, options, s, R::Mask::from_bits(active));
+            buffers.note_not_extrapolated(compiled, options, s, R::Mask::from_bits(active));
         }
         let lanes = [active, keeping];
         let completed = end_parts(compiled, s, &mut buffers, options, (&intervals, &mut progress), lanes, &mut impulse_time);
@@ -131,7 +131,7 @@ pub(crate) fn step_in_parts<R: Real>(
             |phase| R::Mask::from_bits(each_of(completed).filter(|&l| intervals[l].phase == phase).fold(0, |bits, l| bits | 1 << l));
         let [wholes, firsts, seconds] = [Phase::Whole, Phase::First, Phase::Second].map(in_phase);
         let broken = parts.lanes(Status::NON_FINITE);
-        let Buffers { start, whole, separation, rough, middle, end, total: sums, summed, configuration, .. } = &mut *buffers;
+        let Buffers { start, whole, separation, not_extrapolated, middle, end, total: sums, summed, configuration, .. } = &mut *buffers;
         // Lanes whose interval is accepted, and lanes whose step is complete.
         let (mut accepted, mut done) = (0, 0);
         let distance = match options.error {
@@ -164,14 +164,14 @@ pub(crate) fn step_in_parts<R: Real>(
                     extrapolate(
                         compiled,
                         s.evaluation.scheme.extrapolation(),
-                        (extrapolated, rough),
+                        (extrapolated, not_extrapolated),
                         (whole, separation),
                         state,
                         configuration,
                     );
                 }
                 let taken = R::Mask::from_bits(accepted);
-                rough.iter_mut().for_each(|rough| *rough = rough.and_not(taken));
+                not_extrapolated.iter_mut().for_each(|not_extrapolated| *not_extrapolated = not_extrapolated.and_not(taken));
                 distance
             }
         };
@@ -262,7 +262,7 @@ impl<R: Real> Buffers<R> {
         self.start.store((&s.state, &s.velocity.scalar_impulse), h, all);
         self.total.clear(all);
         self.touched.fill(R::Mask::splat(false));
-        self.rough.fill(R::Mask::splat(false));
+        self.not_extrapolated.fill(R::Mask::splat(false));
         self.saturated.fill(R::Mask::splat(false));
         (self.worst.0.lanes, self.worst.1) = (R::Mask::splat(false), R::zero());
         self.was_used = true;
@@ -271,15 +271,15 @@ impl<R: Real> Buffers<R> {
 
     /// Notes the kinematic trees whose last part cannot be extrapolated, in the lanes `lanes`. Constraints acted on them, their motion was
     /// too fast, they were evaluated at the beginning, or their vibrations could grow. An impact concerns all trees of its lane.
-    fn note_rough(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &Workspace<R>, lanes: R::Mask) {
-        s.problem.add_constrained_trees(compiled, lanes, &mut self.rough);
+    fn note_not_extrapolated(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &Workspace<R>, lanes: R::Mask) {
+        s.problem.add_constrained_trees(compiled, lanes, &mut self.not_extrapolated);
         let Workspace { state, inputs, evaluation, free_motion, alive, .. } = s;
         let Substep { is_impact, .. } = evaluation.substep;
         let context = StepContext { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
-        add_vibrating_trees(context, free_motion, lanes.and_not(is_impact), &mut self.rough, &mut self.separation);
-        for (rough, &mechanism) in self.rough.iter_mut().zip(&compiled.mechanisms.of_tree) {
+        add_vibrating_trees(context, free_motion, lanes.and_not(is_impact), &mut self.not_extrapolated, &mut self.separation);
+        for (not_extrapolated, &mechanism) in self.not_extrapolated.iter_mut().zip(&compiled.mechanisms.of_tree) {
             let other = s.free_motion.unresolved[mechanism].or(s.evaluation.times.moved_lanes(mechanism)).or(is_impact);
-            *rough = rough.or(other.and(lanes));
+            *not_extrapolated = not_extrapolated.or(other.and(lanes));
         }
     }
 

@@ -134,7 +134,7 @@ fn set_arms<R: Real>(compiled: &LaneModel<R>, forces: &ActuatorForces<R>, actuat
     moves_tree
 }
 
-/// Extrapolates velocity, configuration and activations after two halves of an interval, in the lanes `lanes`. `rough` has the lanes of
+/// Extrapolates velocity, configuration and activations after two halves of an interval, in the lanes `lanes`. `not_extrapolated` has the lanes of
 /// each kinematic tree that keep the result of the halves. `whole` has the results of a step over the interval, and `separation` is that of
 /// the configurations. The function overwrites `buffer`, nq.
 ///
@@ -143,7 +143,7 @@ fn set_arms<R: Real>(compiled: &LaneModel<R>, forces: &ActuatorForces<R>, actuat
 pub(super) fn extrapolate<R: Real>(
     compiled: &LaneModel<R>,
     factor: f64,
-    (lanes, rough): (R::Mask, &[R::Mask]),
+    (lanes, not_extrapolated): (R::Mask, &[R::Mask]),
     (whole, separation): (&[Vec<R>; 3], &[R]),
     [v, q, act]: [&mut [R]; 3],
     buffer: &mut [R],
@@ -151,17 +151,17 @@ pub(super) fn extrapolate<R: Real>(
     let factor = R::of(factor);
     kernel!(R, || {
         for ((v, &whole), dof) in v.iter_mut().zip(&whole[0]).zip(&compiled.dofs) {
-            *v = R::select(lanes.and_not(rough[dof.tree]), *v + (*v - whole) * factor, *v);
+            *v = R::select(lanes.and_not(not_extrapolated[dof.tree]), *v + (*v - whole) * factor, *v);
         }
         for actuator in &compiled.actuators {
             let Some((a, tree)) = actuator.act.and_then(|a| Some((a, compiled.tree_of_act[a]?))) else { continue };
             let extrapolated = within(act[a] + (act[a] - whole[2][a]) * factor, actuator.act_range);
-            act[a] = R::select(lanes.and_not(rough[tree]), extrapolated, act[a]);
+            act[a] = R::select(lanes.and_not(not_extrapolated[tree]), extrapolated, act[a]);
         }
     });
     displace(compiled, q, separation, factor, buffer);
     for joint in &compiled.joints {
-        let smooth = lanes.and_not(rough[compiled.dofs[joint.v].tree]);
+        let smooth = lanes.and_not(not_extrapolated[compiled.dofs[joint.v].tree]);
         let coordinates = joint.q..joint.q + joint.kind.nq();
         select_into(&mut q[coordinates.clone()], &buffer[coordinates], smooth);
     }

@@ -1,4 +1,8 @@
 //! Prediction of the velocity after the step, and of the forces that depend on it.
+//!
+//! The solver leaves out the rows of contacts that seem not to touch in this step: they are deferred (`contact_activation.rs`). The
+//! prediction activates those whose geoms collide in the predicted motion. Such a collision is doubtful if the error of the prediction can
+//! cause it; its contact is deferred again after the prediction.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -54,12 +58,21 @@ impl<R: Real> VelocityLoop<'_, R> {
     #[inline(always)]
     pub(crate) fn correct_free_velocity(&mut self, probe: impl Probe) {
         let Self { context, free, problem, velocity, .. } = self;
-        let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, times, kinematics, .. } } =
-            *context;
+        let StepContext {
+            input: StepInput { compiled, state, alive, .. },
+            evaluation: Evaluation { scheme, substep, times, kinematics, .. },
+        } = *context;
         let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = &mut **free;
         let Scratch { velocity_by_impulses, force_velocity, v_free_corrected, free_change, motions, .. } = scratch;
         velocity.velocity_by_impulses(compiled, &smooth.mass, velocity_by_impulses);
         advance(v, velocity_by_impulses, R::one(), v_expected);
+        unresolved.fill(R::Mask::splat(false));
+        let flights = alive.and_not(substep.is_impact);
+        if flights.none() {
+            // Impacts take no time, in which forces could act.
+            free.may_gain = flights;
+            return;
+        }
         blend(&state.v, v_expected, scheme.velocity_weight, force_velocity);
         // In stage 1 only forces of servos depend on the velocity.
         if !compiled.servos.is_empty() {
@@ -73,11 +86,10 @@ impl<R: Real> VelocityLoop<'_, R> {
         span!(probe, Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity));
         advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
         // `correct` replaces the gyroscopic torque of single bodies by one that keeps angular momentum.
-        unresolved.fill(R::Mask::splat(false));
         if !compiled.single_bodies.is_empty() && scheme.in_the_middle {
             let times_of = |dof: usize| times.around(compiled.mechanism_of(dof));
             let velocities = [&state.v[..], force_velocity];
-            gyroscopic::correct(compiled, kinematics, &smooth.mass, times_of, velocities, v_free_corrected, (alive, unresolved));
+            gyroscopic::correct(compiled, kinematics, &smooth.mass, times_of, velocities, v_free_corrected, (flights, unresolved));
         }
         stop_at_impacts(*context, v_free_corrected);
         difference(v_free_corrected, v, free_change);

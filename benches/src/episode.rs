@@ -51,8 +51,8 @@ impl Episode {
         Ok(Self { simulation: replay.simulation()?, start: replay.start.clone(), calls: replay.calls.clone() })
     }
 
-    /// Copy of the benchmark run with only the environment `env`, at the lowest CPU level. Its states equal those of this environment in the
-    /// batch bit for bit.
+    /// Copy of the benchmark run with only the environment `env`, at the lowest CPU level. Its states equal those of this environment in
+    /// the batch bit for bit.
     ///
     /// # Errors
     /// Returns the errors of [`Simulation::restore_state`].

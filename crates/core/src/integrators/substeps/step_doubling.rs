@@ -134,9 +134,9 @@ fn set_arms<R: Real>(compiled: &LaneModel<R>, forces: &ActuatorForces<R>, actuat
     moves_tree
 }
 
-/// Extrapolates velocity, configuration and activations after two halves of an interval, in the lanes `lanes`. `not_extrapolated` has the lanes of
-/// each kinematic tree that keep the result of the halves. `whole` has the results of a step over the interval, and `separation` is that of
-/// the configurations. The function overwrites `buffer`, nq.
+/// Extrapolates velocity, configuration and activations after two halves of an interval, in the lanes `lanes`. `not_extrapolated` has the
+/// lanes of each kinematic tree that keep the result of the halves. `whole` has the results of a step over the interval, and `separation`
+/// is that of the configurations. The function overwrites `buffer`, nq.
 ///
 /// For a rule of order p, the result y = y_2 + (y_2 - y_1) / (2^p - 1) has order p + 1 (Hairer, Norsett and Wanner, Solving Ordinary
 /// Differential Equations I, equation II.4.11). `factor` is 1 / (2^p - 1).

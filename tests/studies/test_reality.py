@@ -58,7 +58,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_true_parameters_predict_tosses(data: Path) -> None:
-    """Tosses of stepper are predicted with their own parameters, a thousand times better than with another friction.
+    """Tosses of stepper are predicted with the true parameters, a thousand times better than with another friction.
 
     As published, the vertical velocity is that of one sample before the initial pose, too small by g / 148 Hz, which is added here.
     """
@@ -73,7 +73,7 @@ def test_the_true_parameters_predict_tosses(data: Path) -> None:
 
 
 def test_the_command_fits_and_predicts_all_sets(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`python -m reality` fits stepper to each set, predicts the other half, and renews the files of results, the picture and the pairs."""
+    """`python -m reality` fits stepper to each set, predicts the other half, and updates results, picture and pairs."""
     quick = tuple(replace(own, draws=4, rounds=1) for own in tosses.EXPERIMENTS)
     monkeypatch.setattr(tosses, "EXPERIMENTS", quick)
     monkeypatch.setattr(report, "EXPERIMENTS", quick)

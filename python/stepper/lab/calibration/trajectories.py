@@ -168,11 +168,11 @@ def calibrate_on_trajectories(
 
 def _answer(found: TrajectoryCalibration) -> Section:
     """Section with the smallest set, its fitted values and the claim."""
-    held_out, unit = len(found.every.errors) - found.fitted, found.study.all_outcomes[0].unit
+    held_out, margin = len(found.every.errors) - found.fitted, f"{found.margin:g} {found.study.all_outcomes[0].unit}".strip()
     words = [
         f"To fit: {', '.join(found.chosen.names) or 'nothing'}. The other parameters may keep nominal values.",
-        f"Chosen on {found.fitted} trajectories, checked on {held_out}, by {measured(found.study)}. Margin: {found.margin:g} {unit} above "
-        "the error with all parameters fitted.",
+        f"Chosen on {found.fitted} trajectories, checked on {held_out}, by {measured(found.study)}. Margin: {margin} above the "
+        "error with all parameters fitted.",
         f"{found.violations} of {held_out} held-out trajectories exceed the margin. So it holds for at least {found.share:.1%} of such "
         "trajectories, with 95 % confidence. Nothing is claimed about trajectories of another kind.",
     ]

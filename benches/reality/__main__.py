@@ -1,11 +1,10 @@
 """Engines against measurements of real motions (`make reality`). The tables are those of docs/benchmarks/reality.md."""
 
 import argparse
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
 
-from reality import engines, pendulum, report, tosses
+from reality import pendulum, report, tosses
 
 
 def main() -> None:
@@ -29,23 +28,17 @@ def main() -> None:
         print(report.update_pairs(given.data))
         return
 
-    runs: list[tuple[str, Any, Callable[[Any], list[Any]]]] = [
-        ("cube_toss", engines.engines, lambda engine: list(tosses.measured(engine, given.data))),
-        ("elbow_toss", tosses.elbow_engines, lambda engine: list(tosses.measured(engine, given.data, tosses.ELBOW))),
-        ("multiarm_pendulum", lambda: pendulum.ENGINES, lambda engine: list(pendulum.measured(engine, given.data))),
-    ]
-
+    runs = [(own.name, engine, partial(tosses.measured, experiment=own)) for own in tosses.EXPERIMENTS for engine in own.made_engines()]
+    runs += [("multiarm_pendulum", engine, pendulum.measured) for engine in pendulum.ENGINES]
     chosen = [
-        (name, engine, measured)
-        for name, made, measured in runs
-        if not given.set or name in given.set
-        for engine in made()
-        if not given.engine or any(text in engine.name for text in given.engine)
+        run
+        for run in runs
+        if (not given.set or run[0] in given.set) and (not given.engine or any(text in run[1].name for text in given.engine))
     ]
     if not chosen:
         parser.error(f"no engine matches {given.engine}: give parts of names in the tables of docs/benchmarks/reality.md")
     for name, engine, measured in chosen:
-        print(report.write_rows(given.out / f"{name} {engine.name}.csv", measured(engine)), flush=True)
+        print(report.write_rows(given.out / f"{name} {engine.name}.csv", list(measured(engine, given.data))), flush=True)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@ import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib.util import find_spec
 from typing import Any
 
@@ -123,7 +123,15 @@ class OfAtlas(TossEngine):
 
 @dataclass(frozen=True)
 class OneByOne(TossEngine):
-    """Engine that simulates one toss after the other."""
+    """Engine that simulates one toss after the other.
+
+    Attributes:
+        motion: Function of the fitted parameters, the model, and the number of time steps per sample. It returns a function of a position,
+            m, orientation (w, x, y, z), velocity, m/s, and angular velocity, rad/s, in world axes, that yields the poses at the sample
+            times, (7,).
+    """
+
+    motion: Callable[[dict[str, float], Table, int], Motion] = field(kw_only=True)
 
     def poses(self, values: dict[str, float], table: Table, tosses: Sequence[Toss], substeps: int) -> Array:
         """Simulated poses at the sample times, (tosses, samples, 7); see `TossEngine.poses`."""
@@ -135,99 +143,81 @@ class OneByOne(TossEngine):
             rows[: len(toss.pose)] = list(itertools.islice(samples, len(toss.pose)))
         return made
 
-    @abstractmethod
-    def motion(self, values: dict[str, float], table: Table, substeps: int) -> Motion:
-        """Function of a position, m, orientation (w, x, y, z), velocity, m/s, and angular velocity, rad/s, in world axes.
 
-        It yields the poses at the sample times, (7,).
-        """
+@cache
+def _bullet() -> Any:
+    """The module `pybullet`, connected to a simulation without a window."""
+    import pybullet  # noqa: PLC0415  (optional)
+
+    pybullet.connect(pybullet.DIRECT)
+    return pybullet
 
 
-@dataclass(frozen=True)
-class Bullet(OneByOne):
-    """Engine Bullet (PyPI's pybullet), with compliant contact as in the published comparison: stiffness and damping of the table."""
-
-    @cached_property
-    def client(self) -> Any:
-        """The module `pybullet`, connected to a simulation without a window."""
-        import pybullet  # noqa: PLC0415  (optional)
-
-        pybullet.connect(pybullet.DIRECT)
-        return pybullet
-
-    def motion(self, values: dict[str, float], table: Table, substeps: int) -> Motion:
-        """Function that simulates a toss; see `OneByOne.motion`."""
-        p = self.client
-        p.resetSimulation()
-        p.setGravity(0.0, 0.0, -table.gravity)
-        p.setTimeStep(PERIOD / substeps)
-        plane = p.createMultiBody(0.0, p.createCollisionShape(p.GEOM_BOX, halfExtents=[5, 5, 1]), basePosition=[0, 0, table.offset - 1.0])
-        if table.radius:
-            corners = table.corners().tolist()
-            shape = p.createCollisionShapeArray(
-                shapeTypes=[p.GEOM_SPHERE] * 8, radii=[table.radius] * 8, collisionFramePositions=corners, halfExtents=[[0, 0, 0]] * 8
-            )
-        else:
-            shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=[HALF] * 3)
-        cube = p.createMultiBody(MASS, shape)
-        p.changeDynamics(cube, -1, localInertiaDiagonal=[INERTIA] * 3, linearDamping=0.0, angularDamping=0.0, lateralFriction=0.5)
-        p.changeDynamics(
-            plane, -1, lateralFriction=values["friction"], contactStiffness=values["stiffness"], contactDamping=values["damping"]
+def bullet(values: dict[str, float], table: Table, substeps: int) -> Motion:
+    """Tosses in Bullet, with compliant contact as in the published comparison: stiffness and damping of the table."""
+    p = _bullet()
+    p.resetSimulation()
+    p.setGravity(0.0, 0.0, -table.gravity)
+    p.setTimeStep(PERIOD / substeps)
+    plane = p.createMultiBody(0.0, p.createCollisionShape(p.GEOM_BOX, halfExtents=[5, 5, 1]), basePosition=[0, 0, table.offset - 1.0])
+    if table.radius:
+        corners = table.corners().tolist()
+        shape = p.createCollisionShapeArray(
+            shapeTypes=[p.GEOM_SPHERE] * 8, radii=[table.radius] * 8, collisionFramePositions=corners, halfExtents=[[0, 0, 0]] * 8
         )
+    else:
+        shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=[HALF] * 3)
+    cube = p.createMultiBody(MASS, shape)
+    p.changeDynamics(cube, -1, localInertiaDiagonal=[INERTIA] * 3, linearDamping=0.0, angularDamping=0.0, lateralFriction=0.5)
+    p.changeDynamics(plane, -1, lateralFriction=values["friction"], contactStiffness=values["stiffness"], contactDamping=values["damping"])
 
-        def toss(place: Array, q: Array, velocity: Array, spin: Array) -> Iterator[Array]:
-            p.resetBasePositionAndOrientation(cube, place, np.roll(q, -1))
-            p.resetBaseVelocity(cube, velocity, spin)
-            while True:
-                at, (x, y, z, w) = p.getBasePositionAndOrientation(cube)
-                yield np.array([*at, w, x, y, z])
-                for _ in range(substeps):
-                    p.stepSimulation()
+    def toss(place: Array, q: Array, velocity: Array, spin: Array) -> Iterator[Array]:
+        p.resetBasePositionAndOrientation(cube, place, np.roll(q, -1))
+        p.resetBaseVelocity(cube, velocity, spin)
+        while True:
+            at, (x, y, z, w) = p.getBasePositionAndOrientation(cube)
+            yield np.array([*at, w, x, y, z])
+            for _ in range(substeps):
+                p.stepSimulation()
 
-        return toss
+    return toss
 
 
-@dataclass(frozen=True)
-class Drake(OneByOne):
-    """Engine Drake (PyPI's drake), discrete with point contact and the approximation "similar" to Coulomb's law."""
+def drake_tosses(values: dict[str, float], table: Table, substeps: int) -> Motion:
+    """Tosses in Drake, discrete with point contact and the approximation "similar" to Coulomb's law."""
+    import pydrake.all as drake  # noqa: PLC0415  (optional)
 
-    def motion(self, values: dict[str, float], table: Table, substeps: int) -> Motion:
-        """Function that simulates a toss; see `OneByOne.motion`."""
-        import pydrake.all as drake  # noqa: PLC0415  (optional)
+    builder = drake.DiagramBuilder()
+    config = drake.MultibodyPlantConfig(time_step=PERIOD / substeps, contact_model="point", discrete_contact_approximation="similar")
+    plant, _ = drake.AddMultibodyPlant(config, builder)
+    plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -table.gravity])
+    body = plant.AddRigidBody("cube", drake.SpatialInertia(MASS, [0, 0, 0], drake.UnitInertia(*[INERTIA / MASS] * 3)))
+    properties = drake.ProximityProperties()
+    drake.AddContactMaterial(
+        properties=properties,
+        dissipation=values["dissipation"],
+        point_stiffness=values["stiffness"],
+        friction=drake.CoulombFriction(values["friction"], values["friction"]),
+    )
+    plant.RegisterCollisionGeometry(plant.world_body(), drake.RigidTransform([0, 0, table.offset]), drake.HalfSpace(), "table", properties)
+    # A box has one contact point with a half space in Drake, so the cube has small balls in its corners.
+    rounded = replace(table, radius=table.radius or 1e-4)
+    for k, corner in enumerate(rounded.corners()):
+        plant.RegisterCollisionGeometry(body, drake.RigidTransform(corner), drake.Sphere(rounded.radius), f"corner{k}", properties)
+    plant.Finalize()
+    simulator = drake.Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
 
-        builder = drake.DiagramBuilder()
-        config = drake.MultibodyPlantConfig(time_step=PERIOD / substeps, contact_model="point", discrete_contact_approximation="similar")
-        plant, _ = drake.AddMultibodyPlant(config, builder)
-        plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -table.gravity])
-        body = plant.AddRigidBody("cube", drake.SpatialInertia(MASS, [0, 0, 0], drake.UnitInertia(*[INERTIA / MASS] * 3)))
-        properties = drake.ProximityProperties()
-        drake.AddContactMaterial(
-            properties=properties,
-            dissipation=values["dissipation"],
-            point_stiffness=values["stiffness"],
-            friction=drake.CoulombFriction(values["friction"], values["friction"]),
-        )
-        plant.RegisterCollisionGeometry(
-            plant.world_body(), drake.RigidTransform([0, 0, table.offset]), drake.HalfSpace(), "table", properties
-        )
-        # A box has one contact point with a half space in Drake, so the cube has small balls in its corners.
-        rounded = replace(table, radius=table.radius or 1e-4)
-        for k, corner in enumerate(rounded.corners()):
-            plant.RegisterCollisionGeometry(body, drake.RigidTransform(corner), drake.Sphere(rounded.radius), f"corner{k}", properties)
-        plant.Finalize()
-        simulator = drake.Simulator(builder.Build())
-        context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    def toss(place: Array, q: Array, velocity: Array, spin: Array) -> Iterator[Array]:
+        plant.SetPositions(context, np.r_[q, place])
+        plant.SetVelocities(context, np.r_[spin, velocity])
+        simulator.get_mutable_context().SetTime(0.0)
+        simulator.Initialize()
+        for number in itertools.count(1):
+            yield np.roll(plant.GetPositions(context), 3)
+            simulator.AdvanceTo(number * PERIOD)
 
-        def toss(place: Array, q: Array, velocity: Array, spin: Array) -> Iterator[Array]:
-            plant.SetPositions(context, np.r_[q, place])
-            plant.SetVelocities(context, np.r_[spin, velocity])
-            simulator.get_mutable_context().SetTime(0.0)
-            simulator.Initialize()
-            for number in itertools.count(1):
-                yield np.roll(plant.GetPositions(context), 3)
-                simulator.AdvanceTo(number * PERIOD)
-
-        return toss
+    return toss
 
 
 def states(tosses: Sequence[Toss]) -> tuple[Array, Array]:
@@ -240,6 +230,7 @@ def states(tosses: Sequence[Toss]) -> tuple[Array, Array]:
 SOFT = {"log stiffness": (2.5, 5.5), "log damping": (0.7, 2.7)}
 """Bounds of MuJoCo's contact stiffness and damping, by name."""
 _COMPLIANT = {"friction": (0.08, 0.35), "log stiffness": (2.5, 4.5), "log damping": (0.3, 2.5)}
+_DISSIPATIVE = {"friction": (0.05, 0.4), "log stiffness": (3.0, 5.5), "dissipation": (0.0, 2.0)}
 _RIGID = {"friction": (0.08, 0.35), "restitution": (0.0, 0.4)}
 
 
@@ -254,7 +245,7 @@ def engines() -> list[TossEngine]:
     ]
     optional: dict[str, TossEngine] = {
         "rapier3d": OfAtlas("rapier", _RIGID, 6, Rapier("rapier")),
-        "pybullet": Bullet("Bullet", _COMPLIANT | {"friction": (0.1, 0.9)}),
-        "pydrake": Drake("Drake", {"friction": (0.05, 0.4), "log stiffness": (3.0, 5.5), "dissipation": (0.0, 2.0)}, 6),
+        "pybullet": OneByOne("Bullet", _COMPLIANT | {"friction": (0.1, 0.9)}, motion=bullet),
+        "pydrake": OneByOne("Drake", _DISSIPATIVE, 6, motion=drake_tosses),
     }
     return made + [engine for module, engine in optional.items() if find_spec(module)]

@@ -11,8 +11,7 @@ from stepper.lab.calibration.fit import bootstrap
 from stepper.shared.files import read_csv, write_csv, write_figure
 from stepper.shared.machine import require
 
-from reality.engines import TossEngine, engines as all_engines
-from reality.tosses import CUBE, ELBOW, PUBLISHED_STEP, REFINED, Experiment, elbow_engines
+from reality.tosses import EXPERIMENTS, PUBLISHED_STEP, REFINED, Experiment
 
 BENCHMARKS = Path(__file__).parents[2] / "docs/benchmarks"
 Row = dict[str, str]
@@ -97,16 +96,16 @@ def held_out(rows: Sequence[Row], nuisances: str, timestep: float = PUBLISHED_ST
 def update_pairs(data: Path) -> Path:
     """Write docs/benchmarks/reality_pairs.csv, with the parameters in the files of results and the tosses in the folder `data`."""
     rows: list[dict[str, object]] = []
-    for experiment, engines in ((CUBE, all_engines()), (ELBOW, elbow_engines())):
-        rows += _pairs(read_rows(BENCHMARKS / SETS[experiment.name]), engines, data, experiment)
+    for experiment in EXPERIMENTS:
+        rows += _pairs(read_rows(BENCHMARKS / SETS[experiment.name]), data, experiment)
     return write_rows(BENCHMARKS / "reality_pairs.csv", rows)
 
 
-def _pairs(rows: Sequence[Row], engines: Sequence[TossEngine], data: Path, experiment: Experiment) -> Iterator[dict[str, object]]:
+def _pairs(rows: Sequence[Row], data: Path, experiment: Experiment) -> Iterator[dict[str, object]]:
     """Differences of the mean errors of two engines, paired over the held-out tosses. Engines whose packages are missing are left out."""
     for nuisances in ("none", "fitted"):
         errors = {}
-        for row, engine in itertools.product(held_out(rows, nuisances), engines):
+        for row, engine in itertools.product(held_out(rows, nuisances), experiment.made_engines()):
             if row["engine"] == engine.name:
                 values = {name: float(value) for name, value in (text.rsplit(" ", 1) for text in row["parameters"].split("; "))}
                 table = experiment.table(**{own.name: values.pop(own.name) for own in fields(experiment.table) if own.name in values})

@@ -11,17 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from atlas.engines import DEFAULTS, Mujoco, Stepper
 from atlas.mjcf import numbers
 from numpy.typing import NDArray
 from stepper.lab.calibration.fit import Fit, bootstrap, fit
-from stepper.lab.engines import MujocoEngine
 
 from reality.data import ELBOW_CENTRE, ELBOW_HALF, ELBOW_HINGE, HALF, PERIOD, G, Toss, cube_tosses, elbow_bodies, elbow_tosses, turn
-from reality.engines import OfAtlas, Table, TossEngine
+from reality.engines import Table, TossEngine, engines
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
+Bounds = dict[str, tuple[float, float]]
 FITTED_AT = 4
 """Time steps per sample in fits: 1/592 s."""
 REFINED = (1, 4, 10)
@@ -46,6 +45,7 @@ class Experiment:
         bodies: Function that turns recorded poses, (..., nq), into positions, m, and orientations of all bodies, (..., bodies, 7).
         bounds: Bounds of fitted parameters of the object by their name in `table`.
         nuisances: Bounds of fitted nuisances by their name in `table`.
+        engines: Bounds of the engines' own parameters by the name of the engine; None for all engines with the bounds of the cube.
         samples: Number of samples of a toss in its mean error and in fits; None uses all.
         draws, rounds: Number of draws per round, and of rounds, of a fit.
         continued: Whether a fit with nuisances starts at the fit without them.
@@ -56,12 +56,19 @@ class Experiment:
     table: type[Table]
     tosses: Callable[[Path, float], list[Toss]]
     bodies: Callable[[Array], Array]
-    nuisances: dict[str, tuple[float, float]]
-    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
+    nuisances: Bounds
+    engines: dict[str, Bounds] | None = None
+    bounds: Bounds = field(default_factory=dict)
     samples: int | None = None
     draws: int = 16
     rounds: int = 5
     continued: bool = False
+
+    def made_engines(self) -> list[TossEngine]:
+        """Engines that toss the object."""
+        if self.engines is None:
+            return engines()
+        return [replace(engine, bounds=self.engines[engine.name], stride=1) for engine in engines() if engine.name in self.engines]
 
     def errors(self, poses: Array, tosses: Sequence[Toss]) -> tuple[Array, Array, Array]:
         """Error, distance (m) and angle (rad) of simulated poses at each sample, (tosses, samples) each; NaN after the end of a toss.
@@ -183,6 +190,7 @@ class Elbow(Table):
           <body name="second" pos="{numbers(ELBOW_HINGE)}">{hinge}{link(ELBOW_CENTRE)}</body></body></worldbody></mujoco>"""
 
 
+_FRICTION = {"friction": (0.05, 0.5)}
 ELBOW = Experiment(
     "elbow_toss",
     0.05,
@@ -190,6 +198,11 @@ ELBOW = Experiment(
     elbow_tosses,
     elbow_bodies,
     {"offset": (-0.003, 0.003), "radius": (0.0005, 0.006), "inertia": (0.3, 1.5)},
+    {
+        "stepper": _FRICTION | {"restitution": (0.0, 0.5)},
+        "stepper, compliant table": _FRICTION | {"log stiffness": (2.5, 5.5), "log damping": (0.3, 3.0)},
+        "MuJoCo, elliptic cone": _FRICTION | {"log stiffness": (3.0, 6.5), "log damping": (1.0, 3.7), "impedance": (0.1, 0.98)},
+    },
     {"hinge_damping": (0.0, 0.006), "hinge_friction": (0.0, 0.015)},
     samples=2 + round(0.1 / PERIOD),
     draws=32,
@@ -197,17 +210,4 @@ ELBOW = Experiment(
     continued=True,
 )
 """Tosses of the elbow. Errors are those of the first 0.1 s after the first contact."""
-
-
-def elbow_engines() -> list[TossEngine]:
-    """Engines that toss the elbow."""
-    friction = {"friction": (0.05, 0.5)}
-    return [
-        OfAtlas("stepper", friction | {"restitution": (0.0, 0.5)}, engine=Stepper("stepper")),
-        OfAtlas("stepper, compliant table", friction | {"log stiffness": (2.5, 5.5), "log damping": (0.3, 3.0)}, engine=Stepper("stepper")),
-        OfAtlas(
-            "MuJoCo, elliptic cone",
-            friction | {"log stiffness": (3.0, 6.5), "log damping": (1.0, 3.7), "impedance": (0.1, 0.98)},
-            engine=Mujoco("MuJoCo", MujocoEngine("elliptic", DEFAULTS | {"cone": "elliptic"})),
-        ),
-    ]
+EXPERIMENTS = (CUBE, ELBOW)

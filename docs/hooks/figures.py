@@ -61,6 +61,7 @@ def figures() -> dict[str, str]:
     found["reality.pendulum"] = pendulum_table(read_csv("reality_pendulum.csv"))
     found["reality.pairs"] = pair_table(read_csv("reality_pairs.csv"))
     found["calibration.certificates"] = certificate_table(read_csv("calibration.csv"))
+    found["calibration.weaker"] = weaker_table(read_csv("calibration_weaker.csv"))
     found["readme.cube"] = readme_cube(read_csv("reality.csv"))
     found["published.grasp"] = grasp_table([*read_csv("published_grasp.csv"), *read_csv("published_grasp_published_scene.csv")])
     found["published.piles"] = plain_table(read_csv("published_piles_small.csv"), PILES)
@@ -227,6 +228,20 @@ def certificate_table(rows: list[dict[str, str]]) -> str:
         cells = [row["task"], row["law"], row["margin"], row["measured"], f"{row['violations']} of {row['worlds']}"]
         cells += [f"{100 * float(row['confidence']):.1f} %", f"{row['unmeasured']} of {row['worlds']}"]
         lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def weaker_table(rows: list[dict[str, str]]) -> str:
+    """Weaker alternatives of certificates that surely fail, that pass, and others, by task, with their worlds above the margin."""
+    lines = ["| task | contact | surely fails | passes | not decided |", "|---|---|---|---|---|"]
+    for task, law in dict.fromkeys((row["task"], row["law"]) for row in rows):
+        cells: tuple[list[str], ...] = ([], [], [])
+        for row in rows:
+            if (row["task"], row["law"]) == (task, law):
+                which = 0 if float(row["least"]) > 0.05 else 1 if float(row["greatest"]) <= 0.05 else 2
+                name = "nothing measured" if row["set"] == "only " else row["set"]
+                cells[which].append(f"{name}: {row['violations']} of {int(row['worlds']):,}")
+        lines.append(f"| {task} | {law} | " + " | ".join("; ".join(cell) or "-" for cell in cells) + " |")
     return "\n".join(lines)
 
 

@@ -106,7 +106,7 @@ def test_certificates_at_the_limit_err_in_five_percent() -> None:
     rng = np.random.default_rng(0)
     for confidence in (0.95, confidence_of(3)):
         counts = rng.binomial(59, 0.05, 4000)
-        holding = [Certificate(Trial(np.zeros(1), int(v), 59, np.zeros(59)), confidence, 1, 1).holds for v in counts]
+        holding = [Certificate(Trial(int(v), 59, np.zeros(59)), confidence, 1, 1).holds for v in counts]
         # Four standard errors of a fraction of 5 % of 4,000 are 1.4 %.
         assert np.mean(holding) <= 1.0 - confidence + 0.014
 
@@ -118,7 +118,7 @@ def test_numbers_of_worlds_are_those_of_the_binomial_bound() -> None:
     assert greatest_share(worlds := 0, worlds_for(0, 3), confidence_of(3)) <= 0.05
     assert worlds == 0
     assert pytest.approx(least_share(20, 20), rel=1e-12) == 0.05 ** (1 / 20)
-    assert Trial(np.zeros(1), 0, 59, np.arange(59.0)).quantile(0.95) == 58.0
+    assert Trial(0, 59, np.arange(59.0)).quantile(0.95) == 58.0
 
 
 def test_models_of_worlds_stay_within_the_ranges() -> None:
@@ -271,7 +271,6 @@ def test_calibrate_on_trajectories(tmp_path: Path) -> None:
     )
     found = lab.calibrate_on_trajectories(study, tmp_path, fitted=12, margin=0.02)
     assert found.chosen.names == ("slope",)
-    assert found.chosen.fit is not None
     # The loss is a cone, whose bottom the elite brackets; the margin is 0.02.
     assert found.chosen.fit.values[0] == pytest.approx(truth, abs=0.02)
     assert found.violations == 0

@@ -75,7 +75,7 @@ def test_the_table_of_a_sweep_stays(tmp_path):
         "the outcome is the same at all 4 independent points and differs at others",
     ),
     (of(ishigami), {"parameters": ["w"]}, "there is no parameter 'w', there are: x, y, z; or give a selector with its range"),
-    (of(ishigami), {"parameters": ["x"]}, "1 parameter with low and high, must have two"),
+    (of(ishigami), {"parameters": ["x"]}, "1 parameter with low and high, must have at least 2"),
     (of(ishigami), {"setting": "fast"}, "no settings 'fast'"),
     (of(ishigami, outcomes=None), {}, "no outcome"),
     (of(lambda now: np.zeros(now.num_envs)), {"samples": 2}, "value is the same at all 10 points"),

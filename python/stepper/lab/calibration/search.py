@@ -80,13 +80,11 @@ class Trial:
     """Result of tolerances on worlds.
 
     Attributes:
-        tolerances: Tolerance of each parameter as a fraction of its range, (parameters,).
         violations: Number of worlds whose difference exceeds the margin.
         worlds: Number of worlds.
         differences: Difference of the outcome in each world, (worlds,).
     """
 
-    tolerances: Array
     violations: int
     worlds: int
     differences: Array = field(repr=False)
@@ -131,7 +129,7 @@ class Search:
         """Result of tolerances, (parameters,) as fractions of the ranges, on given worlds, all of which are run (see `Space.model`)."""
         found = np.asarray(self._difference(worlds, self.space.model(worlds, signs, tolerances)), float)
         found = np.where(np.isnan(found), np.inf, found)
-        return Trial(tolerances, int(self.exceeds(found).sum()), len(found), found)
+        return Trial(int(self.exceeds(found).sum()), len(found), found)
 
     def exceeds(self, differences: Array) -> NDArray[np.bool_]:
         """Whether differences, (k,), exceed the margin, (k,). Differences of means of the same numbers may be rounded differently."""

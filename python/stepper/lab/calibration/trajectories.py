@@ -17,10 +17,10 @@ import numpy as np
 from stepper.lab.calibration.fit import Fit, bootstrap, fit
 from stepper.lab.calibration.search import Array, smallest_set
 from stepper.lab.study.batches import USUAL, point_at, run_points
-from stepper.lab.study.document import Document, Section, counted
+from stepper.lab.study.document import Document, Section
 from stepper.lab.study.intervals import least_share
 from stepper.lab.study.journal import Results
-from stepper.lab.study.parameters import check_value_conflicts, selected
+from stepper.lab.study.ranking import varied
 from stepper.lab.study.report import study_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
@@ -37,12 +37,12 @@ class FittedSet:
 
     Attributes:
         names: Names of the fitted parameters.
-        fit: Fitted values, in the order of `names`; None for the empty set.
+        fit: Fitted values, in the order of `names`.
         errors: Error of each trajectory, (trajectories,), in the unit of the outcome: fitted ones first, then those held out.
     """
 
     names: tuple[str, ...]
-    fit: Fit | None
+    fit: Fit
     errors: Array
 
 
@@ -82,7 +82,6 @@ class TrajectoryCalibration:
         return least_share(held_out - self.violations, held_out)
 
     def _violations_of(self, own: FittedSet) -> int:
-        """Number of held-out trajectories whose error with a set exceeds that with all parameters by more than the margin."""
         return int((own.errors[self.fitted :] - self.every.errors[self.fitted :] > self.margin).sum())
 
 
@@ -124,15 +123,7 @@ def calibrate_on_trajectories(
         raise ValueError(
             f"fitted is {fitted}, must be below the study's episodes, {study.episodes}, so that trajectories are left to check"
         )
-    if not study.all_outcomes:
-        raise ValueError("the study has no outcome: give it the error of a prediction")
-    if parameters is not None:
-        added = selected(study.parameters, parameters, study.loaded[0])
-        study, parameters = replace(study, parameters={**study.parameters, **added}), list(added)
-    names = [name for name, own in study.parameters.items() if own.low is not None and (parameters is None or name in parameters)]
-    if not names:
-        raise ValueError(f"{study.name} has no parameter with low and high: give it the parameters to fit")
-    check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
+    study, names = varied(study, parameters, setting, 1)
     ends = np.array([[study.parameters[name].low, study.parameters[name].high] for name in names], float)
     sets: dict[frozenset[int], FittedSet] = {}
     with Results(study, out) as results:
@@ -145,17 +136,14 @@ def calibrate_on_trajectories(
             found = np.array([row["outcomes"][measured(some)] for row in rows], float).reshape(len(points), count)
             return np.where(np.isfinite(found), found, np.inf)
 
-        def fitted_values(found: Fit | None) -> Array:
-            """Fitted values as one sample, (1, parameters)."""
-            return np.zeros((1, 0)) if found is None else found.values[None]
-
         def fitted_set(chosen: set[int]) -> FittedSet:
             """Fit of a set of parameters. The held-out trajectories are not run."""
             if (key := frozenset(chosen)) not in sets:
                 own = sorted(chosen)
                 search = partial(fit, samples=_SAMPLES, elite=_SAMPLES // 3, rounds=_ROUNDS, seed=study.seed)
-                found = search(lambda samples: errors(own, samples).mean(axis=1), *ends[own].T) if own else None
-                sets[key] = FittedSet(tuple(names[k] for k in own), found, errors(own, fitted_values(found))[0])
+                nothing = Fit(np.zeros(0), np.zeros(0), np.nan, 0)
+                found = search(lambda samples: errors(own, samples).mean(axis=1), *ends[own].T) if own else nothing
+                sets[key] = FittedSet(tuple(names[k] for k in own), found, errors(own, found.values[None])[0])
             if progress:
                 progress(f"calibrate {study.name}", min(0.99, len(sets) / (2.0 * len(names) + 2.0)))
             return sets[key]
@@ -168,7 +156,7 @@ def calibrate_on_trajectories(
         best = smallest_set(lambda chosen: excess(chosen) <= margin, np.array([excess(every - {k}) for k in every]))
         whole = {}
         for key, own in sets.items():
-            whole[key] = replace(own, errors=errors(sorted(key), fitted_values(own.fit), study.episodes)[0])
+            whole[key] = replace(own, errors=errors(sorted(key), own.fit.values[None], study.episodes)[0])
         chosen = whole.pop(frozenset(best))
         everything = whole.pop(frozenset(every), chosen)
         others = tuple(sorted(whole.values(), key=lambda own: (-len(own.names), own.names)))
@@ -180,18 +168,17 @@ def calibrate_on_trajectories(
 
 def _answer(found: TrajectoryCalibration) -> Section:
     """Section with the smallest set, its fitted values and the claim."""
-    held_out, unit = len(found.every.errors) - found.fitted, found.study.all_outcomes[0].unit
+    held_out, margin = len(found.every.errors) - found.fitted, f"{found.margin:g} {found.study.all_outcomes[0].unit}".strip()
     words = [
         f"To fit: {', '.join(found.chosen.names) or 'nothing'}. The other parameters may keep nominal values.",
-        f"Chosen on {counted(found.fitted, 'trajectory')}, checked on {held_out} others, by {measured(found.study)}. Margin: "
-        f"{found.margin:g} {unit} above the error with all parameters fitted.",
+        f"Chosen on {found.fitted} trajectories, checked on {held_out}, by {measured(found.study)}. Margin: {margin} above the "
+        "error with all parameters fitted.",
         f"{found.violations} of {held_out} held-out trajectories exceed the margin. So it holds for at least {found.share:.1%} of such "
         "trajectories, with 95 % confidence. Nothing is claimed about trajectories of another kind.",
     ]
     rows = []
     for label, own in (("smallest set", found.chosen), ("all parameters", found.every)):
         for k, name in enumerate(own.names):
-            assert own.fit is not None
             parameter = found.study.parameters[name]
             rows.append([label, name, float(own.fit.values[k]), float(own.fit.spread[k]), parameter.unit, parameter.source])
     return Section("Answer", words, ("fit", "parameter", "value", "spread", "unit", "source of the range"), rows)

@@ -125,12 +125,7 @@ def rank(
             same at every point.
         MissingPackageError: SciPy is not installed.
     """
-    study = study_of(study)
-    if parameters is not None:
-        chosen = selected(study.parameters, parameters, study.loaded[0])
-        study, parameters = replace(study, parameters={**study.parameters, **chosen}), list(chosen)
-    names = _names(study, parameters, setting)
-    check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
+    study, names = varied(study_of(study), parameters, setting, 2)
     check_whole("samples", samples)
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples}, must be a power of 2, and at least 2")
@@ -170,11 +165,17 @@ def rank(
     return Ranking(study, setting, tuple(ranks), ranking.outcome, ranking.interval, table, document, tuple(files))
 
 
-def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str]:
-    """Names of the parameters to rank, after a check."""
+def varied(study: Study, chosen: Sequence[str] | None, setting: str, least: int) -> tuple[Study, list[str]]:
+    """Study with the chosen parameters, names or selectors with a range, and their names; None chooses all that have low and high.
+
+    There must be an outcome, and at least this number of parameters.
+    """
     if not study.all_outcomes:
-        raise ValueError("the study has no outcome, so there is nothing to rank by; give it one")
+        raise ValueError("the study has no outcome, so there is nothing to rank or to fit by; give it one")
     study.setting(setting)
+    if chosen is not None:
+        added = selected(study.parameters, chosen, study.loaded[0])
+        study, chosen = replace(study, parameters={**study.parameters, **added}), list(added)
     ranged = [name for name, p in study.parameters.items() if p.low is not None and p.high is not None and p.kind != "options"]
     names = ranged if chosen is None else list(chosen)
     for name in names:
@@ -183,10 +184,11 @@ def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str
                 f"parameter {name!r} has no low and high, or is an option of the step, which environments of a batch share: sweep it"
             )
         if reason := inapplicable(study, setting, study.parameters[name]):
-            raise ValueError(f"parameter {name!r} has no effect with the settings {setting!r}: {reason}; name the parameters to rank")
-    if len(names) < 2:
-        raise ValueError(f"{study.name} has {counted(len(names), 'parameter')} with low and high, must have two for a ranking")
-    return names
+            raise ValueError(f"parameter {name!r} has no effect with the settings {setting!r}: {reason}; name other parameters")
+    if len(names) < least:
+        raise ValueError(f"{study.name} has {counted(len(names), 'parameter')} with low and high, must have at least {least}")
+    check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
+    return study, names
 
 
 def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tuple[Array, Array, list[Array]]:

@@ -1,0 +1,65 @@
+"""Published certificates (docs/benchmarks/calibration.csv) and weaker alternatives, in fresh worlds.
+
+It updates docs/benchmarks/calibration_weaker.csv: python tests/helpers/certificates.py TASK LAW WORLDS [SEED [NAME]]. It leaves out
+each measured parameter, and doubles tolerances, one at a time and all together. With NAME it runs only alternatives with this text, and
+with "only PARAMETER, PARAMETER, ..." the certified tolerances of these alone.
+"""
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from reality.report import BENCHMARKS, Row, read_rows, write_rows
+from stepper import lab
+from stepper.lab.calibration.calibrate import Comparison, _fractions, _space
+from stepper.lab.study.intervals import greatest_share, least_share
+from stepper.lab.study.journal import Results
+
+ROWS, WEAKER = read_rows(BENCHMARKS / "calibration.csv"), BENCHMARKS / "calibration_weaker.csv"
+STUDIES = BENCHMARKS.parents[1] / "examples/studies"
+
+
+def published(row: Row) -> dict[str, float]:
+    """Tolerances of a certificate by parameter, in its unit."""
+    return {name: float(size) for name, size in (text.rsplit(" ", 1) for text in row["measured"].split("; "))}
+
+
+def violations(row: Row, sets: Mapping[str, Mapping[str, float]], worlds: int, seed: Sequence[int], out: Path) -> Iterator[tuple[str, int]]:
+    """Name and number of worlds above the margin of sets of tolerances, all in the same worlds, in the episodes of a certificate."""
+    # A certificate is one of the episodes of its study, which depend on its seed; worlds depend on `seed` alone.
+    study = replace(lab.Study.from_file(STUDIES / row["study"]), seed=int(row["seed"]))
+    names, margin = list(study.parameters), float(row["margin"]) * (1.0 + 1e-9)
+    space = _space(study, names)
+    drawn, signs = space.draw(np.random.default_rng(seed), worlds)
+    with Results(study, out) as results:
+        difference = Comparison(study, names, row["setting"], results.journal, lambda _: None)
+        for name, sizes in sets.items():
+            differences = difference(drawn, space.model(drawn, signs, _fractions(sizes, names, space)))
+            yield name, int((~(differences <= margin)).sum())
+
+
+def main(task: str, law: str, worlds: str, seed: str = "0", part: str = "") -> None:
+    """Run the weaker alternatives of a certificate, print how many worlds exceed the margin, and update their rows of the file."""
+    about, count = {"task": task, "law": law}, int(worlds)
+    row = next(row for row in ROWS if row.items() >= about.items())
+    sizes = published(row)
+    sets = {"as certified": sizes, "all doubled": {name: 2.0 * size for name, size in sizes.items()}}
+    sets |= {f"without {name}": {other: size for other, size in sizes.items() if other != name} for name in sizes}
+    sets |= {f"{name} doubled": {**sizes, name: 2.0 * size} for name, size in sizes.items()}
+    if part.startswith("only "):
+        sets[part] = {name: sizes[name] for name in part.removeprefix("only ").split(", ") if name}
+    sets = {name: own for name, own in sets.items() if part in name}
+    rows = read_rows(WEAKER) if WEAKER.exists() else []
+    for name, above in violations(row, sets, count, (20261201, int(seed)), BENCHMARKS.parents[1] / "out/certificates"):
+        own = about | {"set": name}
+        rows = [other for other in rows if not other.items() >= own.items()]
+        rows.append(own | {"seed": seed, "worlds": worlds, "violations": str(above)})
+        rows[-1] |= {"least": f"{least_share(above, count):.4f}", "greatest": f"{greatest_share(above, count):.4f}"}
+        print("; ".join(rows[-1].values()), flush=True)
+        write_rows(WEAKER, rows)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

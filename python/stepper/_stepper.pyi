@@ -987,7 +987,8 @@ class Stepper:
     `Options(error=...)`. Steps that are not divided do not count."""
     max_penetration: Final[Any]
     """Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
-    detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP."""
+    detection, which is in the middle of the step for "midpoint" and "rk4". Of a divided step it is the largest of its parts. Above
+    1 mm `status` has DEEP."""
     max_limit_violation: Final[Any]
     """Largest violation of the range of a joint or tendon after the steps of the last call of `step`, (num_envs,) float64, rad or m. Above
     0.01 `status` has OVER_LIMIT."""

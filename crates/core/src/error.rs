@@ -24,7 +24,7 @@ pub enum Error {
         must: &'static str,
     },
     /// Integrator that a model file selects, and that stepper does not have.
-    #[error("the source asks for {found}, which stepper does not have; choose ContactLaw::Mujoco and an integrator")]
+    #[error("the source asks for {found}, which stepper does not have; choose ContactLaw::Mujoco and an integrator, or change the file")]
     SourceIntegrator {
         /// Name of the integrator in the file.
         found: String,

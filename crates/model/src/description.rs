@@ -409,7 +409,7 @@ pub struct Omission {
 /// Settings of a source file that stepper's default options replace, with the names that the file uses.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Requested {
-    /// Name of the integrator: "Euler", "RK4", "implicit", "implicitfast" or "discrete", which stepper does not have.
+    /// Name of the integrator: "Euler", "RK4", "implicit", "implicitfast" or "discrete". Stepper has no "discrete".
     pub integrator: String,
     /// Name of the solver: "PGS", "CG" or "Newton".
     pub solver: String,

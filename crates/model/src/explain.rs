@@ -209,14 +209,21 @@ impl Model {
 type Deviation = Option<(bool, String)>;
 
 impl Requested {
+    /// Whether stepper has the integrator of the source file.
+    fn has_integrator(&self) -> bool {
+        ["Euler", "RK4", "implicit", "implicitfast"].contains(&self.integrator.as_str())
+    }
+
     fn integrator_line(&self) -> Deviation {
         // A file without an integrator has MuJoCo's default, Euler's rule.
         let (express, name) = (self.integrator != "Euler", &self.integrator);
         let asked = if express { "sets" } else { "has the default," };
-        let line = format!(
-            "integrator: the source {asked} {name}, and the default options use midpoint. Options::from_model(&model) uses the source's"
-        );
-        Some((express, line))
+        let remedy = if self.has_integrator() {
+            ". Options::from_model(&model) uses the source's"
+        } else {
+            ", because stepper does not have that of the source"
+        };
+        Some((express, format!("integrator: the source {asked} {name}, and the default options use midpoint{remedy}")))
     }
 
     fn softness_line(&self) -> Deviation {
@@ -224,10 +231,11 @@ impl Requested {
             return None;
         }
         let hard = "the default options make contacts, limits, equalities and dry friction hard: they ignore solref, solimp and impratio, bodies \
-                    do not sink in, limits do not yield, and impacts end at once; Options::from_model(&model) uses the source's contact law";
+                    do not sink in, limits do not yield, and impacts end at once";
+        let law = if self.has_integrator() { "; Options::from_model(&model) uses the source's contact law" } else { "" };
         Some(match &self.soft[..] {
-            [] => (false, format!("softness: MuJoCo's default, and {hard}")),
-            soft => (true, format!("softness: the source sets solref or solimp of {}, and {hard}", soft.join("; "))),
+            [] => (false, format!("softness: MuJoCo's default, and {hard}{law}")),
+            soft => (true, format!("softness: the source sets solref or solimp of {}, and {hard}{law}", soft.join("; "))),
         })
     }
 

@@ -11,17 +11,17 @@ use crate::asset::Mesh;
 pub(crate) struct Hulls(pub(super) Vec<Option<Arc<Hull>>>);
 
 impl Hulls {
-    /// Stores the convex hull of the mesh with the index `index`, unless it is stored already. `known` has hulls of the same meshes. Those
-    /// that it lacks are computed.
+    /// Stores the convex hull of the mesh with the index `index`, unless it is stored already. `reusable` has hulls of the same meshes.
+    /// Those that it lacks are computed.
     ///
     /// # Errors
     /// [`HullError`] if the mesh has no hull.
-    pub(super) fn store(&mut self, index: usize, mesh: &Mesh, known: &Hulls) -> Result<(), HullError> {
+    pub(super) fn store(&mut self, index: usize, mesh: &Mesh, reusable: &Hulls) -> Result<(), HullError> {
         if self.0.len() <= index {
             self.0.resize(index + 1, None);
         }
         if self.0[index].is_none() {
-            let same = known.0.get(index).cloned().flatten();
+            let same = reusable.0.get(index).cloned().flatten();
             self.0[index] = Some(same.map_or_else(|| mesh.hull().map(Arc::new), Ok)?);
         }
         Ok(())

@@ -19,9 +19,7 @@ use crate::math::precision::Precision;
 const MAGIC: [u8; 8] = *b"stepper\xfe";
 
 /// Version of the format of saved states. It must increase when the content of a state changes.
-pub const FORMAT_VERSION: u32 = 7;
-/// Oldest format version that can be read. Older states lack the active equalities.
-const OLDEST_VERSION: u32 = 7;
+pub const FORMAT_VERSION: u32 = 8;
 
 /// Offset of the model's digest in a saved state, bytes.
 const MODEL: usize = 13;
@@ -92,10 +90,8 @@ impl SavedState {
             return refuse(format!("cut off after {} bytes; copy it again", bytes.len()));
         }
         let version = u32::from_le_bytes(bytes[8..12].try_into().expect("4 bytes"));
-        if !(OLDEST_VERSION..=FORMAT_VERSION).contains(&version) {
-            return refuse(format!(
-                "format version {version}, this stepper reads {OLDEST_VERSION} to {FORMAT_VERSION}; use the version that saved it"
-            ));
+        if version != FORMAT_VERSION {
+            return refuse(format!("format version {version}, this stepper reads {FORMAT_VERSION}; use the version that saved it"));
         }
         let (head, payload) = (&bytes[..CHECK], &bytes[PAYLOAD..]);
         if bytes[CHECK..PAYLOAD] != checksum(head, payload) {

@@ -13,8 +13,8 @@ use crate::model::{Cone, Equality, EqualityKind, Filter, InverseWeights, Joint, 
 impl<S: Scalar> CompiledModel<S> {
     /// Adds the constraint parameters of MuJoCo's contact law, for steps of `timestep` seconds.
     ///
-    /// The function also removes the pair groups. They serve to remove
-    /// redundant contacts, but MuJoCo's contact law determines the force of every contact.
+    /// The function also removes the pair groups. They serve to remove redundant contacts, but MuJoCo's contact law determines the force of
+    /// every contact.
     pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64) {
         let SoftSettings { cone, impratio, refsafe, noslip, .. } = model.soft;
         let effort = SlipEffort { sweeps: noslip.iterations, tolerance: S::from_f64(noslip.tolerance) };

@@ -38,7 +38,7 @@ pub(crate) struct RowState<'a, R: Real> {
     pub mass: &'a MassMatrix<R>,
     /// Configuration at which the rows are evaluated.
     pub q: &'a [R],
-    /// Generalized velocity before the step.
+    /// Generalized velocity before the step, or at a stage of MuJoCo's Runge-Kutta method.
     pub v: &'a [R],
     /// Velocities of the links at `v` and `q`, and their accelerations at zero joint accelerations (Coriolis, centrifugal and gravity
     /// terms).
@@ -52,7 +52,7 @@ pub(crate) struct RowState<'a, R: Real> {
     /// Lanes in which each equality of the model is active.
     pub active_equalities: &'a ActiveEqualities<R>,
     /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. These overlaps determine
-    /// which rows correct an overlap, so that the same rows do so at all displaced states.
+    /// which rows correct an overlap, and with MuJoCo's law which rows exist, so that they are the same at all displaced states.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
     /// Lanes that hold an environment.
     pub alive: R::Mask,

@@ -86,7 +86,7 @@ impl<R: Real> ConstraintNames<'_, R> {
     pub fn of(&self, i: usize, lane: usize) -> u64 {
         let Self { problem, contacts } = self;
         let Some(contact) = i.checked_sub(problem.impulse_indices.len()) else { return problem.impulse_indices[i] as u64 };
-        let ContactSlot { slot, lanes, .. } = problem.contact_slots[contact];
+        let ContactSlot { slot, lanes } = problem.contact_slots[contact];
         if lanes.bits() >> lane & 1 == 1 { contacts.ids[slot][lane].0 } else { Self::NO_CONSTRAINT }
     }
 }

@@ -72,6 +72,8 @@ impl<R: Real> Workspace<R> {
         let zeros = |n: usize| vec![R::zero(); n];
         let [q, v, act] = [compiled.nq, compiled.nv, compiled.na].map(|n| move || vec![R::zero(); n]);
         let hard = options.contact == ContactLaw::Hard;
+        // The problem of MuJoCo's law is in `mujoco`.
+        let hard_contacts = if hard { max_contacts } else { 0 };
         let contacts = || Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction);
         let mut workspace = Self {
             state: State { q: q(), v: v(), act: act(), contacts: contacts(), impulse: v(), time: vec![0.0; R::LANES], elapsed: 0.0 },
@@ -88,10 +90,10 @@ impl<R: Real> Workspace<R> {
             current: false,
             evaluation: Evaluation::new(compiled, options, contacts()),
             free_motion: FreeMotion::new(compiled),
-            problem: ConstraintProblem::new(compiled, if hard { max_contacts } else { 0 }),
+            problem: ConstraintProblem::new(compiled, hard_contacts),
             builder: RowBuilder::new(compiled),
-            velocity: VelocitySolution::new(compiled, max_contacts),
-            position: PositionSolution::new(compiled, max_contacts),
+            velocity: VelocitySolution::new(compiled, hard_contacts),
+            position: PositionSolution::new(compiled, hard_contacts),
             sensors: Sensors {
                 workspace: SensorWorkspace::new(compiled, max_contacts),
                 actuator_forces: ActuatorForces::new(compiled),

@@ -80,7 +80,8 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
             if !contacts.torque.is_empty() {
                 // A contact without rotation rows may have had a torque before: friction coefficients can be set between steps.
                 let mut torque = zero();
-                if let Some(scale) = (lambda.len() > 3).then(|| rotation_scales.next()).flatten() {
+                if lambda.len() > 3 {
+                    let scale = rotation_scales.next().expect("lengths of every contact with rotation rows");
                     (0..lambda.len() - 3).for_each(|j| torque[j] = lambda[3 + j] * scale[j]);
                 }
                 contacts.torque[k] = select(lanes, torque, contacts.torque[k]);

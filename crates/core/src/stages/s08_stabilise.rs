@@ -317,7 +317,7 @@ fn find_unconstrained_mobility<R: Real>(input: &PositionInput<'_, R>, unconstrai
     let compiled = input.compiled;
     unconstrained_mobility.clear();
     unconstrained_mobility.resize(input.problem.rows.scalars.len(), R::zero());
-    for &ContactSlot { slot: k, lanes, .. } in &input.problem.contact_slots {
+    for &ContactSlot { slot: k, lanes } in &input.problem.contact_slots {
         let mut mobility = R::zero();
         for (pair, lanes) in input.contacts.pairs(k, lanes.bits()) {
             let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");

@@ -132,7 +132,8 @@ getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// `Options(error=...)`. Steps that are not divided do not count.
     substeps: slf.per_env(py, |env| slf.simulation.substeps(env)),
     /// Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
-    /// detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP.
+    /// detection, which is in the middle of the step for "midpoint" and "rk4". Of a divided step it is the largest of its parts. Above
+    /// 1 mm `status` has DEEP.
     max_penetration: slf.per_env(py, |env| slf.simulation.depth(env)),
     /// Largest violation of the range of a joint or tendon after the steps of the last call of `step`, (num_envs,) float64, rad or m. Above
     /// 0.01 `status` has OVER_LIMIT.

@@ -80,11 +80,14 @@ def hard_lines(*, more: bool = False) -> list[Line]:
 def lines(study: Study, *, quick: bool) -> list[Line]:
     """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engine MuJoCo if it can run the study."""
     model, _ = study.loaded
-    asked = Options.from_model(model).integrator if model.requested else None
-    law = {"contact": "mujoco", "integrator": asked}
+    try:
+        integrator = Options.from_model(model).integrator if model.requested else "euler"
+    except ValueError:
+        integrator = "euler"  # The file selects an integrator that stepper does not have.
+    law = {"contact": "mujoco", "integrator": integrator}
     found = hard_lines(more=not quick)
-    found += [Line("stepper", f"MuJoCo's law, {asked or 'euler'}", law, "mujoco")]
-    found += [Line("stepper", f"MuJoCo's law, {asked or 'euler'}, f32", law | {"precision": "f32"}, "mujoco")]
+    found += [Line("stepper", f"MuJoCo's law, {integrator}", law, "mujoco")]
+    found += [Line("stepper", f"MuJoCo's law, {integrator}, f32", law | {"precision": "f32"}, "mujoco")]
     if no_peer(study) is None:
         found += [Line("MuJoCo", name, {"engine": "mujoco"} | given, "mujoco") for name, given in _PEER]
     return found

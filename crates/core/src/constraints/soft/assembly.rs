@@ -14,8 +14,7 @@ use crate::math::spatial::*;
 /// Inputs of the assembly of rows with MuJoCo's contact law.
 #[derive(Clone, Copy)]
 pub(crate) struct SoftInput<'a, R: Real> {
-    /// State at which the rows are evaluated. Their velocities follow from `v_free`, which is here the velocity before the step.
-    pub(crate) row: RowState<'a, R>,
+    pub(crate) state: RowState<'a, R>,
     pub(crate) softness: &'a CompiledSoftness<R::Scalar>,
 }
 
@@ -32,8 +31,8 @@ impl<R: Real> SoftAssembler<'_, R> {
     /// Adds the rows of all constraints.
     #[inline(always)]
     pub(crate) fn assemble(&mut self, contacts: &mut Contacts<R>) {
-        let row = self.input.row;
-        align_tangents(row.compiled, row.kinematics, contacts);
+        let state = self.input.state;
+        align_tangents(state.compiled, state.kinematics, contacts);
         kernel!(R, || {
             self.system.clear();
             self.add_equalities();
@@ -41,7 +40,7 @@ impl<R: Real> SoftAssembler<'_, R> {
             self.add_limits();
         });
         self.add_contacts(contacts);
-        kernel!(R, || self.system.limit_weights(row.compiled, row.mass));
+        kernel!(R, || self.system.limit_weights(state.compiled, state.mass));
     }
 }
 

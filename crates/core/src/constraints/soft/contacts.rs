@@ -30,7 +30,7 @@ struct ContactLaw<R: Real> {
 impl<R: Real> ContactLaw<R> {
     #[inline(always)]
     fn gather(input: SoftInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
-        let (compiled, slot) = (input.row.compiled, &contacts.data[k]);
+        let (compiled, slot) = (input.state.compiled, &contacts.data[k]);
         let z = R::zero();
         let mut law = Self {
             spring: [z; 2],
@@ -126,10 +126,10 @@ impl<R: Real> SoftAssembler<'_, R> {
     /// In different lanes, a slot may have contacts between different trees. The function adds one contact of the problem for all lanes in
     /// which the trees are the same. No row then connects trees that do not touch in its lanes.
     pub(super) fn add_contacts(&mut self, contacts: &Contacts<R>) {
-        let SoftInput { row, softness, .. } = self.input;
-        let compiled = row.compiled;
+        let SoftInput { state, softness, .. } = self.input;
+        let compiled = state.compiled;
         for k in 0..contacts.slots() {
-            let distance = row.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
+            let distance = state.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
             let near = R::Mask::from_bits(contacts.lanes_of(k)).and(distance.lt(R::zero())).bits();
             let mut rolling = 0;
             if compiled.has_rolling_friction {
@@ -152,9 +152,9 @@ impl<R: Real> SoftAssembler<'_, R> {
     #[inline(always)]
     fn add_contact(&mut self, contacts: &Contacts<R>, (k, lanes): (usize, u32), rolls: bool) {
         let Self { input, builder, system } = self;
-        let (row, active, slot) = (&input.row, R::Mask::from_bits(lanes), &contacts.data[k]);
-        builder.gather_dofs(row, contacts, k, lanes);
-        let [[n, a, b], _] = builder.contact_columns(row, contacts, k, lanes);
+        let (state, active, slot) = (&input.state, R::Mask::from_bits(lanes), &contacts.data[k]);
+        builder.gather_dofs(state, contacts, k, lanes);
+        let [[n, a, b], _] = builder.contact_columns(state, contacts, k, lanes);
         for &d in &builder.dofs {
             let d = d as usize;
             builder.column[d] = select(active, builder.column[d], zero());
@@ -165,9 +165,9 @@ impl<R: Real> SoftAssembler<'_, R> {
             builder.keep_sliding_rows();
             let normal = slot.point.normal;
             let axes = [normal, slot.tangent, cross(normal, slot.tangent)];
-            let surface_rotation = angular(&surface_velocity::motion(row.compiled, row.kinematics, contacts, k, lanes));
+            let surface_rotation = angular(&surface_velocity::motion(state.compiled, state.kinematics, contacts, k, lanes));
             let turning = [dot(normal, surface_rotation), R::zero(), R::zero()];
-            let [spin, roll_a, roll_b] = builder.rotation_columns(row, &axes, [R::one(); 3], turning);
+            let [spin, roll_a, roll_b] = builder.rotation_columns(state, &axes, [R::one(); 3], turning);
             let (linear, rotation) = (&builder.linear, &builder.column);
             let [reference, weight, scales] = law.rows(cone, distance, [n, a, b, spin, roll_a, roll_b], active);
             system.problem.rolling_contacts.push(

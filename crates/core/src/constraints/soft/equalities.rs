@@ -12,9 +12,9 @@ impl<R: Real> SoftAssembler<'_, R> {
     /// Adds the rows of all active equalities. All position errors of an equality share one impedance.
     #[inline(always)]
     pub(super) fn add_equalities(&mut self) {
-        let row = self.input.row;
-        for (k, block) in row.compiled.equalities.iter().enumerate() {
-            if row.active_equalities.has_rows(k) {
+        let state = self.input.state;
+        for (k, block) in state.compiled.equalities.iter().enumerate() {
+            if state.active_equalities.has_rows(k) {
                 for equality in &block.equalities {
                     // Compiled separately, because few models have equalities.
                     kernel!(R, || self.add_equality(equality));
@@ -28,11 +28,11 @@ impl<R: Real> SoftAssembler<'_, R> {
         let input = self.input;
         let [law, rotation_law] = &input.softness.equalities[equality.index];
         self.builder.use_dofs(&equality.dofs);
-        let numbers = input.row.compiled.params.equality(equality.index);
+        let numbers = input.state.compiled.params.equality(equality.index);
         match &equality.rows {
             EqualityRows::Points { frames, turn, .. } => {
                 let turned = turn.map(|turn| (Turn::of(input, *frames, &[numbers.orientation, splat(turn)]), numbers.weight));
-                let points = self.builder.connect_points(&input.row, *frames, [numbers.first, numbers.second], false);
+                let points = self.builder.connect_points(&input.state, *frames, [numbers.first, numbers.second], false);
                 let mut square = dot(points.error, points.error);
                 if let Some((turn, weight)) = &turned {
                     let error = scale(turn.error, *weight);
@@ -43,9 +43,9 @@ impl<R: Real> SoftAssembler<'_, R> {
                 if let Some((turn, weight)) = turned {
                     for &d in &equality.dofs {
                         let (d, mut j) = (d as usize, zero());
-                        let axis = angular(&input.row.kinematics.axes[d]);
+                        let axis = angular(&input.state.kinematics.axes[d]);
                         for side in 0..2 {
-                            if moves(input.row.compiled, frames[side], d) {
+                            if moves(input.state.compiled, frames[side], d) {
                                 j = if side == 0 { add(j, axis) } else { sub(j, axis) };
                             }
                         }
@@ -56,12 +56,12 @@ impl<R: Real> SoftAssembler<'_, R> {
                 }
             }
             EqualityRows::Coupling { first, second } => {
-                let rows = self.builder.couple_joints(&input.row, first, second.as_ref(), numbers.polynomial);
+                let rows = self.builder.couple_joints(&input.state, first, second.as_ref(), numbers.polynomial);
                 let mut rate = R::zero();
                 for &d in &equality.dofs {
-                    rate += self.builder.column[d as usize][0] * input.row.v_free[d as usize];
+                    rate += self.builder.column[d as usize][0] * input.state.v_free[d as usize];
                 }
-                let active = input.row.alive.and(input.row.active_equalities.lanes(equality));
+                let active = input.state.alive.and(input.state.active_equalities.lanes(equality));
                 // MuJoCo neglects the acceleration J' v of couplings.
                 let law = law.row(rows.error[0], rate, active);
                 self.system.use_terms(&equality.dofs);
@@ -82,10 +82,10 @@ impl<R: Real> SoftAssembler<'_, R> {
         impedance: R,
         [error, kappa]: [V3<R>; 2],
     ) {
-        let (row, mut rate) = (self.input.row, zero());
-        let active = row.alive.and(row.active_equalities.lanes(equality));
+        let (state, mut rate) = (self.input.state, zero());
+        let active = state.alive.and(state.active_equalities.lanes(equality));
         for &d in &equality.dofs {
-            rate = add_scaled(rate, self.builder.column[d as usize], row.v_free[d as usize]);
+            rate = add_scaled(rate, self.builder.column[d as usize], state.v_free[d as usize]);
         }
         self.system.use_terms(&equality.dofs);
         for k in 0..3 {
@@ -116,14 +116,14 @@ struct Turn<R: Real> {
 impl<R: Real> Turn<R> {
     #[inline(always)]
     fn of(input: SoftInput<'_, R>, frames: [usize; 2], mats: &[M3<R>; 2]) -> Self {
-        let kinematics = input.row.kinematics;
+        let kinematics = input.state.kinematics;
         let first = mat_mul(&kinematics.mat[frames[0]], &mats[0]);
         let second = mat_mul(&kinematics.mat[frames[1]], &mats[1]);
         let [scalar, x, y, z] = mat_to_quat(&mat_mul_transposed(&first, &second));
         let mut turn = Self { scalar, error: rotate_back(&second, [x, y, z]), kappa: zero(), second };
         let [a, b] = frames.map(|f| frame_velocity(input, f));
         let relative = sub(a, b);
-        let acceleration = sub(angular_acceleration(&input.row, frames[0]), angular_acceleration(&input.row, frames[1]));
+        let acceleration = sub(angular_acceleration(&input.state, frames[0]), angular_acceleration(&input.state, frames[1]));
         // With w = R1^T (w0 - w1): e' = (s w + w x e) / 2 and s' = -w . e / 2.
         let w = rotate_back(&second, relative);
         let change = rotate_back(&second, sub(acceleration, cross(b, relative)));
@@ -145,5 +145,5 @@ impl<R: Real> Turn<R> {
 /// Angular velocity of a frame in world axes, rad/s.
 #[inline(always)]
 fn frame_velocity<R: Real>(input: SoftInput<'_, R>, frame: usize) -> V3<R> {
-    if frame == 0 || frame > input.row.compiled.links.len() { zero() } else { angular(&input.row.motion.velocity[frame - 1]) }
+    if frame == 0 || frame > input.state.compiled.links.len() { zero() } else { angular(&input.state.motion.velocity[frame - 1]) }
 }

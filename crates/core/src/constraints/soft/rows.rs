@@ -12,7 +12,7 @@ impl<R: Real> SoftAssembler<'_, R> {
     /// with entries, ascending.
     #[inline(always)]
     fn combine(&mut self, combination: &Combination<R::Scalar>, factor: R) {
-        let (paths, terms, column) = (&self.input.row.kinematics.paths, &mut self.system.terms, &mut self.builder.column);
+        let (paths, terms, column) = (&self.input.state.kinematics.paths, &mut self.system.terms, &mut self.builder.column);
         terms.clear();
         combination.for_each_arm(
             paths,
@@ -57,25 +57,25 @@ impl<R: Real> SoftAssembler<'_, R> {
     /// Adds the rows of dry friction of joints and tendons.
     #[inline(always)]
     pub(super) fn add_frictions(&mut self) {
-        let SoftInput { row, softness, .. } = self.input;
-        for (i, (friction, law)) in row.compiled.frictions.iter().zip(&softness.frictions).enumerate() {
-            let most = row.compiled.params.friction(i);
+        let SoftInput { state, softness, .. } = self.input;
+        for (i, (friction, law)) in state.compiled.frictions.iter().zip(&softness.frictions).enumerate() {
+            let most = state.compiled.params.friction(i);
             let mut bounds = [-most, most];
             if friction.driven {
-                let [forwards, backwards] = row.losses[i];
+                let [forwards, backwards] = state.losses[i];
                 bounds = [bounds[0] - forwards, bounds[1] + backwards];
             }
-            let law = law.row(R::zero(), row.v_free[friction.dof], row.alive);
+            let law = law.row(R::zero(), state.v_free[friction.dof], state.alive);
             self.builder.column[friction.dof] = [R::one(), R::zero(), R::zero()];
             self.system.use_terms(&[friction.dof as u32]);
-            self.push_row(law, bounds, row.alive, row.compiled.limits.len() + i);
+            self.push_row(law, bounds, state.alive, state.compiled.limits.len() + i);
         }
-        for (tendon, [_, law]) in row.compiled.tendons.iter().zip(&softness.tendons) {
+        for (tendon, [_, law]) in state.compiled.tendons.iter().zip(&softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
-                let law = law.row(R::zero(), tendon.length.rate(row.v_free, &row.kinematics.paths), row.alive);
+                let law = law.row(R::zero(), tendon.length.rate(state.v_free, &state.kinematics.paths), state.alive);
                 self.combine(&tendon.length, R::one());
-                self.push_row(law, [-most, most], row.alive, tendon.impulse_index + 1);
+                self.push_row(law, [-most, most], state.alive, tendon.impulse_index + 1);
             }
         }
     }
@@ -83,36 +83,36 @@ impl<R: Real> SoftAssembler<'_, R> {
     /// Adds the rows of violated limits of joints, ball joints and tendons.
     #[inline(always)]
     pub(super) fn add_limits(&mut self) {
-        let SoftInput { row, softness, .. } = self.input;
-        for (i, (limit, law)) in row.compiled.limits.iter().zip(&softness.limits).enumerate() {
-            let (sign, error) = nearer_end(row.q[limit.q], row.compiled.params.limit(i));
-            let distance = row.solved_overlaps.map_or(error, |solved| solved.limits[i]);
-            let active = row.alive.and(distance.lt(R::zero()));
+        let SoftInput { state, softness, .. } = self.input;
+        for (i, (limit, law)) in state.compiled.limits.iter().zip(&softness.limits).enumerate() {
+            let (sign, error) = nearer_end(state.q[limit.q], state.compiled.params.limit(i));
+            let distance = state.solved_overlaps.map_or(error, |solved| solved.limits[i]);
+            let active = state.alive.and(distance.lt(R::zero()));
             if active.any() {
                 self.builder.column[limit.dof] = [sign, R::zero(), R::zero()];
                 self.system.use_terms(&[limit.dof as u32]);
-                self.push_limit(law, [error, sign * row.v_free[limit.dof]], active, i);
+                self.push_limit(law, [error, sign * state.v_free[limit.dof]], active, i);
             }
         }
-        for (i, (limit, law)) in row.compiled.ball_limits.iter().zip(&softness.ball_limits).enumerate() {
-            let (axis, error) = ball_limit(row.compiled, i, row.q);
-            let active = row.alive.and(error.lt(R::zero()));
+        for (i, (limit, law)) in state.compiled.ball_limits.iter().zip(&softness.ball_limits).enumerate() {
+            let (axis, error) = ball_limit(state.compiled, i, state.q);
+            let active = state.alive.and(error.lt(R::zero()));
             if active.any() {
                 let dofs = [0, 1, 2].map(|k| limit.dof + k);
                 self.system.use_terms(&dofs.map(|d| d as u32));
                 for (k, &d) in dofs.iter().enumerate() {
                     self.builder.column[d] = [axis[k], R::zero(), R::zero()];
                 }
-                self.push_limit(law, [error, dot(axis, dofs.map(|d| row.v_free[d]))], active, limit.impulse_index);
+                self.push_limit(law, [error, dot(axis, dofs.map(|d| state.v_free[d]))], active, limit.impulse_index);
             }
         }
-        for (tendon, [law, _]) in row.compiled.tendons.iter().zip(&softness.tendons) {
-            let (Some([lowest, highest]), paths) = (tendon.range, &row.kinematics.paths) else { continue };
-            let (sign, error) = nearer_end(tendon.length.value(row.q, paths), [R::splat(lowest), R::splat(highest)]);
-            let active = row.alive.and(error.lt(R::zero()));
+        for (tendon, [law, _]) in state.compiled.tendons.iter().zip(&softness.tendons) {
+            let (Some([lowest, highest]), paths) = (tendon.range, &state.kinematics.paths) else { continue };
+            let (sign, error) = nearer_end(tendon.length.value(state.q, paths), [R::splat(lowest), R::splat(highest)]);
+            let active = state.alive.and(error.lt(R::zero()));
             if active.any() {
                 self.combine(&tendon.length, sign);
-                self.push_limit(law, [error, sign * tendon.length.rate(row.v_free, paths)], active, tendon.impulse_index);
+                self.push_limit(law, [error, sign * tendon.length.rate(state.v_free, paths)], active, tendon.impulse_index);
             }
         }
     }

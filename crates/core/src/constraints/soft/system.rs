@@ -16,9 +16,9 @@ pub struct SoftSystem<R: Real> {
     pub problem: SoftProblem<R>,
     /// Index of the impulse of every scalar row in the list of impulses of scalar rows.
     pub(super) impulse_indices: Vec<usize>,
-    /// Contacts of the problem, ascending by their slot in the contact set, which comes first.
+    /// Contacts of the problem, by ascending slot of the contact set: this slot, and the place of the contact in the problem.
     pub(super) contacts: Vec<(usize, ContactVisit<R::Mask>)>,
-    /// Lanes with at least one row.
+    /// Lanes in which at least one row acts.
     pub(crate) constrained: R::Mask,
     /// Solver for all lanes at once (Newton's method).
     pub solver: SoftSolver<R>,

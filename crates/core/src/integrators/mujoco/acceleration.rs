@@ -136,7 +136,7 @@ impl<R: Real> Acceleration<'_, R> {
         let StepInput { compiled, inputs, alive, .. } = input;
         let Self { evaluation, free, system, builder, .. } = self;
         let Some(softness) = &compiled.softness else { return };
-        let row = RowState {
+        let state = RowState {
             compiled,
             kinematics: &evaluation.kinematics,
             mass: &free.smooth.mass,
@@ -149,7 +149,7 @@ impl<R: Real> Acceleration<'_, R> {
             solved_overlaps: evaluation.solved_overlaps.as_deref(),
             alive,
         };
-        SoftAssembler { input: SoftInput { row, softness }, builder, system }.assemble(&mut evaluation.contacts);
+        SoftAssembler { input: SoftInput { state, softness }, builder, system }.assemble(&mut evaluation.contacts);
     }
 
     /// Computes stage 5: solves for the acceleration. The residual is the velocity that the remaining force imbalance would cause in a

@@ -38,7 +38,7 @@ use crate::stages::s08_stabilise::Infeasible;
 use crate::tuning::{FAST_ROTATION, MAX_IMPULSE_ROTATION};
 
 /// Workspace of MuJoCo's law, which a model that is compiled with this law has.
-fn of_law<R: Real>(mujoco: &mut Option<Box<MujocoWorkspace<R>>>) -> &mut MujocoWorkspace<R> {
+fn mujoco_workspace<R: Real>(mujoco: &mut Option<Box<MujocoWorkspace<R>>>) -> &mut MujocoWorkspace<R> {
     mujoco.as_deref_mut().expect("a workspace of this contact law")
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn solve_step<R: Real>(
     probe: impl Probe,
 ) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, mujoco, velocity, builder, position, alive, .. } = s;
-    let MujocoWorkspace { system, stage, runge_kutta: stages, unsymmetric } = of_law(mujoco);
+    let MujocoWorkspace { system, stage, runge_kutta: stages, unsymmetric } = mujoco_workspace(mujoco);
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
     evaluation.times.reset(R::of(options.timestep), R::zero(), R::zero());
@@ -113,7 +113,7 @@ pub(crate) fn respond_step<R: Real>(
     recomputed: Recomputed,
 ) {
     let Workspace { state, inputs, evaluation, free_motion: free, mujoco, velocity, builder, position, alive, .. } = s;
-    let MujocoWorkspace { system, stage, unsymmetric, .. } = of_law(mujoco);
+    let MujocoWorkspace { system, stage, unsymmetric, .. } = mujoco_workspace(mujoco);
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
     evaluation.times.reset(R::of(options.timestep), R::zero(), R::zero());

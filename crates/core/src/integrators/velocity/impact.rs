@@ -101,7 +101,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             if checked.none() {
                 return checked;
             }
-            for &ContactSlot { slot: k, lanes, .. } in &problem.contact_slots {
+            for &ContactSlot { slot: k, lanes } in &problem.contact_slots {
                 for (pair, lanes) in contacts.pairs(k, lanes.and(checked).bits()) {
                     let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                     for m in compiled.mechanisms_of(geoms) {

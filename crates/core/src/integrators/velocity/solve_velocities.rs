@@ -144,12 +144,14 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 
     /// Updates the assumed active bounds of servos (none, a force limit, or the torque-speed curve) to the bounds that are active in the
-    /// solution. Returns the lanes in which any of them changed. If all servos are implicit, only the bounds of stiff servos are updated.
+    /// solution. Returns the lanes in which any of them changed, apart from impacts, in which forces have no time to act. If all servos are
+    /// implicit, only the bounds of stiff servos are updated.
     ///
     /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
     #[inline(always)]
     fn assume_bounds_of_solution(&mut self, may_change: bool) -> R::Mask {
-        let StepContext { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
+        let StepContext { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, substep, .. } } =
+            self.context;
         if !has_bounded_servos(compiled, scheme) {
             return R::Mask::splat(false);
         }
@@ -159,6 +161,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         actuator_forces
             .set_bounds_at_velocity_change(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change)
             .and(alive)
+            .and_not(substep.is_impact)
     }
 
     /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without the

@@ -7,7 +7,7 @@ use crate::hulls::Hulls;
 use crate::{Description, Filter, HeightField, Mesh, ModelError, Shape};
 
 /// Checks all meshes and height fields. Returns the convex hulls that are collision shapes of geoms that can touch other geoms.
-pub(super) fn check(model: &Description, known: &Hulls) -> Result<Hulls, ModelError> {
+pub(super) fn check(model: &Description, reusable: &Hulls) -> Result<Hulls, ModelError> {
     model.meshes.iter().enumerate().try_for_each(|(i, m)| mesh(m, i))?;
     model.height_fields.iter().enumerate().try_for_each(|(i, h)| height_field(h, i))?;
     let has_asset = |g: usize| matches!(model.geoms[g].shape, Shape::Mesh { .. } | Shape::HeightField { .. });
@@ -18,7 +18,7 @@ pub(super) fn check(model: &Description, known: &Hulls) -> Result<Hulls, ModelEr
     let filter = Filter::new(model);
     let used: BTreeSet<usize> = filter.colliding(has_asset).into_iter().flatten().filter(|&g| has_asset(g)).collect();
     let mut hulls = Hulls::default();
-    used.into_iter().try_for_each(|g| form(model, g, &mut hulls, known))?;
+    used.into_iter().try_for_each(|g| form(model, g, &mut hulls, reusable))?;
     Ok(hulls)
 }
 
@@ -45,7 +45,7 @@ fn height_field(field: &HeightField, index: usize) -> Checked {
 
 /// Checks the mesh or height field of the geom with the index `index`, which can touch other geoms. Adds the convex hull of a mesh to
 /// `hulls`.
-fn form(model: &Description, index: usize, hulls: &mut Hulls, known: &Hulls) -> Checked {
+fn form(model: &Description, index: usize, hulls: &mut Hulls, reusable: &Hulls) -> Checked {
     let geom = &model.geoms[index];
     let at = Element::new("geom", &geom.name, index);
     match &geom.shape {
@@ -61,7 +61,7 @@ fn form(model: &Description, index: usize, hulls: &mut Hulls, known: &Hulls) -> 
                 let none = model.meshes[mesh].faces.is_empty();
                 return if none { of_mesh("it has no faces".into(), "give its triangles, or set geom_concave to 0") } else { Ok(()) };
             }
-            match hulls.store(mesh, &model.meshes[mesh], known) {
+            match hulls.store(mesh, &model.meshes[mesh], reusable) {
                 Err(e) => of_mesh(format!("{e}, so it has no convex hull"), "give it at least four points that span a volume"),
                 Ok(()) => Ok(()),
             }

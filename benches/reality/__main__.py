@@ -1,8 +1,10 @@
 """Engines against measurements of real motions (`make reality`). The tables are those of docs/benchmarks/reality.md."""
 
 import argparse
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from reality import pendulum, report, tosses
 
@@ -28,8 +30,10 @@ def main() -> None:
         print(report.update_pairs(given.data))
         return
 
-    runs = [(own.name, engine, partial(tosses.measured, experiment=own)) for own in tosses.EXPERIMENTS for engine in own.made_engines()]
-    runs += [("multiarm_pendulum", engine, pendulum.measured) for engine in pendulum.ENGINES]
+    runs: list[tuple[str, Any, Callable[[Any, Path], Iterator[dict[str, Any]]]]] = [
+        *((own.name, engine, partial(tosses.measured, experiment=own)) for own in tosses.EXPERIMENTS for engine in own.made_engines()),
+        *(("multiarm_pendulum", engine, pendulum.measured) for engine in pendulum.ENGINES),
+    ]
     chosen = [
         run
         for run in runs

@@ -44,8 +44,8 @@ Header = dict[str, Any]
 
 _SHARED = json.loads(Path(__file__).with_name("format.json").read_text(encoding="utf-8"))
 FORMAT: int = _SHARED["format"]
-"""Version of the format of recordings. Version 6 gave fields the names of attributes of `Stepper`, version 7 has all rows in one file, version 8 another
-digest of the model."""
+"""Version of the format of recordings. Version 6 gave fields the names of attributes of `Stepper`, version 7 has all rows in one file,
+version 8 another digest of the model."""
 HEADER: str = _SHARED["header"]
 MODEL: str = _SHARED["model"]
 ROWS: str = _SHARED["rows"]

@@ -261,6 +261,8 @@ def test_options_of_a_model_are_those_of_its_source(option, expected):
 
 def test_an_integrator_that_is_not_there_is_named():
     model = stepper.load(scene(option='integrator="discrete"'))
+    assert model.deviations[0] == "integrator: the source sets discrete, which stepper does not have, and the default options use midpoint"
+    assert not any("from_model" in line for line in model.deviations)
     for use in (stepper.Options.from_model, lambda m: stepper.Stepper(m, options=stepper.Options(contact="mujoco"))):
         with pytest.raises(ValueError, match="the source asks for discrete, which stepper does not have; choose"):
             use(model)

@@ -205,6 +205,12 @@ def test_a_chart_has_both_laws_whatever_the_options_of_the_study(options):
             assert (point.errors["model"][0] > 1e-5) == (point.line.law != options.contact), point.line.label
 
 
+def test_a_chart_has_eulers_rule_if_stepper_lacks_the_integrator_of_the_file():
+    text = SCENE.replace("<mujoco>", '<mujoco><option integrator="discrete"/>')
+    law = [line for line in lines(stepper.lab.Study.from_model(text, name="scene", seconds=0.2), quick=True) if line.law == "mujoco"]
+    assert "MuJoCo's law, euler" in {line.name for line in law}
+
+
 def test_a_tuning_keeps_its_budget_on_episodes_that_it_has_not_seen(tmp_path):
     found = stepper.lab.tune(scene(), tmp_path, error="0.5 mm", horizon="0.1 s", coverage=0.8, reduce=False)
     assert found.chosen is not None

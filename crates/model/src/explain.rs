@@ -218,12 +218,11 @@ impl Requested {
         // A file without an integrator has MuJoCo's default, Euler's rule.
         let (express, name) = (self.integrator != "Euler", &self.integrator);
         let asked = if express { "sets" } else { "has the default," };
-        let remedy = if self.has_integrator() {
-            ". Options::from_model(&model) uses the source's"
-        } else {
-            ", because stepper does not have that of the source"
+        let (lacks, remedy) = match self.has_integrator() {
+            true => ("", ". Options::from_model(&model) uses the source's"),
+            false => (", which stepper does not have", ""),
         };
-        Some((express, format!("integrator: the source {asked} {name}, and the default options use midpoint{remedy}")))
+        Some((express, format!("integrator: the source {asked} {name}{lacks}, and the default options use midpoint{remedy}")))
     }
 
     fn softness_line(&self) -> Deviation {

@@ -45,22 +45,27 @@ impl AdmissibleSet {
     /// Residual |lambda - P_K(lambda - rho u)| / rho of one constraint, m/s. P_K is the projection on this set, and the velocity u includes
     /// De Saxce's term mu |v_t|.
     ///
-    /// `v` are the velocities without this term, m/s, and `rho` is the step of the natural map, kg. The function multiplies the first
-    /// component of the residual by `rigid_fraction`, which is below 1 for a normal row with a spring. A NaN propagates.
-    pub(crate) fn natural_residual(&self, lambda: &[f64], v: &[f64], rho: f64, rigid_fraction: f64) -> f64 {
+    /// `v` are the velocities without this term and without those due to the compliance, m/s, and `rho` is the step of the natural map, kg.
+    /// The function multiplies the first component of the residual by `rigid_fraction`, which is below 1 for a normal row with a spring. A
+    /// NaN propagates.
+    #[inline(always)]
+    pub(crate) fn natural_residual(&self, lambda: &[f64], v: &[f64], compliance: f64, rho: f64, rigid_fraction: f64) -> f64 {
+        let u = |k: usize| v[k] + compliance * lambda[k];
         match *self {
             Self::Interval { lo, hi } => {
-                let moved = lambda[0] - rho * v[0];
+                let moved = lambda[0] - rho * u(0);
                 // This form propagates a NaN.
                 let mapped = if moved < lo { lo } else { moved };
                 (lambda[0] - if mapped > hi { hi } else { mapped }).abs() * rigid_fraction / rho
             }
             Self::Cone { mu } => {
-                let n = lambda[0] - rho * (v[0] + mu * norm(&v[1..]));
-                let moved = || lambda[1..].iter().zip(&v[1..]).map(|(l, v)| l - rho * v);
-                let tangent = moved().fold(0.0, |sum, x| sum + x * x).sqrt();
+                let tangents = 1..lambda.len();
+                let slip = tangents.clone().fold(0.0, |sum, k| sum + u(k) * u(k)).sqrt();
+                let n = lambda[0] - rho * (u(0) + mu * slip);
+                let moved = |k: usize| lambda[k] - rho * u(k);
+                let tangent = tangents.clone().fold(0.0, |sum, k| sum + moved(k) * moved(k)).sqrt();
                 let (height, scale) = project_cone(n, tangent, mu);
-                let apart = lambda[1..].iter().zip(moved()).fold(0.0, |sum, (l, x)| sum + (l - x * scale).powi(2));
+                let apart = tangents.fold(0.0, |sum, k| sum + (lambda[k] - moved(k) * scale).powi(2));
                 (((lambda[0] - height) * rigid_fraction).powi(2) + apart).sqrt() / rho
             }
         }

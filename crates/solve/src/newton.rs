@@ -125,8 +125,10 @@ impl Newton {
         self.islands.find(&self.lane);
         self.ordering.list_blocks(&self.lane);
         for name in 0..self.islands.count {
-            self.gather_island(name);
-            let before = self.island.residual();
+            let before = kernel!(R, || {
+                self.gather_island(name);
+                self.island.residual()
+            });
             let energy_before = before * self.island.total_impulse();
             let mut after = before;
             if search.least_norm || before > search.tolerance {
@@ -137,7 +139,7 @@ impl Newton {
                 for x in self.island.lambda.iter_mut().chain(&mut self.island.w) {
                     *x = R::Scalar::from_f64(*x).to_f64();
                 }
-                after = self.island.residual();
+                after = kernel!(R, || self.island.residual());
             }
             // All comparisons are false for a NaN, which is no solution.
             let mut better = after < before || after <= search.tolerance;
@@ -153,6 +155,7 @@ impl Newton {
     }
 
     /// Gathers the rows of the island with the index `name` from the lane.
+    #[inline(always)]
     fn gather_island(&mut self, name: usize) {
         let Self { lane, island, islands, ordering, members, .. } = self;
         members.clear();

@@ -57,8 +57,8 @@ pub(super) struct Island {
     /// Scaled velocity change w = sum_i y_i lambda_i by the impulses lambda_i, where y_i are the rows of the scaled Jacobian. Its kinetic
     /// energy is |w|^2 / 2. It is zero in the coordinates that fill the last tile.
     pub(super) w: Vec<f64>,
-    /// Workspace of [`Island::residual`]: velocities of all rows, m/s.
-    v: Vec<f64>,
+    /// Velocities Y w + g of all rows at the last call of [`Island::residual`], m/s: Y is the scaled Jacobian, and g the offset.
+    pub(super) v: Vec<f64>,
 }
 
 impl Island {
@@ -66,6 +66,7 @@ impl Island {
     ///
     /// `coordinates` are the lane's coordinates of w (scaled velocity change) that belong to the island, in the order of the island.
     /// `number` is the inverse: the index in the island of each coordinate of the lane.
+    #[inline(always)]
     pub(super) fn gather(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
         self.blocks.clear();
         self.tiles.clear();
@@ -185,6 +186,7 @@ impl Island {
     }
 
     /// Computes the scaled velocity change w from the impulses.
+    #[inline(always)]
     pub(super) fn compute_w(&mut self) {
         let mut w = std::mem::take(&mut self.w);
         w.fill(0.0);
@@ -193,23 +195,20 @@ impl Island {
     }
 
     /// Natural-map residual of the exact Coulomb problem, m/s; [`crate::residual()`] has its definition.
+    #[inline(always)]
     pub(super) fn residual(&mut self) -> f64 {
         let mut v = std::mem::take(&mut self.v);
         self.multiply(&self.w, &mut v);
-        let mut worst = 0.0;
-        for block in &self.blocks {
-            for i in block.rows.clone() {
-                v[i] += block.compliance * self.lambda[i] + self.g[i];
-            }
-            let own = block.set.natural_residual(
-                &self.lambda[block.rows.clone()],
-                &v[block.rows.clone()],
-                block.natural_step,
-                block.rigid_fraction,
-            );
-            worst = Real::max_or_nan(worst, own);
+        for (v, g) in v.iter_mut().zip(&self.g) {
+            *v += g;
         }
         self.v = v;
+        let mut worst = 0.0;
+        for block in &self.blocks {
+            let Block { rows, set, compliance, natural_step, rigid_fraction, .. } = block;
+            let (lambda, v) = (&self.lambda[rows.clone()], &self.v[rows.clone()]);
+            worst = Real::max_or_nan(worst, set.natural_residual(lambda, v, *compliance, *natural_step, *rigid_fraction));
+        }
         worst
     }
 }

@@ -12,7 +12,7 @@
 
 use crate::newton::island::Island;
 use crate::newton::proximal_step::ProximalStep;
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 /// First kappa: the ratio of the proximal step length to the step of the natural map, the function that is zero at the solution.
 ///
@@ -80,6 +80,8 @@ struct SavedImpulses {
     lambda: Vec<f64>,
     /// Scaled velocity change w by the impulses, in coordinates in which its kinetic energy is |w|^2 / 2.
     w: Vec<f64>,
+    /// Velocities of all rows, m/s, see [`Island::v`].
+    v: Vec<f64>,
 }
 
 impl SavedImpulses {
@@ -87,12 +89,14 @@ impl SavedImpulses {
     fn save(&mut self, rows: &Island) {
         self.lambda.clone_from(&rows.lambda);
         self.w.clone_from(&rows.w);
+        self.v.clone_from(&rows.v);
     }
 
     /// Copies the saved impulses back to an island.
     fn restore(&self, rows: &mut Island) {
         rows.lambda.clone_from(&self.lambda);
         rows.w.clone_from(&self.w);
+        rows.v.clone_from(&self.v);
     }
 }
 
@@ -152,7 +156,7 @@ impl ProximalPoint {
     fn make_step<R: Real>(&mut self, rows: &mut Island, kappa: f64, enough: f64, most_steps: u32) -> Option<u32> {
         self.step.kappa = kappa;
         self.before.save(rows);
-        let start = self.step.evaluate(rows);
+        let start = kernel!(R, || self.step.evaluate(rows));
         for taken in 1..=MOST_STEPS {
             if self.steps >= most_steps {
                 break;
@@ -160,7 +164,7 @@ impl ProximalPoint {
             self.steps += 1;
             let error = self.step.advance::<R>(rows);
             if error <= enough {
-                self.accept_step(rows);
+                kernel!(R, || self.accept_step(rows));
                 return Some(taken);
             }
             // A NaN ends the loop too.
@@ -173,6 +177,7 @@ impl ProximalPoint {
     }
 
     /// Replaces the impulses of an island by those of a proximal step, and saves them if their residual is the smallest so far.
+    #[inline(always)]
     fn accept_step(&mut self, rows: &mut Island) {
         rows.lambda.copy_from_slice(&self.step.z);
         rows.compute_w();

@@ -1,12 +1,14 @@
-"""Scenes with a heap of boxes, a wall of bricks, and balls on a plate."""
+"""Scenes with heaps of boxes and of jacks, a wall of bricks, and balls on a plate."""
 
 import functools
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
 import numpy as np
 from atlas.mjcf import FLOOR, ball, box, document, free
 from atlas.scenes.simbenchmark import FORCE, WAY, balls_on_plate
+from numpy.typing import NDArray
 
 from many_contacts.assets import Assets
 from many_contacts.scene import Phase, Scene, Script, still, turned, uncontrolled
@@ -15,10 +17,12 @@ BIN = 0.22
 """Half the width of the bin, m."""
 DENSITY = 500.0
 """Density of boxes and bricks, that of wood, kg/m^3."""
+ROD = (0.06, 0.012)
+"""Half length and half width of each of the three crossed rods of a jack, m."""
 FALL, SETTLE, LIE = 600, 60, 100
 """Numbers of steps of 2 ms.
 
-In the first steps the boxes fall. In the next ones they settle in each engine, and in the last ones they lie at rest.
+In the first steps the boxes or jacks fall. In the next ones they settle in each engine, and in the last ones they lie at rest.
 """
 BRICK, JOINT = np.array([0.1, 0.05, 0.03]), 0.004
 """Half sizes of a brick, m, and gap between bricks of a course, m."""
@@ -35,21 +39,36 @@ def parsed(text: str, timestep: float) -> Any:
     return s
 
 
-def bin_of_boxes(count: int, _: Assets) -> Any:
-    """Model specification (`MjSpec`) of `count` boxes of 4 to 10 cm above an open bin."""
-    rng = np.random.default_rng(count)
-    halves = rng.uniform(0.02, 0.05, (count, 3))
-    boxes = "".join(free(f"box{i}", box(half, float(DENSITY * 8 * half.prod())), (0, 0, 1)) for i, half in enumerate(halves))
+def wooden(half: NDArray[np.float64]) -> str:
+    """MJCF attributes of a wooden box with these half sizes, m."""
+    return box(half, float(DENSITY * 8 * half.prod()))
+
+
+def in_bin(bodies: str) -> Any:
+    """Model specification (`MjSpec`) of bodies (MJCF) above an open bin."""
     side = 'type="box" size="{} {} 0.1" pos="{} {} 0.1"'
     sides = [(0.01, BIN, s * BIN, 0) for s in (-1, 1)] + [(BIN, 0.01, 0, s * BIN) for s in (-1, 1)]
     walls = "".join(f'<geom name="side{i}" {side.format(*numbers)}/>' for i, numbers in enumerate(sides))
-    return parsed(document(FLOOR + walls + boxes, friction=0.6), 0.002)
+    return parsed(document(FLOOR + walls + bodies, friction=0.6), 0.002)
+
+
+def bin_of_boxes(count: int, _: Assets) -> Any:
+    """Model specification (`MjSpec`) of `count` boxes of 4 to 10 cm above an open bin."""
+    halves = np.random.default_rng(count).uniform(0.02, 0.05, (count, 3))
+    return in_bin("".join(free(f"box{i}", wooden(half), (0, 0, 1)) for i, half in enumerate(halves)))
+
+
+def bin_of_jacks(count: int, _: Assets) -> Any:
+    """Model specification (`MjSpec`) of `count` jacks above an open bin. A jack is a body of three crossed rods (box geoms)."""
+    first, *others = (wooden(np.roll([ROD[0], ROD[1], ROD[1]], axis)) for axis in range(3))
+    rods = "".join(f"<geom {rod}/>" for rod in others)
+    return in_bin("".join(free(f"jack{i}", first, (0, 0, 1), inside=rods) for i in range(count)))
 
 
 def pour(count: int, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Initial states and controls of an episode (a `Script`) in which `count` boxes fall into a bin.
+    """Initial states and controls of an episode (a `Script`) in which `count` bodies fall into a bin.
 
-    The boxes start in layers of four above the bin, with random orientations.
+    The bodies start in layers of four above the bin, with random orientations.
     """
     qpos = still(model.qpos0, num_envs).reshape(num_envs, count, 7)
     layer, place = np.divmod(np.arange(count), 4)
@@ -108,12 +127,12 @@ def pulled(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Sc
     return Script(still(model.qpos0, num_envs), uncontrolled(num_envs), qvel=qvel, push=push)
 
 
-def _heap(count: int, words: str) -> Scene:
-    """Scene with `count` boxes in a bin. `words` is the number as a word, for the name of the scene."""
+def _heap(name: str, about: str, count: int, spec: Callable[[int, Assets], Any]) -> Scene:
+    """Scene with `count` bodies in a bin, whose model `spec` makes."""
     return Scene(
-        f"heap of {words}",
-        f"{words} boxes of 4 to 10 cm that have fallen into a bin, friction 0.6, 2 ms",
-        functools.partial(bin_of_boxes, count),
+        name,
+        f"{about} that have fallen into a bin, friction 0.6, 2 ms",
+        functools.partial(spec, count),
         functools.partial(pour, count),
         (Phase("settles", SETTLE, timed=False), Phase("lies", LIE)),
         lead=FALL,
@@ -122,8 +141,8 @@ def _heap(count: int, words: str) -> Scene:
 
 
 SCENES = (
-    _heap(10, "ten"),
-    _heap(30, "thirty"),
+    _heap("heap of ten", "ten boxes of 4 to 10 cm", 10, bin_of_boxes),
+    _heap("heap of thirty", "thirty boxes of 4 to 10 cm", 30, bin_of_boxes),
     Scene(
         "wall",
         f"{COURSES} courses of {LENGTH} bricks in running bond, friction 0.6, 2 ms; then a ball of 2 kg hits it at 3 m/s",
@@ -138,4 +157,5 @@ SCENES = (
         pulled,
         (Phase("roll", 100),),
     ),
+    _heap("heap of jacks", "ten jacks, bodies of three crossed rods of 12 cm,", 10, bin_of_jacks),
 )

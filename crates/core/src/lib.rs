@@ -104,31 +104,6 @@
 // Lints run with the feature `internals`. Without it, most items that are public for benches and tests cannot be reached from outside.
 #![cfg_attr(not(feature = "internals"), allow(unreachable_pub))]
 
-/// Declares an enumeration whose variants have names.
-macro_rules! named {
-    ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
-        $(#[$about])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum $name {
-            $($(#[$doc])* $variant,)+
-        }
-
-        // Without the feature `internals`, nothing calls the functions of some enumerations.
-        #[cfg_attr(not(feature = "internals"), allow(dead_code))]
-        impl $name {
-            /// All variants, in the order of their declaration.
-            pub const ALL: [Self; [$($text,)+].len()] = [$(Self::$variant,)+];
-
-            /// Name of the variant in messages and reports, and in Python.
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $(Self::$variant => $text,)+
-                }
-            }
-        }
-    };
-}
-
 mod actuation;
 pub mod analysis;
 mod batch;

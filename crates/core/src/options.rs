@@ -19,11 +19,11 @@ pub enum ContactLaw {
     Mujoco,
 }
 
-named! {
+stepper_model::named! {
     /// Time integrator of velocities and positions.
     #[derive(Serialize, Deserialize)]
     #[non_exhaustive]
-    Integrator {
+    pub enum Integrator {
         /// Semi-implicit Euler rule: forces and constraint rows at q, then q+ = q (+) h v+. First order.
         ///
         /// Springs and dampers of tendons are implicit. Joint damping is implicit as in MuJoCo, unless the model makes it explicit.

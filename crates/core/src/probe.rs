@@ -3,11 +3,11 @@
 //! The probe is a type parameter of the step. The engine steps with [`NoProbe`], which has no size and does nothing. Its step is compiled
 //! as if there were no probe. The benchmarks use other probes.
 
-named! {
+stepper_model::named! {
     /// Part of a step, or of a worker's work around its steps, whose time a probe measures.
     ///
     /// Spans can be nested. The reported time of a span excludes the inner ones.
-    Span {
+    pub enum Span {
         /// Loading of state, parameters and inputs of a group into the workspace.
         Load = "load",
         /// Dynamics of actuators between steps: delay, sampled servos and lag.
@@ -68,10 +68,10 @@ named! {
     }
 }
 
-named! {
+stepper_model::named! {
     /// Counter of events in a step of a group of environments. A counter has one count for all lanes together, or the sum of the counts of
     /// all environments in the group.
-    Counter {
+    pub enum Counter {
         /// Number of steps of groups.
         GroupSteps = "steps of a group",
         /// Number of evaluations of a step's forces, each in all lanes.

@@ -85,8 +85,8 @@ impl Actuator {
     /// such as "it acts on a joint".
     fn reads(&self, field: &str) -> (String, usize) {
         match (field, self.transmission) {
-            ("actuator_gainprm", _) => (format!("its gaintype is {:?}", self.force_model.gain.word()), self.force_model.gain.width()),
-            ("actuator_biasprm", _) => (format!("its biastype is {:?}", self.force_model.bias.word()), self.force_model.bias.width()),
+            ("actuator_gainprm", _) => (format!("its gaintype is {:?}", self.force_model.gain.name()), self.force_model.gain.width()),
+            ("actuator_biasprm", _) => (format!("its biastype is {:?}", self.force_model.bias.name()), self.force_model.bias.width()),
             (_, Transmission::Joint(_)) => ("it acts on a joint".into(), 1),
             (_, Transmission::Tendon(_)) => ("it acts on a tendon".into(), 1),
             (_, Transmission::SliderCrank { .. }) => ("it acts on a slider-crank".into(), 1),

@@ -109,32 +109,24 @@ pub struct Body {
     pub gravcomp: f64,
 }
 
-/// Kind of joint.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum JointKind {
-    /// Free joint with nq 7, nv 6: position and velocity of the body's origin in the world frame, orientation, and angular velocity in the
-    /// body's frame.
-    Free,
-    /// Ball joint with nq 4, nv 3: orientation relative to the parent, and angular velocity in the body's frame.
-    Ball,
-    /// Slide joint with nq 1, nv 1: translation along an axis.
-    Slide,
-    /// Hinge joint with nq 1, nv 1: rotation about an axis.
-    #[default]
-    Hinge,
+named! {
+    /// Kind of joint.
+    #[derive(Default, Serialize, Deserialize)]
+    pub enum JointKind {
+        /// Free joint with nq 7, nv 6: position and velocity of the body's origin in the world frame, orientation, and angular velocity in
+        /// the body's frame.
+        Free = "free",
+        /// Ball joint with nq 4, nv 3: orientation relative to the parent, and angular velocity in the body's frame.
+        Ball = "ball",
+        /// Slide joint with nq 1, nv 1: translation along an axis.
+        Slide = "slide",
+        /// Hinge joint with nq 1, nv 1: rotation about an axis.
+        #[default]
+        Hinge = "hinge",
+    }
 }
 
 impl JointKind {
-    /// Type in MJCF.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Free => "free",
-            Self::Ball => "ball",
-            Self::Slide => "slide",
-            Self::Hinge => "hinge",
-        }
-    }
-
     /// Number of configuration coordinates.
     #[inline]
     pub const fn nq(self) -> usize {

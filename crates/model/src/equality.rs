@@ -23,60 +23,53 @@ pub struct Equality {
     pub softness: Softness,
 }
 
-/// Kind of equality (MuJoCo's `mjtEq`).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum EqualityKind {
-    /// Connection: a point of one body coincides with a point of another, as in a ball joint.
-    Connect {
-        /// Indices of the bodies; 0 is the world.
-        bodies: [usize; 2],
-        /// Position of the connected point in the frame of each of the two bodies, m.
-        anchors: [[f64; 3]; 2],
-    },
-    /// Weld: a connection like [`EqualityKind::Connect`], with a fixed relative orientation.
-    Weld {
-        /// Indices of the bodies; 0 is the world.
-        bodies: [usize; 2],
-        /// Position of the connected point in the frame of each of the two bodies, m.
-        anchors: [[f64; 3]; 2],
-        /// Orientation of the second body in the frame of the first, a unit quaternion (w, x, y, z).
-        relpose: [f64; 4],
-        /// Weight of the rotation error relative to the position error, m/rad. With the weight 0, rotations are free.
-        torquescale: f64,
-    },
-    /// Coupling `q0 - ref0 = p(q1 - ref1)` of two hinges or slides with the positions q0 and q1. p is the polynomial, and the references
-    /// ref0 and ref1 are the positions in `qpos0`. Without a second joint, the coupling is `q0 - ref0 = c0`, with the constant c0 of p.
-    Joint {
-        /// Index of the first joint.
-        joint: usize,
-        /// Index of the second joint. With `None`, the first joint is fixed at a constant position.
-        other: Option<usize>,
-        /// Coefficients of the polynomial p, for the powers 0 to 4.
-        polycoef: [f64; 5],
-    },
-    /// Coupling `l0 - ref0 = p(l1 - ref1)` of two tendons with the lengths l0 and l1. p is the polynomial, and the references ref0
-    /// and ref1 are the lengths at `qpos0`. Without a second tendon, the coupling is `l0 - ref0 = c0`, with the constant c0 of p.
-    Tendon {
-        /// Index of the first tendon.
-        tendon: usize,
-        /// Index of the second tendon. With `None`, the first tendon has a constant length.
-        other: Option<usize>,
-        /// Coefficients of the polynomial p, for the powers 0 to 4.
-        polycoef: [f64; 5],
-    },
+named! {
+    /// Kind of equality (MuJoCo's `mjtEq`).
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub enum EqualityKind {
+        /// Connection: a point of one body coincides with a point of another, as in a ball joint.
+        Connect {
+            /// Indices of the bodies; 0 is the world.
+            bodies: [usize; 2],
+            /// Position of the connected point in the frame of each of the two bodies, m.
+            anchors: [[f64; 3]; 2],
+        } = "connect",
+        /// Weld: a connection like [`EqualityKind::Connect`], with a fixed relative orientation.
+        Weld {
+            /// Indices of the bodies; 0 is the world.
+            bodies: [usize; 2],
+            /// Position of the connected point in the frame of each of the two bodies, m.
+            anchors: [[f64; 3]; 2],
+            /// Orientation of the second body in the frame of the first, a unit quaternion (w, x, y, z).
+            relpose: [f64; 4],
+            /// Weight of the rotation error relative to the position error, m/rad. With the weight 0, rotations are free.
+            torquescale: f64,
+        } = "weld",
+        /// Coupling `q0 - ref0 = p(q1 - ref1)` of two hinges or slides with the positions q0 and q1. p is the polynomial, and the
+        /// references ref0 and ref1 are the positions in `qpos0`. Without a second joint, the coupling is `q0 - ref0 = c0`, with the
+        /// constant c0 of p.
+        Joint {
+            /// Index of the first joint.
+            joint: usize,
+            /// Index of the second joint. With `None`, the first joint is fixed at a constant position.
+            other: Option<usize>,
+            /// Coefficients of the polynomial p, for the powers 0 to 4.
+            polycoef: [f64; 5],
+        } = "joint",
+        /// Coupling `l0 - ref0 = p(l1 - ref1)` of two tendons with the lengths l0 and l1. p is the polynomial, and the references ref0
+        /// and ref1 are the lengths at `qpos0`. Without a second tendon, the coupling is `l0 - ref0 = c0`, with the constant c0 of p.
+        Tendon {
+            /// Index of the first tendon.
+            tendon: usize,
+            /// Index of the second tendon. With `None`, the first tendon has a constant length.
+            other: Option<usize>,
+            /// Coefficients of the polynomial p, for the powers 0 to 4.
+            polycoef: [f64; 5],
+        } = "tendon",
+    }
 }
 
 impl EqualityKind {
-    /// Name of the kind in MJCF.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Connect { .. } => "connect",
-            Self::Weld { .. } => "weld",
-            Self::Joint { .. } => "joint",
-            Self::Tendon { .. } => "tendon",
-        }
-    }
-
     /// Indices of the first and second body, joint or tendon; `None` for a coupling of one.
     pub const fn objects(&self) -> (usize, Option<usize>) {
         match *self {

@@ -79,15 +79,14 @@ impl Model {
     }
 
     fn joint_kinds(&self) -> Vec<Line> {
-        let kinds = [JointKind::Free, JointKind::Ball, JointKind::Slide, JointKind::Hinge];
         let count = |kind| self.joints.iter().filter(|j| j.kind == kind).count();
-        kinds.map(|kind| Line::new(count(kind), format!("{} joints", kind.name()), format!("{} joints", kind.name()))).to_vec()
+        JointKind::ALL.map(|kind| Line::new(count(kind), format!("{} joints", kind.name()), format!("{} joints", kind.name()))).to_vec()
     }
 
     fn collision(&self) -> Vec<Line> {
         let census = self.pair_census();
         let total: usize = census.values().sum();
-        let dropped: Vec<String> = census.iter().filter(|(v, _)| !v.collides()).map(|(v, n)| format!("{n} {}", v.why())).collect();
+        let dropped: Vec<String> = census.iter().filter(|(v, _)| !v.collides()).map(|(v, n)| format!("{n} {}", v.name())).collect();
         let pairs = self.collision_pairs();
         let (kept, missing): (Vec<_>, Vec<_>) =
             pairs.iter().partition(|p| Kernel::of(&self.geoms[p.geoms[0]].shape, &self.geoms[p.geoms[1]].shape).is_some());

@@ -4,36 +4,42 @@ use serde::{Deserialize, Serialize};
 
 use crate::muscle::MUSCLE_PARAMETERS;
 
-/// Gain type (MuJoCo's gaintype), which determines the parameters of the gain.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum GainType {
-    /// Constant gain.
-    Fixed,
-    /// Affine gain with three parameters: constant, factor of length, factor of velocity.
-    #[default]
-    Affine,
-    /// Gain of a DC motor: the parameters are resistance and motor constant, and the control is the voltage.
-    DcMotor,
-    /// Gain of the target position in a PID controller without integral term. It is `-bias[1]`, with the bias parameters of the actuator.
-    PidPosition,
-    /// Gain of the target velocity in a PID controller without integral term. It is `-bias[2]`, with the bias parameters of the actuator.
-    PidVelocity,
-    /// Active force of a muscle ([`Muscle::gain`](crate::Muscle::gain)).
-    Muscle,
+named! {
+    /// Gain type (MuJoCo's gaintype), which determines the parameters of the gain.
+    #[derive(Default, Serialize, Deserialize)]
+    pub enum GainType {
+        /// Constant gain.
+        Fixed = "fixed",
+        /// Affine gain with three parameters: constant, factor of length, factor of velocity.
+        #[default]
+        Affine = "affine",
+        /// Gain of a DC motor: the parameters are resistance and motor constant, and the control is the voltage.
+        DcMotor = "dcmotor",
+        /// Gain of the target position in a PID controller without integral term. It is `-bias[1]`, with the bias parameters of the
+        /// actuator.
+        PidPosition = "pid",
+        /// Gain of the target velocity in a PID controller without integral term. It is `-bias[2]`, with the bias parameters of the
+        /// actuator.
+        PidVelocity = "pid",
+        /// Active force of a muscle ([`Muscle::gain`](crate::Muscle::gain)).
+        Muscle = "muscle",
+    }
 }
 
-/// Bias type (MuJoCo's biastype), which determines the parameters of the bias.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum BiasType {
-    /// No bias.
-    None,
-    /// Affine bias with three parameters: constant, factor of length, factor of velocity.
-    #[default]
-    Affine,
-    /// Back-EMF of a DC motor, with the parameters of the gain.
-    DcMotor,
-    /// Passive force of a muscle ([`Muscle::bias`](crate::Muscle::bias)).
-    Muscle,
+named! {
+    /// Bias type (MuJoCo's biastype), which determines the parameters of the bias.
+    #[derive(Default, Serialize, Deserialize)]
+    pub enum BiasType {
+        /// No bias.
+        None = "none",
+        /// Affine bias with three parameters: constant, factor of length, factor of velocity.
+        #[default]
+        Affine = "affine",
+        /// Back-EMF of a DC motor, with the parameters of the gain.
+        DcMotor = "dcmotor",
+        /// Passive force of a muscle ([`Muscle::bias`](crate::Muscle::bias)).
+        Muscle = "muscle",
+    }
 }
 
 /// Types of an actuator's gain and bias, which define how the actuator's force follows from its parameters.
@@ -49,17 +55,6 @@ pub struct ForceModel {
 }
 
 impl GainType {
-    /// Name of the gain type in MJCF.
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Fixed => "fixed",
-            Self::Affine => "affine",
-            Self::DcMotor => "dcmotor",
-            Self::PidPosition | Self::PidVelocity => "pid",
-            Self::Muscle => "muscle",
-        }
-    }
-
     /// Number of parameters of the gain type.
     pub const fn width(self) -> usize {
         match self {
@@ -73,16 +68,6 @@ impl GainType {
 }
 
 impl BiasType {
-    /// Name of the bias type in MJCF.
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Affine => "affine",
-            Self::DcMotor => "dcmotor",
-            Self::Muscle => "muscle",
-        }
-    }
-
     /// Number of parameters of the bias type.
     pub const fn width(self) -> usize {
         match self {

@@ -46,6 +46,50 @@
 //! Frames: a body's `pos`, `quat` place it in its parent; a joint's `pos`, `axis` and a geom's `pos`, `quat` are in their body's frame.
 //! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.
 
+/// Declares an enumeration whose variants have names, and the function `name`. Without values in the variants, `ALL` lists them.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! named {
+    ($(#[$about:meta])* $vis:vis enum $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        $vis enum $name {
+            $($(#[$doc])* $variant,)+
+        }
+
+        // Nothing calls the functions of some enumerations.
+        #[allow(dead_code)]
+        impl $name {
+            /// All variants, in the order of their declaration.
+            $vis const ALL: [Self; [$($text,)+].len()] = [$(Self::$variant,)+];
+
+            /// Name of the variant in messages and reports, and in Python.
+            $vis const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)+
+                }
+            }
+        }
+    };
+    ($(#[$about:meta])* $vis:vis enum $name:ident {
+        $($(#[$doc:meta])* $variant:ident $(($($tuple:tt)*))? $({ $($fields:tt)* })? = $text:literal,)+
+    }) => {
+        $(#[$about])*
+        $vis enum $name {
+            $($(#[$doc])* $variant $(($($tuple)*))? $({ $($fields)* })?,)+
+        }
+
+        impl $name {
+            /// Name of the variant in messages and reports, and in Python.
+            $vis const fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$variant { .. } => $text,)+
+                }
+            }
+        }
+    };
+}
+
 mod actuator_fields;
 pub mod actuator_spec;
 mod asset;

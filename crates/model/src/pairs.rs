@@ -26,37 +26,25 @@ use std::collections::{BTreeMap, HashSet};
 use crate::softness::{ContactSpring, mixing_share};
 use crate::{Description, Geom, Pair, Shape, Softness};
 
-/// Result of the collision filters for two geoms: either they collide, or one of the filters removes the pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Verdict {
-    Collides,
-    Explicit,
-    SameGroup,
-    BothStill,
-    Overlap,
-    ParentAndChild,
-    Excluded,
-    Masks,
-    BothPlanesOrFields,
+named! {
+    /// Result of the collision filters for two geoms: either they collide, or one of the filters removes the pair.
+    #[derive(PartialOrd, Ord)]
+    pub(crate) enum Verdict {
+        Collides = "can collide",
+        Explicit = "collide by an explicit pair",
+        SameGroup = "are fixed to the same rigid group",
+        BothStill = "cannot move",
+        Overlap = "overlap at the reference pose and are excluded",
+        ParentAndChild = "belong to a body and its parent",
+        Excluded = "are excluded",
+        Masks = "have contype and conaffinity without a common bit",
+        BothPlanesOrFields = "are both planes or height fields",
+    }
 }
 
 impl Verdict {
     pub(super) const fn collides(self) -> bool {
         matches!(self, Self::Collides | Self::Explicit)
-    }
-
-    pub(super) const fn why(self) -> &'static str {
-        match self {
-            Self::Collides => "can collide",
-            Self::Explicit => "collide by an explicit pair",
-            Self::SameGroup => "are fixed to the same rigid group",
-            Self::BothStill => "cannot move",
-            Self::Overlap => "overlap at the reference pose and are excluded",
-            Self::ParentAndChild => "belong to a body and its parent",
-            Self::Excluded => "are excluded",
-            Self::Masks => "have contype and conaffinity without a common bit",
-            Self::BothPlanesOrFields => "are both planes or height fields",
-        }
     }
 }
 

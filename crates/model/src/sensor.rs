@@ -32,40 +32,44 @@ pub enum Object {
     Site(usize),
 }
 
-/// Quantity that a frame sensor reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum FrameReading {
-    /// Position of the frame's origin, m.
-    Pos,
-    /// Orientation, a unit quaternion (w, x, y, z).
-    Quat,
-    /// Unit vector of the frame's x axis.
-    XAxis,
-    /// Unit vector of the frame's y axis.
-    YAxis,
-    /// Unit vector of the frame's z axis.
-    ZAxis,
-    /// Linear velocity of the frame's origin, m/s.
-    LinVel,
-    /// Angular velocity, rad/s.
-    AngVel,
-    /// Linear acceleration of the frame's origin minus gravity, m/s^2. A frame at rest reads 9.81 upwards.
-    LinAcc,
-    /// Angular acceleration, rad/s^2.
-    AngAcc,
+named! {
+    /// Quantity that a frame sensor reads.
+    #[derive(Serialize, Deserialize)]
+    pub enum FrameReading {
+        /// Position of the frame's origin, m.
+        Pos = "framepos",
+        /// Orientation, a unit quaternion (w, x, y, z).
+        Quat = "framequat",
+        /// Unit vector of the frame's x axis.
+        XAxis = "framexaxis",
+        /// Unit vector of the frame's y axis.
+        YAxis = "frameyaxis",
+        /// Unit vector of the frame's z axis.
+        ZAxis = "framezaxis",
+        /// Linear velocity of the frame's origin, m/s.
+        LinVel = "framelinvel",
+        /// Angular velocity, rad/s.
+        AngVel = "frameangvel",
+        /// Linear acceleration of the frame's origin minus gravity, m/s^2. A frame at rest reads 9.81 upwards.
+        LinAcc = "framelinacc",
+        /// Angular acceleration, rad/s^2.
+        AngAcc = "frameangacc",
+    }
 }
 
-/// Quantity that a proximity sensor reads from the closest points of two sets of geoms.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum ProximityReading {
-    /// Signed distance, m.
-    Distance,
-    /// Unit vector from the closest point of the first geom to the closest point of the second geom. It is reversed if the geoms overlap,
-    /// and zero beyond the cutoff.
-    Normal,
-    /// Positions of the two closest points, m: first the point on a geom of the first set, then the point on a geom of the second set. They
-    /// are zero beyond the cutoff.
-    FromTo,
+named! {
+    /// Quantity that a proximity sensor reads from the closest points of two sets of geoms.
+    #[derive(Serialize, Deserialize)]
+    pub enum ProximityReading {
+        /// Signed distance, m.
+        Distance = "distance",
+        /// Unit vector from the closest point of the first geom to the closest point of the second geom. It is reversed if the geoms
+        /// overlap, and zero beyond the cutoff.
+        Normal = "normal",
+        /// Positions of the two closest points, m: first the point on a geom of the first set, then the point on a geom of the second set.
+        /// They are zero beyond the cutoff.
+        FromTo = "fromto",
+    }
 }
 
 /// Quantity that a rangefinder reads for each ray. The reading contains these quantities in the order of the variants.
@@ -142,136 +146,139 @@ pub enum ContactReduction {
     NetForce,
 }
 
-/// Type of a sensor, with the indices of its elements.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum SensorKind {
-    /// Position of a hinge or slide, m or rad.
-    JointPos(usize),
-    /// Velocity of a hinge or slide, m/s or rad/s.
-    JointVel(usize),
-    /// Sum of the actuator forces on a hinge or slide, clamped to the joint's force range, N or N m.
-    JointActuatorForce(usize),
-    /// Minus the distance of a hinge or slide beyond the nearer end of its range, m or rad; 0 within the range.
-    JointLimitPos(usize),
-    /// Time derivative of the reading of [`SensorKind::JointLimitPos`], m/s or rad/s; 0 within the range.
-    JointLimitVel(usize),
-    /// Force of the limit of a hinge or slide, N or N m.
-    JointLimitForce(usize),
-    /// Orientation of a ball joint, a unit quaternion (w, x, y, z).
-    BallQuat(usize),
-    /// Angular velocity of a ball joint in the body's frame, rad/s.
-    BallAngVel(usize),
-    /// Length of a tendon, m or rad.
-    TendonPos(usize),
-    /// Time derivative of the length of a tendon, m/s or rad/s.
-    TendonVel(usize),
-    /// Sum of the actuator forces on a tendon, N or N m.
-    TendonActuatorForce(usize),
-    /// Minus the distance of the length of a tendon beyond the nearer end of its range, m or rad; 0 within the range.
-    TendonLimitPos(usize),
-    /// Time derivative of the reading of [`SensorKind::TendonLimitPos`], m/s or rad/s; 0 within the range.
-    TendonLimitVel(usize),
-    /// Force of the limit of a tendon, N or N m.
-    TendonLimitForce(usize),
-    /// Length of an actuator, including the gear.
-    ActuatorPos(usize),
-    /// Time derivative of the length of an actuator, including the gear.
-    ActuatorVel(usize),
-    /// Force of an actuator, before its gear.
-    ActuatorForce(usize),
-    /// Position, orientation, axis, velocity or acceleration of a frame.
-    Frame {
-        /// Measured quantity.
-        what: FrameReading,
-        /// Object whose frame is measured.
-        object: Object,
-        /// Object whose frame is the reference: the reading is relative to this frame and in its axes. `None` selects the world frame.
-        /// Accelerations have no reference.
-        reference: Option<Object>,
-    },
-    /// Magnetic flux density in a site's frame, T.
-    Magnetometer(usize),
-    /// Linear velocity of a site in its frame, m/s.
-    Velocimeter(usize),
-    /// Angular velocity of a site in its frame, rad/s.
-    Gyro(usize),
-    /// Linear acceleration of a site minus gravity, in its frame, m/s^2.
-    Accelerometer(usize),
-    /// Force of the parent body on the site's body, in the site's frame, N.
-    Force(usize),
-    /// Torque of the parent body on the site's body about the site, in the site's frame, N m.
-    Torque(usize),
-    /// Touch sensor: sum of the normal forces of contacts on the site's body whose line of action intersects the site's volume, N.
-    Touch(usize),
-    /// Rangefinder: distances and other quantities along rays from a site.
-    RangeFinder {
-        /// Index of the site at the origin of the rays.
-        site: usize,
-        /// Unit directions in the site's frame.
-        rays: Vec<[f64; 3]>,
-        /// Reported quantities of each ray, in the order of the variants of [`RayField`].
-        fields: Vec<RayField>,
-        /// Indices of the geoms that rays can hit.
-        geoms: Vec<usize>,
-    },
-    /// Whether the object's origin is inside the site's volume, as 1 or 0.
-    InsideSite {
-        /// Object whose origin is inside or outside the volume.
-        object: Object,
-        /// Index of the site with the volume.
-        site: usize,
-    },
-    /// Distance, normal or closest points of two sets of geoms.
-    Proximity {
-        /// Quantity of the closest points that the sensor reads.
-        what: ProximityReading,
-        /// Indices of the geoms in the first of the two sets.
-        from: Vec<usize>,
-        /// Indices of the geoms in the second of the two sets.
-        to: Vec<usize>,
-        /// Largest distance of the search, m.
-        cutoff: f64,
-    },
-    /// Contacts between two sides, for example two bodies.
-    Contact {
-        /// First side, which selects one geom of a contact.
-        first: ContactSide,
-        /// Second side, which selects the other geom.
-        second: ContactSide,
-        /// Reported quantities of each contact, in the order of the variants of [`ContactField`].
-        fields: Vec<ContactField>,
-        /// Rule that selects the reported contacts, if more than `slots` contacts match.
-        reduction: ContactReduction,
-        /// Largest number of reported contacts.
-        slots: usize,
-    },
-    /// Centre of mass of a body with its descendants in the world frame, m.
-    SubtreeCom(usize),
-    /// Velocity of the centre of mass of a body with its descendants, m/s.
-    SubtreeLinVel(usize),
-    /// Angular momentum of a body with its descendants about their centre of mass, kg m^2/s.
-    SubtreeAngMom(usize),
-    /// Potential energy of gravity and springs, J.
-    PotentialEnergy,
-    /// Kinetic energy, J.
-    KineticEnergy,
-    /// Simulated time, s.
-    Clock,
-    /// Linear combination of the readings of earlier sensors with equal dimensions: pairs of sensor index and coefficient.
-    Combination(Vec<(usize, f64)>),
+named! {
+    /// Type of a sensor, with the indices of its elements.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    pub enum SensorKind {
+        /// Position of a hinge or slide, m or rad.
+        JointPos(usize) = "jointpos",
+        /// Velocity of a hinge or slide, m/s or rad/s.
+        JointVel(usize) = "jointvel",
+        /// Sum of the actuator forces on a hinge or slide, clamped to the joint's force range, N or N m.
+        JointActuatorForce(usize) = "jointactuatorfrc",
+        /// Minus the distance of a hinge or slide beyond the nearer end of its range, m or rad; 0 within the range.
+        JointLimitPos(usize) = "jointlimitpos",
+        /// Time derivative of the reading of [`SensorKind::JointLimitPos`], m/s or rad/s; 0 within the range.
+        JointLimitVel(usize) = "jointlimitvel",
+        /// Force of the limit of a hinge or slide, N or N m.
+        JointLimitForce(usize) = "jointlimitfrc",
+        /// Orientation of a ball joint, a unit quaternion (w, x, y, z).
+        BallQuat(usize) = "ballquat",
+        /// Angular velocity of a ball joint in the body's frame, rad/s.
+        BallAngVel(usize) = "ballangvel",
+        /// Length of a tendon, m or rad.
+        TendonPos(usize) = "tendonpos",
+        /// Time derivative of the length of a tendon, m/s or rad/s.
+        TendonVel(usize) = "tendonvel",
+        /// Sum of the actuator forces on a tendon, N or N m.
+        TendonActuatorForce(usize) = "tendonactuatorfrc",
+        /// Minus the distance of the length of a tendon beyond the nearer end of its range, m or rad; 0 within the range.
+        TendonLimitPos(usize) = "tendonlimitpos",
+        /// Time derivative of the reading of [`SensorKind::TendonLimitPos`], m/s or rad/s; 0 within the range.
+        TendonLimitVel(usize) = "tendonlimitvel",
+        /// Force of the limit of a tendon, N or N m.
+        TendonLimitForce(usize) = "tendonlimitfrc",
+        /// Length of an actuator, including the gear.
+        ActuatorPos(usize) = "actuatorpos",
+        /// Time derivative of the length of an actuator, including the gear.
+        ActuatorVel(usize) = "actuatorvel",
+        /// Force of an actuator, before its gear.
+        ActuatorForce(usize) = "actuatorfrc",
+        /// Position, orientation, axis, velocity or acceleration of a frame.
+        Frame {
+            /// Measured quantity.
+            what: FrameReading,
+            /// Object whose frame is measured.
+            object: Object,
+            /// Object whose frame is the reference: the reading is relative to this frame and in its axes. `None` selects the world frame.
+            /// Accelerations have no reference.
+            reference: Option<Object>,
+        } = "frame",
+        /// Magnetic flux density in a site's frame, T.
+        Magnetometer(usize) = "magnetometer",
+        /// Linear velocity of a site in its frame, m/s.
+        Velocimeter(usize) = "velocimeter",
+        /// Angular velocity of a site in its frame, rad/s.
+        Gyro(usize) = "gyro",
+        /// Linear acceleration of a site minus gravity, in its frame, m/s^2.
+        Accelerometer(usize) = "accelerometer",
+        /// Force of the parent body on the site's body, in the site's frame, N.
+        Force(usize) = "force",
+        /// Torque of the parent body on the site's body about the site, in the site's frame, N m.
+        Torque(usize) = "torque",
+        /// Touch sensor: sum of the normal forces of contacts on the site's body whose line of action intersects the site's volume, N.
+        Touch(usize) = "touch",
+        /// Rangefinder: distances and other quantities along rays from a site.
+        RangeFinder {
+            /// Index of the site at the origin of the rays.
+            site: usize,
+            /// Unit directions in the site's frame.
+            rays: Vec<[f64; 3]>,
+            /// Reported quantities of each ray, in the order of the variants of [`RayField`].
+            fields: Vec<RayField>,
+            /// Indices of the geoms that rays can hit.
+            geoms: Vec<usize>,
+        } = "rangefinder",
+        /// Whether the object's origin is inside the site's volume, as 1 or 0.
+        InsideSite {
+            /// Object whose origin is inside or outside the volume.
+            object: Object,
+            /// Index of the site with the volume.
+            site: usize,
+        } = "insidesite",
+        /// Distance, normal or closest points of two sets of geoms.
+        Proximity {
+            /// Quantity of the closest points that the sensor reads.
+            what: ProximityReading,
+            /// Indices of the geoms in the first of the two sets.
+            from: Vec<usize>,
+            /// Indices of the geoms in the second of the two sets.
+            to: Vec<usize>,
+            /// Largest distance of the search, m.
+            cutoff: f64,
+        } = "proximity",
+        /// Contacts between two sides, for example two bodies.
+        Contact {
+            /// First side, which selects one geom of a contact.
+            first: ContactSide,
+            /// Second side, which selects the other geom.
+            second: ContactSide,
+            /// Reported quantities of each contact, in the order of the variants of [`ContactField`].
+            fields: Vec<ContactField>,
+            /// Rule that selects the reported contacts, if more than `slots` contacts match.
+            reduction: ContactReduction,
+            /// Largest number of reported contacts.
+            slots: usize,
+        } = "contact",
+        /// Centre of mass of a body with its descendants in the world frame, m.
+        SubtreeCom(usize) = "subtreecom",
+        /// Velocity of the centre of mass of a body with its descendants, m/s.
+        SubtreeLinVel(usize) = "subtreelinvel",
+        /// Angular momentum of a body with its descendants about their centre of mass, kg m^2/s.
+        SubtreeAngMom(usize) = "subtreeangmom",
+        /// Potential energy of gravity and springs, J.
+        PotentialEnergy = "e_potential",
+        /// Kinetic energy, J.
+        KineticEnergy = "e_kinetic",
+        /// Simulated time, s.
+        Clock = "clock",
+        /// Linear combination of the readings of earlier sensors with equal dimensions: pairs of sensor index and coefficient.
+        Combination(Vec<(usize, f64)>) = "combination",
+    }
 }
 
-/// Kind of a reading, which determines how sensor errors act on it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
-    /// Any number.
-    Real,
-    /// Number that is only valid above 0, such as a distance. Errors do not change values of 0 and below.
-    Positive,
-    /// Unit vector. Sensor errors rotate it.
-    Axis,
-    /// Unit quaternion. Sensor errors rotate it.
-    Quaternion,
+named! {
+    /// Kind of a reading, which determines how sensor errors act on it.
+    pub enum Quantity {
+        /// Any number.
+        Real = "real",
+        /// Number that is only valid above 0, such as a distance. Errors do not change values of 0 and below.
+        Positive = "positive",
+        /// Unit vector. Sensor errors rotate it.
+        Axis = "axis",
+        /// Unit quaternion. Sensor errors rotate it.
+        Quaternion = "quaternion",
+    }
 }
 
 /// Sensor of a model: its type, and the errors that the source file specifies.
@@ -352,58 +359,11 @@ impl Sensor {
     }
 
     /// Name of the sensor type in MJCF.
-    pub fn word(&self) -> &'static str {
-        use FrameReading as F;
-        use SensorKind as K;
-        match &self.kind {
-            K::JointPos(_) => "jointpos",
-            K::JointVel(_) => "jointvel",
-            K::JointActuatorForce(_) => "jointactuatorfrc",
-            K::JointLimitPos(_) => "jointlimitpos",
-            K::JointLimitVel(_) => "jointlimitvel",
-            K::JointLimitForce(_) => "jointlimitfrc",
-            K::BallQuat(_) => "ballquat",
-            K::BallAngVel(_) => "ballangvel",
-            K::TendonPos(_) => "tendonpos",
-            K::TendonVel(_) => "tendonvel",
-            K::TendonActuatorForce(_) => "tendonactuatorfrc",
-            K::TendonLimitPos(_) => "tendonlimitpos",
-            K::TendonLimitVel(_) => "tendonlimitvel",
-            K::TendonLimitForce(_) => "tendonlimitfrc",
-            K::ActuatorPos(_) => "actuatorpos",
-            K::ActuatorVel(_) => "actuatorvel",
-            K::ActuatorForce(_) => "actuatorfrc",
-            K::Frame { what, .. } => match what {
-                F::Pos => "framepos",
-                F::Quat => "framequat",
-                F::XAxis => "framexaxis",
-                F::YAxis => "frameyaxis",
-                F::ZAxis => "framezaxis",
-                F::LinVel => "framelinvel",
-                F::AngVel => "frameangvel",
-                F::LinAcc => "framelinacc",
-                F::AngAcc => "frameangacc",
-            },
-            K::Magnetometer(_) => "magnetometer",
-            K::Velocimeter(_) => "velocimeter",
-            K::Gyro(_) => "gyro",
-            K::Accelerometer(_) => "accelerometer",
-            K::Force(_) => "force",
-            K::Torque(_) => "torque",
-            K::Touch(_) => "touch",
-            K::RangeFinder { .. } => "rangefinder",
-            K::InsideSite { .. } => "insidesite",
-            K::Proximity { what: ProximityReading::Distance, .. } => "distance",
-            K::Proximity { what: ProximityReading::Normal, .. } => "normal",
-            K::Proximity { what: ProximityReading::FromTo, .. } => "fromto",
-            K::Contact { .. } => "contact",
-            K::SubtreeCom(_) => "subtreecom",
-            K::SubtreeLinVel(_) => "subtreelinvel",
-            K::SubtreeAngMom(_) => "subtreeangmom",
-            K::PotentialEnergy => "e_potential",
-            K::KineticEnergy => "e_kinetic",
-            K::Clock => "clock",
-            K::Combination(_) => "combination",
+    pub const fn word(&self) -> &'static str {
+        match self.kind {
+            SensorKind::Frame { what, .. } => what.name(),
+            SensorKind::Proximity { what, .. } => what.name(),
+            ref kind => kind.name(),
         }
     }
 }

@@ -8,69 +8,50 @@ use crate::overridden_geom_fields::OverriddenGeomFields;
 use crate::replace::{find, write};
 use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError};
 
-/// Declares [`Parameter`] with the names of the model's fields.
-macro_rules! parameters {
-    ($($(#[$doc:meta])* $parameter:ident = $name:literal,)*) => {
-        /// Field of [`REPLACEABLE`](crate::REPLACEABLE) that can differ between environments, see `Simulation::randomize`.
-        ///
-        /// `"body_mass".parse()` returns the parameter for the field with this name.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[non_exhaustive]
-        pub enum Parameter {
-            $($(#[$doc])* $parameter,)*
-        }
-
-        impl Parameter {
-            /// List of all parameters.
-            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$parameter),*];
-
-            /// Name of the model's field, as in Python.
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $(Self::$parameter => $name,)*
-                }
-            }
-        }
-    };
-}
-
-parameters! {
-    /// Gravitational acceleration in the world frame, m/s^2: (num_envs, 3).
-    Gravity = "gravity",
-    /// Masses of the bodies, kg: (num_envs, nbody). Their inertia does not change.
-    BodyMass = "body_mass",
-    /// Centres of mass of the bodies in their frames, m: (num_envs, nbody, 3).
-    BodyIpos = "body_ipos",
-    /// Principal moments of inertia of the bodies, kg m^2: (num_envs, nbody, 3).
-    BodyInertia = "body_inertia",
-    /// Sliding, torsional (m) and rolling (m) friction coefficients of the geoms: (num_envs, ngeom, 3).
-    GeomFriction = "geom_friction",
-    /// Coefficients of restitution of the geoms: (num_envs, ngeom).
-    GeomRestitution = "geom_restitution",
-    /// Sliding, torsional (m) and rolling (m) friction coefficients of explicit pairs: (num_envs, npair, 3).
-    PairFriction = "pair_friction",
-    /// Coefficients of restitution of explicit pairs: (num_envs, npair).
-    PairRestitution = "pair_restitution",
-    /// Sizes of the geoms in the order of `geom_size`, m: (num_envs, ngeom, 3). Masses do not change.
-    GeomSize = "geom_size",
-    /// Positions of the geoms in their bodies' frames, m: (num_envs, ngeom, 3). Masses do not change.
-    GeomPos = "geom_pos",
-    /// Spring stiffness of the joints, N/m or N m/rad: (num_envs, njnt).
-    JointStiffness = "jnt_stiffness",
-    /// Lowest and highest positions of the joints, m or rad: (num_envs, njnt, 2).
-    JointRange = "jnt_range",
-    /// Viscous damping of the degrees of freedom, N s/m or N m s/rad: (num_envs, nv).
-    DofDamping = "dof_damping",
-    /// Armature of the degrees of freedom, which is added to the diagonal of the mass matrix, kg or kg m^2: (num_envs, nv).
-    DofArmature = "dof_armature",
-    /// Dry friction of the degrees of freedom, N or N m: (num_envs, nv).
-    DofFrictionLoss = "dof_frictionloss",
-    /// Numbers of the equalities in the layout of MuJoCo's `eq_data`: (num_envs, neq, 11).
-    EqualityData = "eq_data",
-    /// Gain parameters of the actuators: (num_envs, nu, 10).
-    ActuatorGain = "actuator_gainprm",
-    /// Bias parameters of the actuators: (num_envs, nu, 10).
-    ActuatorBias = "actuator_biasprm",
+named! {
+    /// Field of [`REPLACEABLE`](crate::REPLACEABLE) that can differ between environments, see `Simulation::randomize`.
+    ///
+    /// `"body_mass".parse()` returns the parameter for the field with this name.
+    #[derive(Hash)]
+    #[non_exhaustive]
+    pub enum Parameter {
+        /// Gravitational acceleration in the world frame, m/s^2: (num_envs, 3).
+        Gravity = "gravity",
+        /// Masses of the bodies, kg: (num_envs, nbody). Their inertia does not change.
+        BodyMass = "body_mass",
+        /// Centres of mass of the bodies in their frames, m: (num_envs, nbody, 3).
+        BodyIpos = "body_ipos",
+        /// Principal moments of inertia of the bodies, kg m^2: (num_envs, nbody, 3).
+        BodyInertia = "body_inertia",
+        /// Sliding, torsional (m) and rolling (m) friction coefficients of the geoms: (num_envs, ngeom, 3).
+        GeomFriction = "geom_friction",
+        /// Coefficients of restitution of the geoms: (num_envs, ngeom).
+        GeomRestitution = "geom_restitution",
+        /// Sliding, torsional (m) and rolling (m) friction coefficients of explicit pairs: (num_envs, npair, 3).
+        PairFriction = "pair_friction",
+        /// Coefficients of restitution of explicit pairs: (num_envs, npair).
+        PairRestitution = "pair_restitution",
+        /// Sizes of the geoms in the order of `geom_size`, m: (num_envs, ngeom, 3). Masses do not change.
+        GeomSize = "geom_size",
+        /// Positions of the geoms in their bodies' frames, m: (num_envs, ngeom, 3). Masses do not change.
+        GeomPos = "geom_pos",
+        /// Spring stiffness of the joints, N/m or N m/rad: (num_envs, njnt).
+        JointStiffness = "jnt_stiffness",
+        /// Lowest and highest positions of the joints, m or rad: (num_envs, njnt, 2).
+        JointRange = "jnt_range",
+        /// Viscous damping of the degrees of freedom, N s/m or N m s/rad: (num_envs, nv).
+        DofDamping = "dof_damping",
+        /// Armature of the degrees of freedom, which is added to the diagonal of the mass matrix, kg or kg m^2: (num_envs, nv).
+        DofArmature = "dof_armature",
+        /// Dry friction of the degrees of freedom, N or N m: (num_envs, nv).
+        DofFrictionLoss = "dof_frictionloss",
+        /// Numbers of the equalities in the layout of MuJoCo's `eq_data`: (num_envs, neq, 11).
+        EqualityData = "eq_data",
+        /// Gain parameters of the actuators: (num_envs, nu, 10).
+        ActuatorGain = "actuator_gainprm",
+        /// Bias parameters of the actuators: (num_envs, nu, 10).
+        ActuatorBias = "actuator_biasprm",
+    }
 }
 
 impl fmt::Display for Parameter {

@@ -336,12 +336,12 @@ elements! {
         /// and force.
         gear: v.row(&actuator.gear_row()),
         /// Type of the gain: "fixed", "affine", "dcmotor", "pid" or "muscle".
-        gaintype: v.of(actuator.force_model.gain.word()),
+        gaintype: v.of(actuator.force_model.gain.name()),
         /// Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of
         /// velocity. Unused entries are 0.
         gainprm: v.row(&actuator.gain_row()),
         /// Type of the bias: "none", "affine", "dcmotor" or "muscle".
-        biastype: v.of(actuator.force_model.bias.word()),
+        biastype: v.of(actuator.force_model.bias.name()),
         /// Parameters of the bias: (10,). For the type "affine" they begin with constant, factor of length and factor of velocity. Unused
         /// entries are 0.
         biasprm: v.row(&actuator.bias_row()),

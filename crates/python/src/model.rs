@@ -340,7 +340,7 @@ impl Model {
             out.set_item("type", sensor.word())?;
             out.set_item("adr", at)?;
             out.set_item("dim", sensor.dim(&self.core.sensors))?;
-            out.set_item("datatype", format!("{:?}", sensor.quantity()).to_lowercase())?;
+            out.set_item("datatype", sensor.quantity().name())?;
             for (name, x) in [("noise", sensor.noise), ("cutoff", sensor.cutoff), ("delay", sensor.delay), ("interval", sensor.interval)] {
                 out.set_item(name, x)?;
             }

@@ -34,10 +34,10 @@ impl<'a> StepInputs<'a> {
     }
 }
 
-named! {
+stepper_model::named! {
     /// State array that the user can read and write.
     #[non_exhaustive]
-    Field {
+    pub enum Field {
         /// Configuration, nq numbers per environment.
         Qpos = "qpos",
         /// Velocity, nv numbers per environment.
@@ -58,11 +58,11 @@ impl Field {
     }
 }
 
-named! {
+stepper_model::named! {
     /// Kind of input other than controls: applied forces, poses of mocap bodies, or active equalities. Values persist until the user
     /// changes them or resets the environment.
     #[non_exhaustive]
-    AppliedInput {
+    pub enum AppliedInput {
         /// Generalized forces (`qfrc_applied`), (nv), N or N m.
         QfrcApplied = "qfrc_applied",
         /// Force (N) and torque (N m) at every body's centre of mass, world axes, (nbody, 6).

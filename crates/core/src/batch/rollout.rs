@@ -9,10 +9,10 @@ use crate::integrators::workspace::Workspace;
 use crate::math::precision::Precision;
 use crate::model::Model;
 
-named! {
+stepper_model::named! {
     /// Quantity that a rollout can record after each control.
     #[non_exhaustive]
-    Quantity {
+    pub enum Quantity {
         /// Configuration, nq numbers per environment.
         Qpos = "qpos",
         /// Velocity, nv numbers per environment.

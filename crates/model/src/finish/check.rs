@@ -364,7 +364,7 @@ fn force_model(at: &Element, actuator: &Actuator) -> Checked {
         GainType::DcMotor => bias == BiasType::DcMotor,
         GainType::PidPosition | GainType::PidVelocity => bias == BiasType::Affine,
     };
-    let what = format_args!("gaintype is {:?} and biastype is {:?}", gain.word(), bias.word());
+    let what = format_args!("gaintype is {:?} and biastype is {:?}", gain.name(), bias.name());
     at.fail_if(!fits, what, "give \"dcmotor\" both or neither, and \"affine\" as the bias of \"pid\"")?;
     if gain == GainType::DcMotor {
         at.positive("resistance, column 0 of gainprm,", &actuator.gain[..1], " Ohm")?;

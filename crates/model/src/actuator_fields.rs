@@ -1,6 +1,6 @@
 //! Fields of an actuator in MuJoCo's shapes: gear, gain parameters and bias parameters.
 
-use crate::{Actuator, BiasType, Description, ForceModel, GainType, ModelError, Transmission, label};
+use crate::{Actuator, BiasType, Description, ForceModel, GainType, ModelError, Transmission};
 
 /// Number of values of one actuator in the field `actuator_gear`.
 pub(crate) const GEAR: usize = 6;
@@ -152,5 +152,5 @@ pub(crate) fn unread(model: &Description, field: &str, k: usize, value: f64) -> 
         ("actuator_gainprm", 1) => "give 0 there, or load a model whose actuator has gaintype=\"affine\"",
         _ => "give 0 there",
     };
-    Some(ModelError::invalid(format!("actuator {:?}", label(&actuator.name, i)), what, remedy))
+    Some(ModelError::invalid(format!("actuator {:?}", model.actuator_label(i)), what, remedy))
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, ForceModel, Model, Transmission, label};
+use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, ForceModel, Model, Transmission};
 
 /// Model of an actuator between its control and its force. Each list has one value for all environments, or one for each environment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -161,7 +161,7 @@ impl ActuatorSpec {
                 spec.get_or_insert_with(Self::ideal).delay_steps.iter_mut().for_each(|x| *x += steps);
             }
             let Some(spec) = spec else { continue };
-            let actuator = label(&model.actuators[i].name, i);
+            let actuator = model.actuator_label(i);
             spec.check(num_envs, h).and_then(|()| spec.apply_to(model, i)).map_err(|error| ActuatorError { actuator, error })?;
         }
         Ok((combined, specs))

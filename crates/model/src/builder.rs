@@ -25,7 +25,7 @@ mod tendon;
 
 use crate::Softness;
 use crate::softness::{ContactSpring, mixing_share};
-use crate::{Description, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
+use crate::{Description, ElementKind, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
 
 pub use crate::builder::actuator::ActuatorBuilder;
 pub use crate::builder::body::BodyBuilder;
@@ -243,7 +243,7 @@ impl ModelBuilder {
         for (name, reading) in &self.sensors {
             let place = format!("sensor {name:?}");
             let kind = match reading {
-                Reading::OfJoint(joint, kind) => kind(find_joint(&model, joint, &place)?),
+                Reading::OfJoint(joint, kind) => kind(find(&model, ElementKind::Joint, joint, &place)?),
                 Reading::Kind(kind) => kind.clone(),
             };
             model.sensors.push(Sensor::ideal(name, kind));
@@ -254,7 +254,7 @@ impl ModelBuilder {
 
     fn add_pairs(&self, model: &mut Description) -> Result<(), ModelError> {
         for (names, friction) in &self.pairs {
-            let [a, b] = names.each_ref().map(|n| find(model.geoms.iter().map(|g| &g.name), n, "geom", "pair"));
+            let [a, b] = names.each_ref().map(|n| find(model, ElementKind::Geom, n, "pair"));
             let geoms = [a?, b?];
             let [g, h] = geoms.map(|k| &model.geoms[k]);
             let (margin, gap, restitution) = (g.margin + h.margin, g.gap + h.gap, g.restitution.max(h.restitution));
@@ -265,7 +265,7 @@ impl ModelBuilder {
             model.pairs.push(pair);
         }
         for names in &self.excludes {
-            let [a, b] = names.each_ref().map(|n| find(model.bodies.iter().map(|b| &b.name), n, "body", "exclude"));
+            let [a, b] = names.each_ref().map(|n| find(model, ElementKind::Body, n, "exclude"));
             model.excludes.push([a?, b?]);
         }
         Ok(())
@@ -278,15 +278,13 @@ fn push<T>(list: &mut Vec<T>, element: T) -> usize {
     list.len() - 1
 }
 
-fn find<'a>(mut names: impl Iterator<Item = &'a String>, name: &str, kind: &str, place: &str) -> Result<usize, ModelError> {
-    names.position(|n| n == name).ok_or_else(|| {
+/// Index of the element of the kind `kind` with the name `name`. An error has the label `place` of the element that refers to it.
+fn find(model: &Description, kind: ElementKind, name: &str, place: &str) -> Result<usize, ModelError> {
+    kind.names(model).iter().position(|known| *known == name).ok_or_else(|| {
+        let kind = kind.name();
         let remedy = format!("name a {kind} that was added to the builder");
         ModelError::invalid(place, format!("refers to {kind} {name:?}, which does not exist"), remedy)
     })
-}
-
-fn find_joint(model: &Description, name: &str, place: &str) -> Result<usize, ModelError> {
-    find(model.joints.iter().map(|j| &j.name), name, "joint", place)
 }
 
 #[cfg(test)]

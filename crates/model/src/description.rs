@@ -453,26 +453,6 @@ impl Description {
         dims.scan((0, 0), |next, (nq, nv)| Some(std::mem::replace(next, (next.0 + nq, next.1 + nv)))).collect()
     }
 
-    /// Label of body `i`, such as "torso"; "#3" for a body without a name or an index out of range.
-    pub fn body_label(&self, i: usize) -> String {
-        self.bodies.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
-    }
-
-    /// Label of joint `i`, such as "ankle"; "#3" for a joint without a name or an index out of range.
-    pub fn joint_label(&self, i: usize) -> String {
-        self.joints.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
-    }
-
-    /// Label of sensor `i`, such as "imu"; "#3" for a sensor without a name or an index out of range.
-    pub fn sensor_label(&self, i: usize) -> String {
-        self.sensors.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
-    }
-
-    /// Label of geom `i`, such as "floor"; "#3" for a geom without a name or an index out of range.
-    pub fn geom_label(&self, i: usize) -> String {
-        self.geoms.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
-    }
-
     /// Label of geom `i`, such as "floor"; "#3 of body torso" for a geom without a name, "#3" for an index out of range.
     pub fn geom_label_with_body(&self, i: usize) -> String {
         match self.geoms.get(i) {

@@ -136,7 +136,7 @@ pub use fluid::{Ellipsoid, Medium};
 pub use force_model::{BiasType, ForceModel, GainType};
 pub use hull_volume::WideHull;
 pub use kernel::Kernel;
-pub use lookup::{JointPlace, SensorPlace};
+pub use lookup::{ElementKind, JointPlace, SensorPlace};
 pub use mass::MassProperties;
 pub use muscle::{MUSCLE_PARAMETERS, Muscle};
 pub use orientation::Orientation;

@@ -1,7 +1,7 @@
 //! Check for new values of geom fields that have no effect, because contacts of an explicit pair use a field of the pair instead.
 
 use crate::pairs::{Filter, Verdict};
-use crate::{Model, ModelError, label};
+use crate::{Model, ModelError};
 
 /// Fields of geoms, each with the field of explicit pairs that overrides it in contacts of the pair.
 const OVERRIDING_FIELDS: [(&str, &str); 10] = [
@@ -78,7 +78,7 @@ impl<'a> OverriddenGeomFields<'a> {
         let [a, b] = self.model.pairs[pair].geoms.map(|g| self.model.geom_label(g));
         let what = format!(
             "{geom_field} has no effect on contacts of geoms {a:?} and {b:?}, which use the {pair_field} of explicit pair {:?} instead",
-            label(&self.model.pairs[pair].name, pair)
+            self.model.pair_label(pair)
         );
         let remedy = format!("give {pair_field} too: new values, or those of the model, which keep these contacts unchanged");
         ModelError::invalid(format!("geom {:?}", self.model.geom_label(geom)), what, remedy)

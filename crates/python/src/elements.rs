@@ -6,7 +6,7 @@ use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use stepper_core::Precision;
-use stepper_core::model::{Activation, Keyframe as CoreKeyframe, Model as Core, Shape, Transmission};
+use stepper_core::model::{Activation, ElementKind, Keyframe as CoreKeyframe, Model as Core, Shape, Transmission};
 
 use crate::array::{array, assign_attribute, described, hint, read_only};
 use crate::model::Model;
@@ -65,38 +65,15 @@ macro_rules! elements {
             $(
                 $(#[$of])*
                 fn $kind(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<$class> {
-                    $class::of(py, &self.core, Kind::$class.find(&self.core, key)?)
+                    $class::of(py, &self.core, index_of(&self.core, ElementKind::$class, key)?)
                 }
 
                 $(#[$all])*
                 #[getter]
                 fn $names(&self) -> Vec<&str> {
-                    Kind::$class.names(&self.core)
+                    ElementKind::$class.names(&self.core)
                 }
             )*
-        }
-
-        /// Kinds of elements that have names.
-        #[derive(Clone, Copy)]
-        pub(crate) enum Kind {
-            $($class,)*
-        }
-
-        impl Kind {
-            const ALL: &[Self] = &[$(Self::$class,)*];
-
-            const fn word(self) -> &'static str {
-                match self {
-                    $(Self::$class => stringify!($kind),)*
-                }
-            }
-
-            /// Names of all elements of this kind, in order. The name of an unnamed element is empty.
-            fn names(self, model: &Core) -> Vec<&str> {
-                match self {
-                    $(Self::$class => model.$list.iter().map(|element| element.name.as_str()).collect(),)*
-                }
-            }
         }
 
         /// Adds the classes of elements to the Python module.
@@ -483,7 +460,7 @@ impl Model {
         if all.is_empty() && given.is_instance_of::<PyString>() {
             return Err(none());
         }
-        match Kind::Keyframe.find(&self.core, given) {
+        match index_of(&self.core, ElementKind::Keyframe, given) {
             Ok(index) => Ok(all[index].clone()),
             Err(error) if all.is_empty() && error.is_instance_of::<PyIndexError>(given.py()) => Err(none()),
             // An index out of range raises the same error as an unknown name.
@@ -496,30 +473,28 @@ impl Model {
     }
 }
 
-impl Kind {
-    /// Index of the element of this kind that a name or an index selects. Negative indices count from the end.
-    pub(crate) fn find(self, model: &Core, given: &Bound<'_, PyAny>) -> PyResult<usize> {
-        let (word, names) = (self.word(), self.names(model));
-        if let Ok(name) = given.extract::<String>() {
-            if let Some(index) = names.iter().position(|known| *known == name && !name.is_empty()) {
-                return Ok(index);
-            }
-            let mut text: String = given.py().import("stepper._hints")?.call_method1("unknown", (word, &name, names))?.extract()?;
-            // The name of another kind of element, such as a site for a body.
-            if let Some(other) = Self::ALL.iter().find(|kind| !name.is_empty() && kind.names(model).contains(&name.as_str())) {
-                text = format!("{name:?} is no {word}, but a {}: {text}", other.word());
-            }
-            return Err(PyKeyError::new_err(text));
+/// Index of the element of the kind `kind` that a name or an index selects. Negative indices count from the end.
+pub(crate) fn index_of(model: &Core, kind: ElementKind, given: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let (word, names) = (kind.name(), kind.names(model));
+    if let Ok(name) = given.extract::<String>() {
+        if let Some(index) = names.iter().position(|known| *known == name && !name.is_empty()) {
+            return Ok(index);
         }
-        let wrong = |_| PyTypeError::new_err(format!("{word}, if it is no name, is {}, must be a whole number", described(given)));
-        let index = given.py().import("operator")?.call_method1("index", (given,)).map_err(wrong)?;
-        let n = names.len() as isize;
-        let at = index.extract::<isize>().ok().map(|i| if i < 0 { i.saturating_add(n) } else { i });
-        match at {
-            Some(at) if (0..n).contains(&at) => Ok(at as usize),
-            _ if n == 0 => Err(PyIndexError::new_err(format!("{word} is {index}, and the model has no {word}"))),
-            _ => Err(PyIndexError::new_err(format!("{word} is {index}, must be below {n}"))),
+        let mut text: String = given.py().import("stepper._hints")?.call_method1("unknown", (word, &name, names))?.extract()?;
+        // The name of another kind of element, such as a site for a body.
+        if let Some(other) = ElementKind::ALL.iter().find(|kind| !name.is_empty() && kind.names(model).contains(&name.as_str())) {
+            text = format!("{name:?} is no {word}, but a {}: {text}", other.name());
         }
+        return Err(PyKeyError::new_err(text));
+    }
+    let wrong = |_| PyTypeError::new_err(format!("{word}, if it is no name, is {}, must be a whole number", described(given)));
+    let index = given.py().import("operator")?.call_method1("index", (given,)).map_err(wrong)?;
+    let n = names.len() as isize;
+    let at = index.extract::<isize>().ok().map(|i| if i < 0 { i.saturating_add(n) } else { i });
+    match at {
+        Some(at) if (0..n).contains(&at) => Ok(at as usize),
+        _ if n == 0 => Err(PyIndexError::new_err(format!("{word} is {index}, and the model has no {word}"))),
+        _ => Err(PyIndexError::new_err(format!("{word} is {index}, must be below {n}"))),
     }
 }
 

@@ -5,7 +5,7 @@
 //! cannot become longer (`check_fit`).
 
 use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
-use crate::model::{ActuatorError, DeviceError, Model, label};
+use crate::model::{ActuatorError, DeviceError, Model};
 
 /// Actuator models of a simulation: specs as the user gave them, and per-environment specs.
 #[derive(Clone, Debug)]
@@ -79,7 +79,7 @@ impl ActuatorModels {
         }
         let originals_of_envs = || self.originals.iter().map(|spec| spec.as_ref().map(|spec| of_environments(spec, envs))).collect();
         let mut specs = given.map_or_else(originals_of_envs, <[_]>::to_vec);
-        let wrong = |i: usize, error| ActuatorError { actuator: label(&model.actuators[i].name, i), error };
+        let wrong = |i: usize, error| ActuatorError { actuator: model.actuator_label(i), error };
         let mut per_env = self.per_env.as_ref().unwrap_or(&self.originals).clone();
         let (combined, mut new) = ActuatorSpec::combine(model, &specs, envs.len(), h)?;
         for (i, (spec, given)) in new.iter_mut().zip(&mut specs).enumerate() {

@@ -1,29 +1,22 @@
 //! Builder of an actuator.
 
-use crate::builder::{find, find_joint};
-use crate::{Activation, Actuator, Description, ForceModel, ModelError, Transmission};
-
-/// Kind of element on which the actuator acts.
-#[derive(Clone, Debug)]
-enum Target {
-    Joint,
-    Tendon,
-    Site { reference: Option<String>, wrench: [f64; 6] },
-}
+use crate::builder::find;
+use crate::{Activation, Actuator, Description, ElementKind, ForceModel, ModelError, Transmission};
 
 /// Builder of an actuator on a joint, tendon or site, which is given by name.
 #[derive(Clone, Debug)]
 pub struct ActuatorBuilder {
+    /// Actuator. The indices in its transmission are set at the end, from the names `target` and `reference`.
     pub(super) actuator: Actuator,
-    name: String,
-    target: Target,
+    target: String,
+    reference: Option<String>,
 }
 
 impl ActuatorBuilder {
     fn new(name: &str, target: &str, gain: [f64; 3], bias: [f64; 3]) -> Self {
         let force_model = ForceModel::of_parameters(&gain, &bias);
         let actuator = Actuator { name: name.into(), gear: 1.0, gain, bias, force_model, ..Actuator::default() };
-        Self { actuator, name: target.into(), target: Target::Joint }
+        Self { actuator, target: target.into(), reference: None }
     }
 
     /// Creates a builder of a motor: the control is the force (N or N m) on the joint with the name `joint`.
@@ -44,17 +37,18 @@ impl ActuatorBuilder {
     }
 
     pub(super) fn resolve(&self, model: &Description) -> Result<Actuator, ModelError> {
-        let place = format!("actuator {:?}", self.actuator.name);
-        let site = |name: &str| find(model.sites.iter().map(|s| &s.name), name, "site", &place);
-        let transmission = match &self.target {
-            Target::Joint => Transmission::Joint(find_joint(model, &self.name, &place)?),
-            Target::Tendon => Transmission::Tendon(find(model.tendons.iter().map(|t| &t.name), &self.name, "tendon", &place)?),
-            Target::Site { reference, wrench } => {
-                let reference = reference.as_deref().map(site).transpose()?;
-                Transmission::Site { site: site(&self.name)?, reference, wrench: *wrench }
+        let mut actuator = self.actuator.clone();
+        let place = format!("actuator {:?}", actuator.name);
+        let index = |kind, name: &String| find(model, kind, name, &place);
+        match &mut actuator.transmission {
+            Transmission::Tendon(tendon) => *tendon = index(ElementKind::Tendon, &self.target)?,
+            Transmission::Site { site, reference, .. } => {
+                *reference = self.reference.as_ref().map(|name| index(ElementKind::Site, name)).transpose()?;
+                *site = index(ElementKind::Site, &self.target)?;
             }
-        };
-        Ok(Actuator { transmission, ..self.actuator.clone() })
+            transmission => *transmission = Transmission::Joint(index(ElementKind::Joint, &self.target)?),
+        }
+        Ok(actuator)
     }
 }
 
@@ -63,7 +57,9 @@ setters! { ActuatorBuilder
     ///
     /// `wrench` is force and torque per unit of actuator force, in the frame of the site. If `reference` names a second site, the wrench is
     /// in the frame of that site, and the body of that site receives the reaction.
-    on_site(wrench: [f64; 6], reference: Option<&str>) { target = Target::Site { reference: reference.map(Into::into), wrench } }
+    on_site(wrench: [f64; 6], reference: Option<&str>) {
+        actuator.transmission = Transmission::Site { site: 0, reference: None, wrench }; reference = reference.map(Into::into)
+    }
     /// Sets the gear, which scales the actuator's length, velocity and force.
     gear(gear: f64) { actuator.gear = gear }
     /// Sets the delay of the control, s.
@@ -75,5 +71,5 @@ setters! { ActuatorBuilder
     /// Sets the activation dynamics between control and force.
     activation(activation: Activation) { actuator.activation = activation }
     /// Makes the actuator act on a tendon instead of a joint. The joint name that was given before is then the name of the tendon.
-    on_tendon() { target = Target::Tendon }
+    on_tendon() { actuator.transmission = Transmission::Tendon(0) }
 }

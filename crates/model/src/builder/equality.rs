@@ -1,7 +1,7 @@
 //! Builder of an equality.
 
-use crate::builder::{find, find_joint};
-use crate::{Description, Equality, EqualityKind, ModelError, Softness};
+use crate::builder::find;
+use crate::{Description, ElementKind, Equality, EqualityKind, ModelError, Softness};
 
 /// Builder of an equality between elements, which are given by name.
 #[derive(Clone, Debug)]
@@ -60,11 +60,12 @@ impl EqualityBuilder {
     pub(super) fn resolve(&self, model: &Description) -> Result<Equality, ModelError> {
         let mut equality = self.equality.clone();
         let place = format!("equality {:?}", equality.name);
-        let index = |name: &String| match equality.kind {
-            EqualityKind::Connect { .. } | EqualityKind::Weld { .. } => find(model.bodies.iter().map(|b| &b.name), name, "body", &place),
-            EqualityKind::Joint { .. } => find_joint(model, name, &place),
-            EqualityKind::Tendon { .. } => find(model.tendons.iter().map(|t| &t.name), name, "tendon", &place),
+        let object = match equality.kind {
+            EqualityKind::Connect { .. } | EqualityKind::Weld { .. } => ElementKind::Body,
+            EqualityKind::Joint { .. } => ElementKind::Joint,
+            EqualityKind::Tendon { .. } => ElementKind::Tendon,
         };
+        let index = |name: &String| find(model, object, name, &place);
         let (first, second) = (index(&self.first)?, self.second.as_ref().map(index).transpose()?);
         match &mut equality.kind {
             EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. } => *bodies = [first, second.unwrap_or_default()],

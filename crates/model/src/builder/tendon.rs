@@ -1,7 +1,7 @@
 //! Builder of a fixed tendon.
 
-use crate::builder::find_joint;
-use crate::{Description, ModelError, Tendon};
+use crate::builder::find;
+use crate::{Description, ElementKind, ModelError, Tendon};
 
 /// Builder of a fixed tendon, whose length is a linear combination of hinge and slide positions. Joints are given by name.
 #[derive(Clone, Debug)]
@@ -22,7 +22,8 @@ impl TendonBuilder {
     pub(super) fn resolve(&self, model: &Description) -> Result<Tendon, ModelError> {
         let place = format!("tendon {:?}", self.tendon.name);
         let mut tendon = self.tendon.clone();
-        tendon.joints = self.joints.iter().map(|(j, c)| Ok((find_joint(model, j, &place)?, *c))).collect::<Result<_, ModelError>>()?;
+        tendon.joints =
+            self.joints.iter().map(|(j, c)| Ok((find(model, ElementKind::Joint, j, &place)?, *c))).collect::<Result<_, ModelError>>()?;
         let addresses = model.joint_addresses();
         let rest: f64 = tendon.joints.iter().map(|&(j, c)| c * model.qpos_spring[addresses[j].0]).sum();
         tendon.spring_length = self.rest.unwrap_or([rest; 2]);

@@ -7,7 +7,10 @@ use std::collections::HashSet;
 use crate::finish::element::{Checked, Element, elements};
 use crate::hulls::Hulls;
 use crate::tendon::{PathElement, round};
-use crate::{Activation, Actuator, BiasType, Description, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape, Transmission};
+use crate::{
+    Activation, Actuator, BiasType, Description, ElementKind, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape,
+    Transmission,
+};
 
 /// Largest relative excess of a body's largest principal moment over the sum of the other two. A smaller excess counts as rounding error of
 /// a source in single precision.
@@ -148,26 +151,16 @@ pub(crate) fn parameters(model: &Description) -> Checked {
 
 /// Checks that names are unique, because users refer to elements by name.
 fn names(model: &Description) -> Checked {
-    fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Checked {
+    for kind in ElementKind::ALL {
         let mut seen = HashSet::new();
-        for name in names.filter(|n| !n.is_empty()) {
-            if !seen.insert(name) {
-                let what = format!("another {kind} has the same name");
-                return Element(format!("{kind} {name:?}")).fail(what, "give each its own name, or none");
-            }
+        let repeated = kind.names(model).into_iter().find(|name| !name.is_empty() && !seen.insert(*name));
+        if let Some(name) = repeated {
+            let kind = kind.name();
+            return Element(format!("{kind} {name:?}"))
+                .fail(format!("another {kind} has the same name"), "give each its own name, or none");
         }
-        Ok(())
     }
-    unique("body", model.bodies.iter().map(|x| &x.name))?;
-    unique("joint", model.joints.iter().map(|x| &x.name))?;
-    unique("geom", model.geoms.iter().map(|x| &x.name))?;
-    unique("tendon", model.tendons.iter().map(|x| &x.name))?;
-    unique("pair", model.pairs.iter().map(|x| &x.name))?;
-    unique("equality", model.equalities.iter().map(|x| &x.name))?;
-    unique("actuator", model.actuators.iter().map(|x| &x.name))?;
-    unique("site", model.sites.iter().map(|x| &x.name))?;
-    unique("sensor", model.sensors.iter().map(|x| &x.name))?;
-    unique("keyframe", model.keyframes.iter().map(|x| &x.name))
+    Ok(())
 }
 
 fn bodies(model: &Description) -> Checked {

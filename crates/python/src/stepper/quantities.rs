@@ -3,11 +3,12 @@
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
+use stepper_core::model::ElementKind;
 use stepper_core::{DerivedQuantity, Precision, Snapshot, StepInputs};
 
 use crate::arguments::{Env, no_others};
 use crate::array::{OwnNumbers, array, read_only};
-use crate::elements::Kind;
+use crate::elements::index_of;
 use crate::error::value_error;
 use crate::getters::getters;
 use crate::stepper::{Stepper, Writing};
@@ -90,14 +91,14 @@ impl Stepper {
         no_others("Stepper.jacobian", others, &["body", "site"])?;
         let model = slf.simulation.model();
         let quantity = match (body, site) {
-            (Some(body), None) => DerivedQuantity::BodyJacobian(Kind::Body.find(model, &body).map_err(|error| {
-                if body.is_instance_of::<PyString>() && Kind::Site.find(model, &body).is_ok() {
+            (Some(body), None) => DerivedQuantity::BodyJacobian(index_of(model, ElementKind::Body, &body).map_err(|error| {
+                if body.is_instance_of::<PyString>() && index_of(model, ElementKind::Site, &body).is_ok() {
                     let name = body.repr().map_or_else(|_| body.to_string(), |name| name.to_string());
                     return PyKeyError::new_err(format!("no body is named {name}, but a site is: jacobian(site={name})"));
                 }
                 error
             })?),
-            (None, Some(site)) => DerivedQuantity::SiteJacobian(Kind::Site.find(model, &site)?),
+            (None, Some(site)) => DerivedQuantity::SiteJacobian(index_of(model, ElementKind::Site, &site)?),
             (Some(_), Some(_)) => return Err(PyValueError::new_err("jacobian has both body and site: give one of them")),
             (None, None) => return Err(PyValueError::new_err("jacobian has neither body nor site: give body= or site=, by name or index")),
         };

@@ -5,10 +5,11 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::RayCast;
+use stepper_core::model::ElementKind;
 
 use crate::arguments::{no_others, required};
 use crate::array::{OwnNumbers, check_shape, float64_array, shape_text, shaped};
-use crate::elements::Kind;
+use crate::elements::index_of;
 use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
@@ -62,11 +63,11 @@ impl Stepper {
         }
         let mut slf = Writing::try_from(slf)?;
         let model = slf.simulation.model().clone();
-        let except = exclude.or(body).map(|body| Kind::Body.find(&model, &body)).transpose()?;
+        let except = exclude.or(body).map(|body| index_of(&model, ElementKind::Body, &body)).transpose()?;
         let geoms = match geoms {
             None => model.geoms_met_by_rays(except),
             Some(given) => {
-                let found: Vec<usize> = given.iter().map(|geom| Kind::Geom.find(&model, geom)).collect::<PyResult<_>>()?;
+                let found: Vec<usize> = given.iter().map(|geom| index_of(&model, ElementKind::Geom, geom)).collect::<PyResult<_>>()?;
                 found.into_iter().filter(|&g| Some(model.geoms[g].body) != except).collect()
             }
         };

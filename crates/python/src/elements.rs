@@ -14,16 +14,14 @@ use crate::model::Model;
 /// Declares the kinds of elements, such as `Body`. Each kind is a Python class with a read-only attribute for each field. `Model` gets a
 /// method that returns an element of this kind, and an attribute with the names of all. Doc comments become the documentation in Python.
 ///
-/// The closure before the fields names the converter of values, the model, the element and the element's index. Its body computes values
-/// that several fields use.
+/// An entry begins with the class, the names of this method and attribute, and the list of the elements in the model. The closure before
+/// the fields names the converter of values, the model and the element's index. Its body computes values that several fields use. There and
+/// in the fields, the element has the name of the method.
 macro_rules! elements {
     ($(
         $(#[$doc:meta])*
-        $class:ident, |$v:ident, $model:ident, $element:ident, $i:ident| { $($shared:tt)* } { $($(#[$what:meta])* $field:ident: $value:expr,)* }
-        $(#[$of:meta])*
-        lookup $kind:ident in $list:ident;
-        $(#[$all:meta])*
-        names $names:ident;
+        $class:ident: $kind:ident, $names:ident in $list:ident, |$v:ident, $model:ident, $i:ident| { $($shared:tt)* }
+        { $($(#[$what:meta])* $field:ident: $value:expr,)* }
     )*) => {
         $(
             $(#[$doc])*
@@ -34,7 +32,7 @@ macro_rules! elements {
 
             impl $class {
                 fn of(py: Python<'_>, $model: &Core, $i: usize) -> PyResult<Self> {
-                    let ($v, $element) = (Values { py }, &$model.$list[$i]);
+                    let ($v, $kind) = (Values { py }, &$model.$list[$i]);
                     $($shared)*
                     Ok(Self { $($field: $value?,)* })
                 }
@@ -63,12 +61,16 @@ macro_rules! elements {
         #[pymethods]
         impl Model {
             $(
-                $(#[$of])*
+                #[doc = concat!(stringify!($class), " by name or index (negative from the end).")]
+                ///
+                /// Raises:
+                #[doc = concat!("    KeyError: The model has no ", stringify!($kind), " of that name; the message has similar names.")]
+                #[doc = concat!("    IndexError: The model has no ", stringify!($kind), " of that index.")]
                 fn $kind(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<$class> {
                     $class::of(py, &self.core, index_of(&self.core, ElementKind::$class, key)?)
                 }
 
-                $(#[$all])*
+                #[doc = concat!("Names of the ", stringify!($list), " in order. The name of an unnamed ", stringify!($kind), " is empty.")]
                 #[getter]
                 fn $names(&self) -> Vec<&str> {
                     ElementKind::$class.names(&self.core)
@@ -86,7 +88,7 @@ macro_rules! elements {
 
 elements! {
     /// Body of a model.
-    Body, |v, model, body, i| {
+    Body: body, body_names in bodies, |v, model, i| {
         let (jntadr, jntnum) = span(model.joints.iter().map(|j| j.body == i));
         let (geomadr, geomnum) = span(model.geoms.iter().map(|g| g.body == i));
         let own = usize::try_from(jntadr).map_or(0..0, |first| first..first + jntnum);
@@ -125,17 +127,9 @@ elements! {
         /// Number of the body's geoms.
         geomnum: v.of(geomnum),
     }
-    /// Body by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no body of that name; the message has similar names.
-    ///     IndexError: The model has no body of that index.
-    lookup body in bodies;
-    /// Names of the bodies in order. The name of an unnamed body is empty.
-    names body_names;
 
-    /// Joint of a model.
-    Joint, |v, model, joint, i| {
+    /// Joint of a model: `model.joint("hip").qposadr`.
+    Joint: joint, joint_names in joints, |v, model, i| {
         let (qposadr, dofadr) = model.joint_addresses()[i];
     } {
         /// Index of the joint.
@@ -173,17 +167,9 @@ elements! {
         /// Speed limit of the joint in the source, rad/s or m/s; infinite if the source has no limit. The simulation does not enforce it.
         velocity_limit: v.of(joint.velocity_limit.unwrap_or(f64::INFINITY)),
     }
-    /// Joint by name or index (negative from the end): `model.joint("hip").qposadr`.
-    ///
-    /// Raises:
-    ///     KeyError: The model has no joint of that name; the message has similar names.
-    ///     IndexError: The model has no joint of that index.
-    lookup joint in joints;
-    /// Names of the joints in order. The name of an unnamed joint is empty.
-    names joint_names;
 
     /// Geom of a model.
-    Geom, |v, model, geom, i| {
+    Geom: geom, geom_names in geoms, |v, model, i| {
         let sizes = model.field("geom_size").expect("a field of every model").1;
     } {
         /// Index of the geom.
@@ -217,17 +203,9 @@ elements! {
         /// Distance beyond the margin up to which MuJoCo reports contacts without force, m.
         gap: v.of(geom.gap),
     }
-    /// Geom by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no geom of that name; the message has similar names.
-    ///     IndexError: The model has no geom of that index.
-    lookup geom in geoms;
-    /// Names of the geoms in order. The name of an unnamed geom is empty.
-    names geom_names;
 
     /// Explicit pair of geoms of a model. The geoms collide independent of filters, with the parameters of the pair.
-    Pair, |v, model, pair, i| {} {
+    Pair: pair, pair_names in pairs, |v, model, i| {} {
         /// Index of the pair.
         id: v.of(i),
         /// Name of the pair; may be empty.
@@ -247,17 +225,9 @@ elements! {
         /// Distance beyond the margin up to which MuJoCo reports contacts without force, m.
         gap: v.of(pair.gap),
     }
-    /// Explicit pair of geoms by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no pair of that name; the message has similar names.
-    ///     IndexError: The model has no pair of that index.
-    lookup pair in pairs;
-    /// Names of the explicit pairs of geoms in order. The name of an unnamed pair is empty.
-    names pair_names;
 
     /// Site of a model.
-    Site, |v, model, site, i| {} {
+    Site: site, site_names in sites, |v, model, i| {} {
         /// Index of the site.
         id: v.of(i),
         /// Name of the site; may be empty.
@@ -271,17 +241,9 @@ elements! {
         /// Orientation of the site in the body's frame, quaternion (w, x, y, z): (4,).
         quat: v.row(&site.quat),
     }
-    /// Site by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no site of that name; the message has similar names.
-    ///     IndexError: The model has no site of that index.
-    lookup site in sites;
-    /// Names of the sites in order. The name of an unnamed site is empty.
-    names site_names;
 
     /// Actuator of a model.
-    Actuator, |v, model, actuator, i| {
+    Actuator: actuator, actuator_names in actuators, |v, model, i| {
         let (trntype, trnid) = match actuator.transmission {
             Transmission::Joint(j) => ("joint", j),
             Transmission::Tendon(t) => ("tendon", t),
@@ -323,17 +285,9 @@ elements! {
         /// entries are 0.
         biasprm: v.row(&actuator.bias_row()),
     }
-    /// Actuator by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no actuator of that name; the message has similar names.
-    ///     IndexError: The model has no actuator of that index.
-    lookup actuator in actuators;
-    /// Names of the actuators in order. The name of an unnamed actuator is empty.
-    names actuator_names;
 
     /// Sensor of a model.
-    Sensor, |v, model, sensor, i| {} {
+    Sensor: sensor, sensor_names in sensors, |v, model, i| {} {
         /// Index of the sensor.
         id: v.of(i),
         /// Name of the sensor; may be empty.
@@ -349,17 +303,9 @@ elements! {
         /// Largest magnitude of a reading in the source file, `cutoff` in MJCF; 0 if readings have no limit.
         cutoff: v.of(sensor.cutoff),
     }
-    /// Sensor by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no sensor of that name; the message has similar names.
-    ///     IndexError: The model has no sensor of that index.
-    lookup sensor in sensors;
-    /// Names of the sensors in order. The name of an unnamed sensor is empty.
-    names sensor_names;
 
     /// Tendon of a model: a linear combination of joint positions (fixed), or a path through sites and around geoms (spatial).
-    Tendon, |v, model, tendon, i| {
+    Tendon: tendon, tendon_names in tendons, |v, model, i| {
         let joints: Vec<i64> = tendon.joints.iter().map(|&(j, _)| j as i64).collect();
         let jntid = read_only(joints.into_pyarray(v.py).into_any())?;
         let coefficients: Vec<f64> = tendon.joints.iter().map(|&(_, c)| c).collect();
@@ -387,17 +333,9 @@ elements! {
         /// Dry friction of the tendon, N.
         frictionloss: v.of(tendon.frictionloss),
     }
-    /// Tendon by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no tendon of that name; the message has similar names.
-    ///     IndexError: The model has no tendon of that index.
-    lookup tendon in tendons;
-    /// Names of the tendons in order. The name of an unnamed tendon is empty.
-    names tendon_names;
 
     /// Equality of a model: it connects or welds two bodies, or couples joints or tendons.
-    Equality, |v, model, equality, i| {
+    Equality: equality, equality_names in equalities, |v, model, i| {
         let (first, second) = equality.kind.objects();
         let other = second.map_or(-1, |id| id as i64);
     } {
@@ -416,40 +354,24 @@ elements! {
         /// Anchors, relative pose and torquescale, or polynomial, in the layout of MuJoCo's `eq_data`: (11,).
         data: v.row(&equality.data()),
     }
-    /// Equality by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no equality of that name; the message has similar names.
-    ///     IndexError: The model has no equality of that index.
-    lookup equality in equalities;
-    /// Names of the equalities in order. The name of an unnamed equality is empty.
-    names equality_names;
 
     /// Keyframe of a model: a named state for `Stepper.reset(keyframe=)`.
-    Keyframe, |v, model, key, i| {} {
+    Keyframe: keyframe, keyframe_names in keyframes, |v, model, i| {} {
         /// Index of the keyframe.
         id: v.of(i),
         /// Name of the keyframe; may be empty.
-        name: v.of(&key.name),
+        name: v.of(&keyframe.name),
         /// Time of the keyframe, s.
-        time: v.of(key.time),
+        time: v.of(keyframe.time),
         /// Configuration of the keyframe: (nq,).
-        qpos: v.row(&key.qpos),
+        qpos: v.row(&keyframe.qpos),
         /// Velocity of the keyframe: (nv,).
-        qvel: v.row(&key.qvel),
+        qvel: v.row(&keyframe.qvel),
         /// Activations of the keyframe: (na,).
-        act: v.row(&key.act),
+        act: v.row(&keyframe.act),
         /// Controls of the keyframe: (nu,).
-        ctrl: v.row(&key.ctrl),
+        ctrl: v.row(&keyframe.ctrl),
     }
-    /// Keyframe by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no keyframe of that name; the message has similar names.
-    ///     IndexError: The model has no keyframe of that index.
-    lookup keyframe in keyframes;
-    /// Names of the keyframes in order. The name of an unnamed keyframe is empty.
-    names keyframe_names;
 }
 
 impl Model {

@@ -18,7 +18,7 @@ mod stepping;
 
 use std::ops::{Deref, DerefMut};
 
-use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -105,24 +105,30 @@ impl Stepper {
         Selection::of(envs, self.n())
     }
 
-    /// Numbers of the array argument `name`: rows (num_envs, width), or a single row (width,) for all environments.
-    fn rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-        let numbers = float64_array(given, name)?;
-        let full = [self.n(), width];
-        // A single environment has no axis of environments.
-        check_shape_of(given, name, numbers.shape(), &[&full[..], &[width]][usize::from(!self.batched)..])?;
-        Ok(numbers)
+    /// Numbers of the array argument `name`, with a row for each environment of the batch, or a single row for all if `is_shared` allows
+    /// it.
+    ///
+    /// The argument has the shape (k, *tail) if k environments were selected by indices, otherwise (num_envs, *tail). Without an axis of
+    /// environments it has the shape `tail`, and so has a single row for all. Rows of unselected environments have no meaning.
+    fn selected_rows<'py>(
+        &self,
+        given: &Bound<'py, PyAny>,
+        name: &str,
+        tail: &[usize],
+        is_shared: bool,
+        selection: &Selection,
+    ) -> PyResult<Numbers<'py>> {
+        if !self.batched && !selection.by_index {
+            let numbers = float64_array(given, name)?;
+            check_shape_of(given, name, numbers.shape(), &[tail])?;
+            return Ok(Numbers::Given(numbers));
+        }
+        selection.numbers(given, name, &[&[self.n()], tail].concat(), is_shared.then_some(tail))
     }
 
-    /// Numbers of the array argument `name`, with a row for each environment of the batch, or a single row for all.
-    ///
-    /// The argument has the shape (k, width) if k environments were selected by indices, otherwise (num_envs, width). A single row (width,)
-    /// is valid too. Rows of unselected environments have no meaning.
-    fn selected_rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize, selection: &Selection) -> PyResult<Numbers<'py>> {
-        if !self.batched && !selection.by_index {
-            return self.rows(given, name, width).map(Numbers::Given);
-        }
-        selection.numbers(given, name, &[self.n(), width], Some(&[width]))
+    /// Controls from the argument `ctrl`: rows (num_envs, nu), or a single row (nu,) for all environments.
+    fn control_rows<'py>(&self, given: &Bound<'py, PyAny>, selection: &Selection) -> PyResult<Numbers<'py>> {
+        self.selected_rows(given, "ctrl", &[self.simulation.model().nu()], true, selection)
     }
 }
 

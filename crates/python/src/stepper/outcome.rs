@@ -94,7 +94,7 @@ impl Stepper {
     ) -> PyResult<()> {
         no_others("Stepper.save_problem", others, &["path", "env", "ctrl"])?;
         let env = slf.env(env)?;
-        let ctrl = ctrl.map(|ctrl| slf.rows(&ctrl, "ctrl", slf.simulation.model().nu())).transpose()?;
+        let ctrl = ctrl.map(|ctrl| slf.control_rows(&ctrl, &slf.selection(None)?)).transpose()?;
         let ctrl = ctrl.as_ref().map_or(Ok(&[][..]), |rows| rows.as_slice())?;
         slf.apply(py)?;
         slf.simulation.save_problem(env, &StepInputs { ctrl, ..StepInputs::default() }, path).map_err(value_error)

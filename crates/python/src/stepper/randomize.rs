@@ -1,12 +1,11 @@
 //! `Stepper.randomize`: parameters per environment.
 
-use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use stepper_core::{ActuatorNumbers, Parameter, Precision};
 
-use crate::array::{array, check_shape_of, described, float64_array, no_mapping, read_only, unknown_field};
+use crate::array::{array, described, no_mapping, read_only, unknown_field};
 use crate::device_models::drives;
 use crate::error::value_error;
 use crate::selection::Selection;
@@ -49,15 +48,8 @@ impl Stepper {
                 continue;
             }
             let (tail, _) = self.simulation.model().field(&name).expect("a field of the model");
-            let values = if self.batched || selection.by_index {
-                let full: Vec<usize> = std::iter::once(self.n()).chain(tail.iter().copied()).collect();
-                selection.numbers(&value, &name, &full, None)?.as_slice()?.to_vec()
-            } else {
-                let numbers = float64_array(&value, &name)?;
-                check_shape_of(&value, &name, numbers.shape(), &[&tail])?;
-                numbers.as_slice()?.to_vec()
-            };
-            given.push((parameter, Some(values)));
+            let values = self.selected_rows(&value, &name, &tail, false, selection)?;
+            given.push((parameter, Some(values.as_slice()?.to_vec())));
         }
         if given.is_empty() && specs.is_none() {
             return self.simulation.reset_parameters(envs).map_err(value_error);

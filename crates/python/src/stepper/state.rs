@@ -56,7 +56,7 @@ impl Stepper {
     /// Values of a state field, such as qpos, for the selected environments, from an optional array argument. Without the argument, the
     /// result is None.
     fn field_rows<'py>(&self, field: Field, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
-        given.map(|given| self.selected_rows(given, field.name(), field.width(self.simulation.model()), selection)).transpose()
+        given.map(|given| self.selected_rows(given, field.name(), &[field.width(self.simulation.model())], true, selection)).transpose()
     }
 
     /// Times from the optional argument `time`, s: one for each selected environment, or a single one for all.

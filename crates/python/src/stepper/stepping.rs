@@ -31,7 +31,7 @@ impl Stepper {
     /// Slow path of [`Stepper::take_ctrl`] for controls that must be converted: lists, other dtypes and layouts. A wrong shape is an error.
     #[cold]
     fn convert_ctrl(&mut self, given: &Bound<'_, PyAny>) -> PyResult<()> {
-        let rows = self.rows(given, "ctrl", self.simulation.model().nu())?;
+        let rows = self.control_rows(given, &self.selection(None)?)?;
         self.simulation.set_ctrl(rows.as_slice()?).map_err(value_error)
     }
 
@@ -55,7 +55,7 @@ impl Stepper {
         nstep: usize,
         selection: &Selection,
     ) -> PyResult<Option<Interrupted>> {
-        let rows = ctrl.map(|ctrl| self.selected_rows(ctrl, "ctrl", self.simulation.model().nu(), selection)).transpose()?;
+        let rows = ctrl.map(|ctrl| self.control_rows(ctrl, selection)).transpose()?;
         if selection.envs.is_empty() {
             return Ok(None);
         }
@@ -69,7 +69,7 @@ impl Stepper {
         let nu = self.simulation.model().nu();
         let mut controls = self.simulation.ctrl().to_vec();
         let Some(ctrl) = ctrl else { return Ok(controls) };
-        let rows = self.selected_rows(ctrl, "ctrl", nu, selection)?;
+        let rows = self.control_rows(ctrl, selection)?;
         let rows = rows.as_slice()?;
         for &env in &selection.envs {
             let at = if rows.len() == nu { 0 } else { env * nu };

@@ -6,18 +6,18 @@ use stepper_core::group_step::{GroupStep, GroupVisitor, StatePart, StepSettings}
 use stepper_core::{ContactLaw, Error, Integrator, Simulation};
 use stepper_real::Real;
 
-use crate::rows::{DerivativeQuery, DerivativeRows, check_length};
+use crate::rows::{Derivative, DerivativeQuery, check_length};
 use crate::step_derivative::StepDerivative;
 
 /// Computes the derivatives of a step by the implicit function theorem, in all environments.
 ///
 /// The step starts at the current state of `sim` and has the controls `ctrl`, (num_envs, nu). `query` selects the columns of the
-/// derivative, and `rows` receives the results. The state of `sim` does not change.
+/// derivatives. The result has one derivative for each environment. The state of `sim` does not change.
 ///
 /// # Errors
 /// [`Error::Option`] for settings without implicit derivatives, [`Error::Length`] for arrays of the wrong length, [`Error::Threads`]
 /// when threads cannot be started.
-pub fn differentiate(sim: &mut Simulation, ctrl: &[f64], query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error> {
+pub fn differentiate(sim: &mut Simulation, ctrl: &[f64], query: &DerivativeQuery<'_>) -> Result<Vec<Derivative>, Error> {
     check_settings(sim)?;
     let (n, model) = (sim.num_envs(), sim.model());
     let [nq, nv, na, nu] = [model.nq(), model.nv(), model.na(), model.nu()];
@@ -30,33 +30,26 @@ pub fn differentiate(sim: &mut Simulation, ctrl: &[f64], query: &DerivativeQuery
     check_length("points of a column", query.points.clamp(1, 2), query.points)?;
     check_length("ctrl", ctrl.len(), n * nu)?;
     check_length("offsets", query.offsets.len(), n * query.points * columns)?;
-    check_length("slopes", rows.slopes.len(), n * (2 * nv + na) * columns)?;
-    check_length("causes", rows.causes.len(), n * columns)?;
-    check_length("distance", rows.distance.len(), n)?;
-    check_length("sound", rows.sound.len(), n)?;
-    check_length("residual", rows.residual.len(), n)?;
-    check_length("status", rows.status.len(), n)?;
-    for (state, width) in rows.state.iter().zip([nq, nv, na]) {
-        check_length("state", state.len(), n * width)?;
-    }
-    let visitor = Differentiation { query: *query, rows: rows.environments(n).map(Mutex::new).collect() };
-    sim.visit_groups(ctrl, query.tolerance, &visitor)
+    let derivatives = (0..n).map(|_| Mutex::new(Derivative::new([nq, nv, na], columns))).collect();
+    let visitor = Differentiation { query: *query, derivatives };
+    sim.visit_groups(ctrl, query.tolerance, &visitor)?;
+    Ok(visitor.derivatives.into_iter().map(|one| one.into_inner().unwrap_or_else(PoisonError::into_inner)).collect())
 }
 
 /// Visitor that computes the derivatives of the step of each SIMD group of environments.
 struct Differentiation<'a> {
     query: DerivativeQuery<'a>,
-    /// Results of each environment. Each environment belongs to one group, so that no thread waits for a lock.
-    rows: Vec<Mutex<DerivativeRows<'a>>>,
+    /// Derivatives of all environments. Each environment belongs to one group, so that no thread waits for a lock.
+    derivatives: Vec<Mutex<Derivative>>,
 }
 
 impl GroupVisitor for Differentiation<'_> {
     fn visit<R: Real<Scalar = f64>>(&self, step: &mut GroupStep<R>, first: usize) {
-        let own = self.rows.iter().skip(first).take(R::LANES);
-        let mut rows: Vec<_> = own.map(|rows| rows.lock().unwrap_or_else(PoisonError::into_inner)).collect();
-        let offsets = &self.query.offsets[first * (self.query.offsets.len() / self.rows.len())..];
+        let lanes = self.derivatives.iter().skip(first).take(R::LANES);
+        let mut lanes: Vec<_> = lanes.map(|derivative| derivative.lock().unwrap_or_else(PoisonError::into_inner)).collect();
+        let offsets = &self.query.offsets[first * (self.query.offsets.len() / self.derivatives.len())..];
         let mut derivative = step.take_memory().unwrap_or_else(|| Box::new(StepDerivative::new(step)));
-        derivative.differentiate(step, &DerivativeQuery { offsets, ..self.query }, &mut rows);
+        derivative.differentiate(step, &DerivativeQuery { offsets, ..self.query }, &mut lanes);
         step.store_memory(derivative);
     }
 }

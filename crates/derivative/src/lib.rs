@@ -10,7 +10,7 @@
 //! ```
 //! use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
 //! use stepper_core::{Model, Simulation};
-//! use stepper_derivative::{DerivativeQuery, DerivativeRows, StatePart, differentiate};
+//! use stepper_derivative::{DerivativeQuery, StatePart, differentiate};
 //!
 //! // A cart of 2 kg on a rail with a damper.
 //! let mut scene = Model::builder("cart");
@@ -21,25 +21,14 @@
 //!
 //! // Columns are the position and the velocity, each displaced by 1e-6.
 //! let query = DerivativeQuery { parts: &[StatePart::Qpos, StatePart::Qvel], offsets: &[1e-6; 2], points: 1, tolerance: 1e-9 };
-//! let (mut slopes, mut causes, mut state) = ([0.0; 4], [0; 2], [[0.0]; 2]);
-//! let (mut distance, mut sound, mut residual, mut status) = ([0.0], [0], [0.0], [0]);
-//! let [qpos, qvel] = &mut state;
-//! let rows = DerivativeRows {
-//!     slopes: &mut slopes,
-//!     causes: &mut causes,
-//!     distance: &mut distance,
-//!     sound: &mut sound,
-//!     residual: &mut residual,
-//!     status: &mut status,
-//!     state: [qpos, qvel, &mut []],
-//! };
-//! differentiate(&mut sim, &[], &query, rows)?;
+//! let derivative = &differentiate(&mut sim, &[], &query)?[0];
 //!
 //! // The rows are the position and the velocity after the step. The damper is implicit, by Radau's method; x = h b / m.
 //! let x: f64 = 0.01 * 3.0 / 2.0;
 //! let decay = (1.0 - x / 3.0) / (1.0 + 2.0 * x / 3.0 + x * x / 6.0);
-//! assert!((slopes[0] - 1.0).abs() < 1e-9 && (slopes[3] - decay).abs() < 1e-9); // rounding of differences of 1e-6
-//! assert_eq!((sound, causes), ([1], [0; 2]));
+//! assert!((derivative.slopes[0] - 1.0).abs() < 1e-9); // rounding of differences of 1e-6
+//! assert!((derivative.slopes[3] - decay).abs() < 1e-9);
+//! assert!(derivative.sound && derivative.causes == [0; 2]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -48,8 +37,8 @@
 //!
 //! | to do | see |
 //! |---|---|
-//! | differentiate a step | [`differentiate`], [`DerivativeQuery`], [`DerivativeRows`] |
-//! | know where a derivative is valid | [`DerivativeRows::sound`], [`DerivativeRows::distance`], [`kink`] |
+//! | differentiate a step | [`differentiate`], [`DerivativeQuery`], [`Derivative`] |
+//! | know where a derivative is valid | [`Derivative::sound`], [`Derivative::distance`], [`kink`] |
 //! | find kinks between copies of environments | [`find_kinks`], [`PerturbedCopies`], [`Kinks`] |
 //!
 //! Steps in 32 bits, with the integrator rk4 or with actuator dynamics have no implicit derivatives: [`differentiate`] returns an error.
@@ -67,5 +56,5 @@ mod step_derivative;
 
 pub use differentiate::differentiate;
 pub use kinks::{Kinks, PerturbedCopies, find_kinks};
-pub use rows::{DerivativeQuery, DerivativeRows};
+pub use rows::{Derivative, DerivativeQuery};
 pub use stepper_core::group_step::StatePart;

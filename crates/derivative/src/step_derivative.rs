@@ -9,7 +9,7 @@ use stepper_solve::newton::{Switch, SwitchDistance};
 
 use crate::kink::*;
 use crate::response::{HardResponse, is_solved};
-use crate::rows::{DerivativeQuery, DerivativeRows};
+use crate::rows::{Derivative, DerivativeQuery};
 
 /// Largest relative difference of two slopes, per unit of displacement, that counts as curvature. A larger difference is a kink. The slopes
 /// are difference quotients from the nominal state to two displaced states of a coordinate.
@@ -55,51 +55,45 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Computes the derivatives of the step in all lanes that have an environment. `rows` has the result arrays of each of these lanes.
+    /// Computes the derivatives of the step in all lanes that have an environment. `lanes` has the derivatives of these lanes.
     ///
     /// The array `query.offsets` starts with the displacements of the first lane.
-    pub(crate) fn differentiate(
-        &mut self,
-        step: &mut GroupStep<R>,
-        query: &DerivativeQuery<'_>,
-        rows: &mut [MutexGuard<'_, DerivativeRows<'_>>],
-    ) {
-        let solved = self.solve(step, rows);
+    pub(crate) fn differentiate(&mut self, step: &mut GroupStep<R>, query: &DerivativeQuery<'_>, lanes: &mut [MutexGuard<'_, Derivative>]) {
+        let solved = self.solve(step, lanes);
         let mut sound = self.prepare_response(step, solved);
         let columns: Vec<(StatePart, usize)> = query.parts.iter().flat_map(|&part| (0..step.width(part)).map(move |i| (part, i))).collect();
         // Coordinates that only change forces come first, because they need no new rows. Coordinates that do not change the configuration
         // follow.
         for recomputed in [Recomputed::Forces, Recomputed::Velocity, Recomputed::Configuration] {
             for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.recomputed() == recomputed) {
-                let offsets = offsets(query, rows.len(), c, columns.len());
+                let offsets = offsets(query, lanes.len(), c, columns.len());
                 for (point, &offset) in offsets[..query.points].iter().enumerate() {
                     step.displace(part, i, offset);
-                    sound = self.evaluate(step, recomputed, sound, &mut |near| rows[near.lane].note(near, c));
+                    sound = self.evaluate(step, recomputed, sound, &mut |near| lanes[near.lane].note(near, c));
                     step.change(&mut self.changes[point]);
-                    self.note_switches(step, rows, c);
+                    self.note_switches(step, lanes, c);
                 }
-                self.write_slopes(step, &offsets[..query.points], rows, (c, columns.len()));
+                self.write_slopes(step, &offsets[..query.points], lanes, (c, columns.len()));
             }
         }
         step.finish();
-        for (l, rows) in rows.iter_mut().enumerate() {
-            rows.sound[0] = u8::from(sound >> l & 1 == 1);
+        for (l, derivative) in lanes.iter_mut().enumerate() {
+            derivative.sound = sound >> l & 1 == 1;
             if solved >> l & 1 == 0 {
-                rows.causes.iter_mut().for_each(|cause| *cause |= UNSOLVED);
+                derivative.causes.iter_mut().for_each(|cause| *cause |= UNSOLVED);
             }
         }
     }
 
-    /// Computes the step from the current state, and writes residual, status and resulting state to `rows`. Returns the lanes (bits) in
-    /// which the step is solved.
-    fn solve(&mut self, step: &mut GroupStep<R>, rows: &mut [MutexGuard<'_, DerivativeRows<'_>>]) -> u32 {
+    /// Computes the step from the current state, and writes residual, status and resulting state to `lanes`. Returns the lanes (bits)
+    /// in which the step is solved.
+    fn solve(&mut self, step: &mut GroupStep<R>, lanes: &mut [MutexGuard<'_, Derivative>]) -> u32 {
         let solved = step.solve();
         let outcome = step.outcome();
-        for (l, rows) in rows.iter_mut().enumerate() {
-            rows.residual[0] = solved.residual.lane(l).to_f64();
-            rows.status[0] = solved.statuses[l];
-            rows.distance[0] = f64::INFINITY;
-            for (out, after) in rows.state.iter_mut().zip(outcome) {
+        for (l, derivative) in lanes.iter_mut().enumerate() {
+            derivative.residual = solved.residual.lane(l).to_f64();
+            derivative.status = solved.statuses[l];
+            for (out, after) in derivative.state.iter_mut().zip(outcome) {
                 for (out, x) in out.iter_mut().zip(after) {
                     *out = x.lane(l).to_f64();
                 }
@@ -133,12 +127,12 @@ impl<R: Real> StepDerivative<R> {
     }
 
     /// Flags column `c` where a tendon touches another geom, or adhesion pulls another number of contacts, than at the undisplaced state.
-    fn note_switches(&self, step: &GroupStep<R>, rows: &mut [MutexGuard<'_, DerivativeRows<'_>>], c: usize) {
+    fn note_switches(&self, step: &GroupStep<R>, lanes: &mut [MutexGuard<'_, Derivative>], c: usize) {
         for ((nominal, switches), flag) in self.switches.iter().zip(step.switches()).zip([WRAP, ADHESION]) {
             for (nominal, switch) in nominal.iter().zip(switches) {
-                for (_, rows) in rows.iter_mut().enumerate().filter(|(l, _)| nominal.lane(*l) != switch.lane(*l)) {
-                    rows.causes[c] |= flag;
-                    rows.distance[0] = rows.distance[0].min(1.0);
+                for (_, derivative) in lanes.iter_mut().enumerate().filter(|(l, _)| nominal.lane(*l) != switch.lane(*l)) {
+                    derivative.causes[c] |= flag;
+                    derivative.distance = derivative.distance.min(1.0);
                 }
             }
         }
@@ -167,13 +161,7 @@ impl<R: Real> StepDerivative<R> {
     /// Computes column `c` of the derivative from `self.changes`, the changes of the step's result at one or two displaced states.
     ///
     /// Flags the column with [`SLOPE`] if the slopes at the two displaced states differ.
-    fn write_slopes(
-        &mut self,
-        step: &GroupStep<R>,
-        offsets: &[R],
-        rows: &mut [MutexGuard<'_, DerivativeRows<'_>>],
-        (c, columns): (usize, usize),
-    ) {
+    fn write_slopes(&mut self, step: &GroupStep<R>, offsets: &[R], lanes: &mut [MutexGuard<'_, Derivative>], (c, columns): (usize, usize)) {
         let (n, nv, noise) = (self.changes[0].len(), step.width(StatePart::Qvel), step.settings().tolerance);
         let [first, second] = &mut self.changes;
         let kinked = kernel!(R, || {
@@ -198,12 +186,12 @@ impl<R: Real> StepDerivative<R> {
             }
             kinked
         });
-        for (l, rows) in rows.iter_mut().enumerate() {
+        for (l, derivative) in lanes.iter_mut().enumerate() {
             for (i, slope) in first.iter().enumerate() {
-                rows.slopes[i * columns + c] = slope.lane(l).to_f64();
+                derivative.slopes[i * columns + c] = slope.lane(l).to_f64();
             }
             if kinked >> l & 1 == 1 {
-                rows.causes[c] |= SLOPE;
+                derivative.causes[c] |= SLOPE;
             }
         }
     }

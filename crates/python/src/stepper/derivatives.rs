@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::Precision;
-use stepper_derivative::{DerivativeQuery, DerivativeRows, PerturbedCopies, StatePart, differentiate, find_kinks};
+use stepper_derivative::{Derivative, DerivativeQuery, PerturbedCopies, StatePart, differentiate, find_kinks};
 
 use crate::array::{array, float64_array, shaped};
 use crate::error::value_error;
@@ -41,35 +41,22 @@ impl Stepper {
         slf.apply(py)?;
         let ctrl = float64_array(&ctrl, "ctrl")?;
         let (ctrl, offsets) = (ctrl.as_slice()?, offsets.as_slice()?);
-        let (n, model) = (slf.n(), slf.simulation.model());
-        let [nq, nv, na] = [model.nq(), model.nv(), model.na()];
-        let rows = 2 * nv + na;
-        let (mut slopes, mut causes) = (vec![0.0; n * rows * columns], vec![0_u32; n * columns]);
-        let (mut distance, mut residual) = (vec![0.0; n], vec![0.0; n]);
-        let (mut sound, mut status) = (vec![0_u8; n], vec![0_u32; n]);
-        let [mut q, mut v, mut act] = [nq, nv, na].map(|width| vec![0.0; n * width]);
         let query = DerivativeQuery { parts: &parts, offsets, points, tolerance };
-        let answer = DerivativeRows {
-            slopes: &mut slopes,
-            causes: &mut causes,
-            distance: &mut distance,
-            sound: &mut sound,
-            residual: &mut residual,
-            status: &mut status,
-            state: [&mut q, &mut v, &mut act],
-        };
+        let rows = 2 * slf.simulation.model().nv() + slf.simulation.model().na();
         let simulation = &mut slf.simulation;
-        py.detach(|| differentiate(simulation, ctrl, &query, answer)).map_err(value_error)?;
-        let out = PyDict::new(py);
-        let numbers = |shape: &[usize], data| array(py, shape, data, Precision::F64);
-        out.set_item("slopes", numbers(&[n, rows, columns], slopes)?)?;
-        out.set_item("causes", shaped(py, &[n, columns], causes)?)?;
-        out.set_item("distance", distance.into_pyarray(py))?;
-        out.set_item("sound", sound.into_pyarray(py))?;
-        out.set_item("residual", residual.into_pyarray(py))?;
-        out.set_item("status", status.into_pyarray(py))?;
-        for (name, data, width) in [("qpos", q, nq), ("qvel", v, nv), ("act", act, na)] {
-            out.set_item(name, numbers(&[n, width], data)?)?;
+        let derivatives = py.detach(|| differentiate(simulation, ctrl, &query)).map_err(value_error)?;
+        let (n, out) = (derivatives.len(), PyDict::new(py));
+        let numbers = |of: &dyn Fn(&Derivative) -> &[f64], shape: &[usize]| {
+            array(py, shape, derivatives.iter().flat_map(of).copied().collect(), Precision::F64)
+        };
+        out.set_item("slopes", numbers(&|one| &one.slopes, &[n, rows, columns])?)?;
+        out.set_item("causes", shaped(py, &[n, columns], derivatives.iter().flat_map(|one| &one.causes).copied().collect())?)?;
+        out.set_item("distance", numbers(&|one| std::slice::from_ref(&one.distance), &[n])?)?;
+        out.set_item("sound", PyArray1::from_iter(py, derivatives.iter().map(|one| u8::from(one.sound))))?;
+        out.set_item("residual", numbers(&|one| std::slice::from_ref(&one.residual), &[n])?)?;
+        out.set_item("status", PyArray1::from_iter(py, derivatives.iter().map(|one| one.status)))?;
+        for (part, name) in ["qpos", "qvel", "act"].into_iter().enumerate() {
+            out.set_item(name, numbers(&|one| &one.state[part], &[n, derivatives[0].state[part].len()])?)?;
         }
         Ok(out)
     }

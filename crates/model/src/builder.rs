@@ -16,6 +16,21 @@ macro_rules! setters {
     };
 }
 
+/// Declares functions that create a builder of the element `name` by the builder's function `new`, such as
+/// `sphere(radius: f64) { Shape::Sphere { radius } }`. The braces have the arguments of `new` after the name.
+macro_rules! constructors {
+    ($builder:ident $($(#[$doc:meta])* $name:ident($($argument:ident: $type:ty),*) { $($given:expr),+ })*) => {
+        impl $builder {
+            $(
+                $(#[$doc])*
+                pub fn $name(name: &str, $($argument: $type),*) -> Self {
+                    Self::new(name, $($given),+)
+                }
+            )*
+        }
+    };
+}
+
 mod actuator;
 mod body;
 mod equality;

@@ -19,23 +19,6 @@ impl ActuatorBuilder {
         Self { actuator, target: target.into(), reference: None }
     }
 
-    /// Creates a builder of a motor: the control is the force (N or N m) on the joint with the name `joint`.
-    pub fn motor(name: &str, joint: &str) -> Self {
-        Self::new(name, joint, [1.0, 0.0, 0.0], [0.0; 3])
-    }
-
-    /// Creates a builder of a position servo: the control is the target position of the joint. `kp` is the stiffness of the servo (N/m, N
-    /// m/rad), and `kv` its damping (N s/m, N m s/rad).
-    pub fn position(name: &str, joint: &str, kp: f64, kv: f64) -> Self {
-        Self::new(name, joint, [kp, 0.0, 0.0], [0.0, -kp, -kv])
-    }
-
-    /// Creates a builder of a velocity servo: the control is the target velocity of the joint. `kv` is the damping of the servo (N s/m, N m
-    /// s/rad).
-    pub fn velocity(name: &str, joint: &str, kv: f64) -> Self {
-        Self::new(name, joint, [kv, 0.0, 0.0], [0.0, 0.0, -kv])
-    }
-
     pub(super) fn resolve(&self, model: &Description) -> Result<Actuator, ModelError> {
         let mut actuator = self.actuator.clone();
         let place = format!("actuator {:?}", actuator.name);
@@ -50,6 +33,17 @@ impl ActuatorBuilder {
         }
         Ok(actuator)
     }
+}
+
+constructors! { ActuatorBuilder
+    /// Creates a builder of a motor: the control is the force (N or N m) on the joint with the name `joint`.
+    motor(joint: &str) { joint, [1.0, 0.0, 0.0], [0.0; 3] }
+    /// Creates a builder of a position servo: the control is the target position of the joint. `kp` is the stiffness of the servo (N/m, N
+    /// m/rad), and `kv` its damping (N s/m, N m s/rad).
+    position(joint: &str, kp: f64, kv: f64) { joint, [kp, 0.0, 0.0], [0.0, -kp, -kv] }
+    /// Creates a builder of a velocity servo: the control is the target velocity of the joint. `kv` is the damping of the servo (N s/m, N m
+    /// s/rad).
+    velocity(joint: &str, kv: f64) { joint, [kv, 0.0, 0.0], [0.0, 0.0, -kv] }
 }
 
 setters! { ActuatorBuilder

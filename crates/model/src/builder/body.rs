@@ -47,7 +47,7 @@ impl BodyBuilder {
     pub(super) fn add_to(&self, model: &mut Description, index: usize) {
         let mut body = self.body.clone();
         if !self.inertial && index != WORLD {
-            let total = self.geoms.iter().map(|g| g.mass_properties(model)).fold(MassProperties::zero(), |sum, g| sum.plus(&g));
+            let total = self.geoms.iter().map(|g| g.mass_properties(model)).fold(MassProperties::default(), |sum, g| sum.plus(&g));
             let (axes, moments) = total.principal();
             (body.mass, body.ipos, body.inertia) = (total.mass, total.com.into(), moments.into());
             body.iquat = [axes.w, axes.i, axes.j, axes.k];

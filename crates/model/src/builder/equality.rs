@@ -18,35 +18,11 @@ impl EqualityBuilder {
         Self { equality, first: first.into(), second: second.map(Into::into) }
     }
 
-    /// Creates a builder of an equality that makes a point of one body coincide with a point of another. `bodies` has the names of the two
-    /// bodies, where "world" selects the world. `anchors` has the position of the point in the frame of each body, m.
-    pub fn connect(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2]) -> Self {
-        Self::new(name, EqualityKind::Connect { bodies: [0; 2], anchors }, bodies[0], Some(bodies[1]))
-    }
-
     /// Creates a builder of an equality like [`EqualityBuilder::connect`] that also fixes the relative orientation of the bodies. `relpose`
     /// is the orientation of the second body in the frame of the first body, a quaternion (w, x, y, z).
     pub fn weld(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2], relpose: [f64; 4]) -> Self {
         let kind = EqualityKind::Weld { bodies: [0; 2], anchors, relpose, torquescale: 1.0 };
         Self::new(name, kind, bodies[0], Some(bodies[1]))
-    }
-
-    /// Creates a builder of an equality that couples the hinge or slide `joint` to a second one, `other`, by a polynomial; see
-    /// [`EqualityKind::Joint`]. Joints are given by name.
-    ///
-    /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the joint is fixed at the distance `polycoef[0]` from
-    /// its position in `qpos0`.
-    pub fn joint(name: &str, joint: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {
-        Self::new(name, EqualityKind::Joint { joint: 0, other: None, polycoef }, joint, other)
-    }
-
-    /// Creates a builder of an equality that couples the length of the fixed tendon `tendon` to the length of a second one, `other`, by a
-    /// polynomial; see [`EqualityKind::Tendon`].
-    ///
-    /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the length is fixed at the distance `polycoef[0]` from
-    /// its value in `qpos0`.
-    pub fn tendon(name: &str, tendon: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {
-        Self::new(name, EqualityKind::Tendon { tendon: 0, other: None, polycoef }, tendon, other)
     }
 
     /// Sets the weight of a weld's rotation error relative to its position error, m/rad.
@@ -74,6 +50,24 @@ impl EqualityBuilder {
         }
         Ok(equality)
     }
+}
+
+constructors! { EqualityBuilder
+    /// Creates a builder of an equality that makes a point of one body coincide with a point of another. `bodies` has the names of the two
+    /// bodies, where "world" selects the world. `anchors` has the position of the point in the frame of each body, m.
+    connect(bodies: [&str; 2], anchors: [[f64; 3]; 2]) { EqualityKind::Connect { bodies: [0; 2], anchors }, bodies[0], Some(bodies[1]) }
+    /// Creates a builder of an equality that couples the hinge or slide `joint` to a second one, `other`, by a polynomial; see
+    /// [`EqualityKind::Joint`]. Joints are given by name.
+    ///
+    /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the joint is fixed at the distance `polycoef[0]` from
+    /// its position in `qpos0`.
+    joint(joint: &str, other: Option<&str>, polycoef: [f64; 5]) { EqualityKind::Joint { joint: 0, other: None, polycoef }, joint, other }
+    /// Creates a builder of an equality that couples the length of the fixed tendon `tendon` to the length of a second one, `other`, by a
+    /// polynomial; see [`EqualityKind::Tendon`].
+    ///
+    /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the length is fixed at the distance `polycoef[0]` from
+    /// its value in `qpos0`.
+    tendon(tendon: &str, other: Option<&str>, polycoef: [f64; 5]) { EqualityKind::Tendon { tendon: 0, other: None, polycoef }, tendon, other }
 }
 
 setters! { EqualityBuilder

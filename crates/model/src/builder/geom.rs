@@ -32,42 +32,6 @@ impl GeomBuilder {
         Self { geom, mass: None, density: DENSITY }
     }
 
-    /// Creates a builder of a plane, which is the half space below the xy plane of the geom's frame.
-    pub fn plane(name: &str) -> Self {
-        Self::new(name, Shape::Plane)
-    }
-
-    /// Creates a builder of a sphere with the given radius, m.
-    pub fn sphere(name: &str, radius: f64) -> Self {
-        Self::new(name, Shape::Sphere { radius })
-    }
-
-    /// Creates a builder of a capsule along z with the given radius, m. `half_length` is half the length of its segment, m.
-    pub fn capsule(name: &str, radius: f64, half_length: f64) -> Self {
-        Self::new(name, Shape::Capsule { radius, half_length })
-    }
-
-    /// Creates a builder of a solid cylinder along z with the given radius, m. `half_length` is half the length of the cylinder, m.
-    pub fn cylinder(name: &str, radius: f64, half_length: f64) -> Self {
-        Self::new(name, Shape::Cylinder { radius, half_length })
-    }
-
-    /// Creates a builder of an ellipsoid with the given semi-axes, m.
-    pub fn ellipsoid(name: &str, radii: impl Into<[f64; 3]>) -> Self {
-        Self::new(name, Shape::Ellipsoid { radii: radii.into() })
-    }
-
-    /// Creates a builder of a box with the given half sizes, m.
-    pub fn cuboid(name: &str, half: impl Into<[f64; 3]>) -> Self {
-        Self::new(name, Shape::Box { half: half.into() })
-    }
-
-    /// Creates a builder of a geom whose shape is the convex hull of the mesh with the name `asset`, see
-    /// [`ModelBuilder::mesh`](crate::ModelBuilder::mesh).
-    pub fn mesh(name: &str, asset: &str) -> Self {
-        Self::new(name, Shape::Mesh { asset: asset.into(), concave: false })
-    }
-
     /// Creates a builder of a geom whose shape is the surface of the mesh with the name `asset`, including its hollows. The geom has no
     /// mass.
     pub fn concave_mesh(name: &str, asset: &str) -> Self {
@@ -98,10 +62,28 @@ impl GeomBuilder {
                 mass.and_then(|m| MassProperties::solid(&g.shape, m))
             }
         };
-        let solid = solid.unwrap_or_else(MassProperties::zero);
+        let solid = solid.unwrap_or_else(MassProperties::default);
         let quat = Quaternion::new(g.quat[0], g.quat[1], g.quat[2], g.quat[3]);
         solid.placed(g.pos.into(), UnitQuaternion::new_normalize(quat))
     }
+}
+
+constructors! { GeomBuilder
+    /// Creates a builder of a plane, which is the half space below the xy plane of the geom's frame.
+    plane() { Shape::Plane }
+    /// Creates a builder of a sphere with the given radius, m.
+    sphere(radius: f64) { Shape::Sphere { radius } }
+    /// Creates a builder of a capsule along z with the given radius, m. `half_length` is half the length of its segment, m.
+    capsule(radius: f64, half_length: f64) { Shape::Capsule { radius, half_length } }
+    /// Creates a builder of a solid cylinder along z with the given radius, m. `half_length` is half the length of the cylinder, m.
+    cylinder(radius: f64, half_length: f64) { Shape::Cylinder { radius, half_length } }
+    /// Creates a builder of an ellipsoid with the given semi-axes, m.
+    ellipsoid(radii: impl Into<[f64; 3]>) { Shape::Ellipsoid { radii: radii.into() } }
+    /// Creates a builder of a box with the given half sizes, m.
+    cuboid(half: impl Into<[f64; 3]>) { Shape::Box { half: half.into() } }
+    /// Creates a builder of a geom whose shape is the convex hull of the mesh with the name `asset`, see
+    /// [`ModelBuilder::mesh`](crate::ModelBuilder::mesh).
+    mesh(asset: &str) { Shape::Mesh { asset: asset.into(), concave: false } }
 }
 
 setters! { GeomBuilder

@@ -17,26 +17,6 @@ impl JointBuilder {
         Self { joint, rest: None }
     }
 
-    /// Creates a builder of a free joint, with six degrees of freedom. It must be the only joint of a body that is a child of the world.
-    pub fn free(name: &str) -> Self {
-        Self::new(name, JointKind::Free, [0.0, 0.0, 1.0])
-    }
-
-    /// Creates a builder of a ball joint, with three rotational degrees of freedom.
-    pub fn ball(name: &str) -> Self {
-        Self::new(name, JointKind::Ball, [0.0, 0.0, 1.0])
-    }
-
-    /// Creates a builder of a slide joint along `axis` in the body's frame. The axis may have any length above 0.
-    pub fn slide(name: &str, axis: impl Into<[f64; 3]>) -> Self {
-        Self::new(name, JointKind::Slide, unit(axis.into()))
-    }
-
-    /// Creates a builder of a hinge joint about `axis` in the body's frame. The axis may have any length above 0.
-    pub fn hinge(name: &str, axis: impl Into<[f64; 3]>) -> Self {
-        Self::new(name, JointKind::Hinge, unit(axis.into()))
-    }
-
     /// Coordinates of the joint at reset, and at the rest position of its spring.
     pub(super) fn reference(&self, body: &Body) -> (Vec<f64>, Vec<f64>) {
         match self.joint.kind {
@@ -48,6 +28,17 @@ impl JointBuilder {
             JointKind::Slide | JointKind::Hinge => (vec![0.0], vec![self.rest.unwrap_or(0.0)]),
         }
     }
+}
+
+constructors! { JointBuilder
+    /// Creates a builder of a free joint, with six degrees of freedom. It must be the only joint of a body that is a child of the world.
+    free() { JointKind::Free, [0.0, 0.0, 1.0] }
+    /// Creates a builder of a ball joint, with three rotational degrees of freedom.
+    ball() { JointKind::Ball, [0.0, 0.0, 1.0] }
+    /// Creates a builder of a slide joint along `axis` in the body's frame. The axis may have any length above 0.
+    slide(axis: impl Into<[f64; 3]>) { JointKind::Slide, unit(axis.into()) }
+    /// Creates a builder of a hinge joint about `axis` in the body's frame. The axis may have any length above 0.
+    hinge(axis: impl Into<[f64; 3]>) { JointKind::Hinge, unit(axis.into()) }
 }
 
 setters! { JointBuilder

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 use crate::Shape;
 
 /// Mass, centre of mass and inertia of a body, all in the same frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MassProperties {
     /// Mass, kg.
     pub mass: f64,
@@ -16,11 +16,6 @@ pub struct MassProperties {
 }
 
 impl MassProperties {
-    /// Mass properties of a body without mass.
-    pub fn zero() -> Self {
-        Self { mass: 0.0, com: Vector3::zeros(), inertia: Matrix3::zeros() }
-    }
-
     /// Volume of a shape, m^3. `None` for shapes without a volume (plane, height field) and for meshes, whose volume
     /// [`Mesh::mass_properties`](crate::Mesh::mass_properties) computes.
     pub fn volume(shape: &Shape) -> Option<f64> {

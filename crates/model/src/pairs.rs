@@ -232,9 +232,7 @@ impl Filter {
             Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.geoms[g]))),
             Verdict::Explicit => {
                 let p = &self.pairs[self.explicit[&geoms]];
-                let &Pair { condim, friction, margin, gap, softness, solref_friction, anisotropy, spring, .. } = p;
-                let (name, restitution) = (String::new(), bounce(spring, p.restitution));
-                Some(Pair { name, geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy, spring })
+                Some(Pair { name: String::new(), geoms, restitution: bounce(p.spring, p.restitution), ..p.clone() })
             }
             _ => None,
         }

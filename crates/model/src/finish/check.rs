@@ -102,20 +102,14 @@ fn joints_fit_bodies(model: &Description) -> Checked {
 pub(super) fn values(model: &Description, hulls: &Hulls) -> Result<Hulls, ModelError> {
     let scene = Element("model".into());
     scene.positive("timestep", &[model.timestep], " s")?;
-    scene.finite("gravity", &model.gravity)?;
     scene.finite("magnetic", &model.magnetic)?;
     scene.size("density", &[model.medium.density], " kg/m^3")?;
     scene.size("viscosity", &[model.medium.viscosity], " Pa s")?;
     scene.finite("wind", &model.medium.wind)?;
     names(model)?;
-    bodies(model)?;
-    joints(model)?;
-    geoms(model)?;
-    pairs(model)?;
+    parameters(model)?;
     let hulls = assets::check(model, hulls)?;
     tendons(model)?;
-    equalities(model)?;
-    actuators(model)?;
     crate::finish::sensors::check(model)?;
     softness(model)?;
     Ok(hulls)

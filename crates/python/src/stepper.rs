@@ -132,13 +132,6 @@ impl Stepper {
     }
 }
 
-fn precision_name(precision: Precision) -> &'static str {
-    match precision {
-        Precision::F64 => "f64",
-        Precision::F32 => "f32",
-    }
-}
-
 /// Borrow of a stepper by a method: [`Reading`] or [`Writing`].
 pub(crate) struct Borrowed<B>(B);
 
@@ -207,9 +200,9 @@ impl Stepper {
         let (threads, seed) = (threads.from(0, "threads")? as usize, seed.from(0, "seed")?);
         let precision = match precision {
             Some(given) => py.import("stepper._options")?.call_method1("precision_of", (given,))?.extract::<String>()?,
-            None => precision_name(Precision::F64).into(),
+            None => Precision::F64.name().into(),
         };
-        let precision = if precision == precision_name(Precision::F32) { Precision::F32 } else { Precision::F64 };
+        let precision = if precision == Precision::F32.name() { Precision::F32 } else { Precision::F64 };
         let options = match options {
             Some(given) => given,
             None => py.import("stepper")?.getattr("Options")?.call0()?,
@@ -262,7 +255,7 @@ getters! { Stepper, |slf, _py| (Reading<'_>);
     /// Current tolerance of the solver: the largest residual at which it stops, m/s (see `Options.tolerance` and `Options.rtol`).
     tolerance -> f64 { slf.simulation.tolerance() }
     /// Floating-point precision: "f64" or "f32".
-    precision -> &'static str { precision_name(slf.simulation.precision()) }
+    precision -> &'static str { slf.simulation.precision().name() }
     /// Number of threads; 0 uses all processors of this process.
     threads -> usize { slf.threads }
     /// Seed of the random sensor errors.

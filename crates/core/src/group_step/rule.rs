@@ -9,17 +9,18 @@ use crate::constraints::{ConstraintProblem, ContactSlot};
 use crate::integrators::evaluate::recomputed::Recomputed;
 use crate::math::lanes::MAX_LANES;
 
-/// Part of the state, or the controls, that can be displaced.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StatePart {
-    /// Configuration. Displacements have the coordinates of velocities, nv.
-    Qpos,
-    /// Velocities, nv.
-    Qvel,
-    /// Activations, na.
-    Act,
-    /// Controls, nu.
-    Ctrl,
+stepper_model::named! {
+    /// Part of the state, or the controls, that can be displaced.
+    pub enum StatePart {
+        /// Configuration. Displacements have the coordinates of velocities, nv.
+        Qpos = "qpos",
+        /// Velocities, nv.
+        Qvel = "qvel",
+        /// Activations, na.
+        Act = "act",
+        /// Controls, nu.
+        Ctrl = "ctrl",
+    }
 }
 
 impl StatePart {

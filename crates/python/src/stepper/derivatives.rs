@@ -34,7 +34,9 @@ impl Stepper {
         offsets: PyReadonlyArrayDyn<'py, f64>,
         tolerance: f64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let parts = parts.iter().map(|name| part_of(name)).collect::<PyResult<Vec<_>>>()?;
+        let part_of = |name: &String| StatePart::ALL.into_iter().find(|part| part.name() == name);
+        let missing = |name| PyValueError::new_err(format!("{name} is no part of the state"));
+        let parts = parts.iter().map(|name| part_of(name).ok_or_else(|| missing(name))).collect::<PyResult<Vec<_>>>()?;
         let &[_, points, columns] = offsets.shape() else {
             return Err(PyValueError::new_err("offsets must be (num_envs, points, columns)"));
         };
@@ -100,15 +102,5 @@ impl Stepper {
         let kinks = find_kinks(&slf.simulation, &copies).map_err(value_error)?;
         let environments = kinks.distance.len();
         Ok((shaped(py, &[environments, columns], kinks.causes)?, kinks.distance.into_pyarray(py)))
-    }
-}
-
-fn part_of(name: &str) -> PyResult<StatePart> {
-    match name {
-        "qpos" => Ok(StatePart::Qpos),
-        "qvel" => Ok(StatePart::Qvel),
-        "act" => Ok(StatePart::Act),
-        "ctrl" => Ok(StatePart::Ctrl),
-        _ => Err(PyValueError::new_err(format!("{name} is no part of the state"))),
     }
 }

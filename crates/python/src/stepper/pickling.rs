@@ -8,7 +8,7 @@ use stepper_core::{AppliedInput, SavedState};
 
 use crate::array::{check_shape, float64_array};
 use crate::error::value_error;
-use crate::stepper::{Reading, Stepper, Writing, precision_name};
+use crate::stepper::{Reading, Stepper, Writing};
 
 impl Stepper {
     /// Content of a pickle except for constructor arguments: state, randomised parameters, and arrays of applied inputs.
@@ -61,7 +61,7 @@ impl Stepper {
         let this = Reading::try_from(slf)?;
         let keywords = PyDict::new(py);
         keywords.set_item("options", this.options.clone_ref(py))?;
-        keywords.set_item("precision", precision_name(this.simulation.precision()))?;
+        keywords.set_item("precision", this.simulation.precision().name())?;
         keywords.set_item("threads", this.threads)?;
         keywords.set_item("seed", this.seed)?;
         keywords.set_item("sensors", this.sensors.as_ref().map(|sensors| sensors.clone_ref(py)))?;

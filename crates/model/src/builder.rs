@@ -49,14 +49,6 @@ pub use crate::builder::geom::GeomBuilder;
 pub use crate::builder::joint::JointBuilder;
 pub use crate::builder::tendon::TendonBuilder;
 
-/// Kind of an added sensor. `OfJoint` has the name of a joint, and the function that returns the kind for the index of this joint. `Kind`
-/// is the kind itself.
-#[derive(Clone, Debug)]
-enum Reading {
-    OfJoint(String, fn(usize) -> SensorKind),
-    Kind(SensorKind),
-}
-
 /// Index of the world body.
 pub const WORLD: usize = 0;
 
@@ -102,7 +94,8 @@ pub struct ModelBuilder {
     /// Geoms, each with the index of its body.
     geoms: Vec<(usize, GeomBuilder)>,
     actuators: Vec<ActuatorBuilder>,
-    sensors: Vec<(String, Reading)>,
+    /// Sensors, each with the name of the joint that sets the index in its kind; `None` for a kind whose indices are known.
+    sensors: Vec<(Sensor, Option<String>)>,
     tendons: Vec<TendonBuilder>,
     equalities: Vec<EqualityBuilder>,
     pairs: Vec<([String; 2], [f64; 3])>,
@@ -179,12 +172,12 @@ impl ModelBuilder {
 
     /// Adds a sensor of the position of joint `joint`. Returns the sensor's index.
     pub fn position_sensor(&mut self, name: &str, joint: &str) -> usize {
-        push(&mut self.sensors, (name.into(), Reading::OfJoint(joint.into(), SensorKind::JointPos)))
+        push(&mut self.sensors, (Sensor::ideal(name, SensorKind::JointPos(0)), Some(joint.into())))
     }
 
     /// Adds a sensor of the velocity of joint `joint`. Returns the sensor's index.
     pub fn velocity_sensor(&mut self, name: &str, joint: &str) -> usize {
-        push(&mut self.sensors, (name.into(), Reading::OfJoint(joint.into(), SensorKind::JointVel)))
+        push(&mut self.sensors, (Sensor::ideal(name, SensorKind::JointVel(0)), Some(joint.into())))
     }
 
     /// Adds a site to a body or to the [`WORLD`]. Returns its index, for use in [`SensorKind`]. A body that does not exist is an error of
@@ -196,7 +189,7 @@ impl ModelBuilder {
 
     /// Adds a sensor of any kind. The indices in `kind` must be indices of elements in the finished model. Returns the sensor's index.
     pub fn sensor(&mut self, name: &str, kind: SensorKind) -> usize {
-        push(&mut self.sensors, (name.into(), Reading::Kind(kind)))
+        push(&mut self.sensors, (Sensor::ideal(name, kind), None))
     }
 
     /// Adds an explicit pair: two geoms that collide regardless of filters. `friction` has the sliding, torsional (m) and rolling (m)
@@ -255,13 +248,11 @@ impl ModelBuilder {
         model.tendons = self.tendons.iter().map(|tendon| tendon.resolve(&model)).collect::<Result<_, _>>()?;
         model.equalities = self.equalities.iter().map(|equality| equality.resolve(&model)).collect::<Result<_, _>>()?;
         model.actuators = self.actuators.iter().map(|actuator| actuator.resolve(&model)).collect::<Result<_, _>>()?;
-        for (name, reading) in &self.sensors {
-            let place = format!("sensor {name:?}");
-            let kind = match reading {
-                Reading::OfJoint(joint, kind) => kind(find(&model, ElementKind::Joint, joint, &place)?),
-                Reading::Kind(kind) => kind.clone(),
-            };
-            model.sensors.push(Sensor::ideal(name, kind));
+        for (mut sensor, joint) in self.sensors.iter().cloned() {
+            if let (Some(joint), SensorKind::JointPos(index) | SensorKind::JointVel(index)) = (joint, &mut sensor.kind) {
+                *index = find(&model, ElementKind::Joint, &joint, &format!("sensor {:?}", sensor.name))?;
+            }
+            model.sensors.push(sensor);
         }
         self.add_pairs(&mut model)?;
         Ok(model)

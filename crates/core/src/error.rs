@@ -129,7 +129,7 @@ pub enum Error {
         value: f64,
     },
     /// Parameter that is too large for a simulation with 32-bit numbers.
-    #[error("{parameter} has {value:e}, which 32 bits cannot hold; give a smaller number")]
+    #[error("{} has {value:e}, which 32 bits cannot hold; give a smaller number", parameter.name())]
     ParameterTooLarge {
         /// Name of the parameter.
         parameter: Parameter,

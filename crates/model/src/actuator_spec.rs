@@ -153,7 +153,7 @@ impl ActuatorSpec {
     /// error has the actuator's name.
     pub fn combine(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
         let (mut combined, mut specs) = (model.clone(), specs.to_vec());
-        let model = combined.unchecked_mut();
+        let model = &mut combined.description;
         for (i, spec) in specs.iter_mut().enumerate() {
             *spec = spec.take().filter(|t| *t != Self::ideal());
             let steps = model.actuators[i].delay_in_steps(h);

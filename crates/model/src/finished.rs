@@ -43,7 +43,9 @@ use crate::shape::Shape;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
+    /// Description. It may only be changed so that the model is still valid.
     pub(super) description: Description,
+    /// Convex hulls of the meshes. Changes of the description do not update them.
     pub(super) hulls: Hulls,
 }
 
@@ -59,12 +61,6 @@ impl Model {
     /// Converts the model to its description, which can be edited and finished again.
     pub fn into_description(self) -> Description {
         self.description
-    }
-
-    /// Mutable description of the model. The caller must only make changes after which the model is still valid. The stored convex hulls of
-    /// meshes are not updated.
-    pub(crate) fn unchecked_mut(&mut self) -> &mut Description {
-        &mut self.description
     }
 
     /// Disables collisions between the bodies of overlapping geoms. If one of the bodies is the world, only collisions between the two

@@ -27,10 +27,3 @@ pub struct Muscle {
     /// Parameters of the passive force.
     pub bias: [f64; MUSCLE_PARAMETERS],
 }
-
-impl Muscle {
-    /// All parameters in one list.
-    pub(crate) fn parameters(&self) -> Vec<f64> {
-        [&self.length_range[..], &[self.acceleration], &self.gain, &self.bias].concat()
-    }
-}

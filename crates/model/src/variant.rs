@@ -1,6 +1,5 @@
 //! Variants of a model for the environments of a batch: models with the same structure and other values.
 
-use std::fmt;
 use std::str::FromStr;
 
 use crate::finish::{Checked, Element, check_inertia, check_parameters, normalise_welds};
@@ -54,12 +53,6 @@ named! {
     }
 }
 
-impl fmt::Display for Parameter {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
 impl FromStr for Parameter {
     type Err = ModelError;
 
@@ -109,11 +102,11 @@ impl<'a> Variants<'a> {
     pub fn with(&mut self, values: &[Option<&[f64]>], base_values: &[Vec<f64>]) -> Result<&Model, ModelError> {
         let mut given = Vec::with_capacity(values.len());
         for ((field, values), base_values) in self.fields.iter().zip(values).zip(base_values) {
-            write(self.model.unchecked_mut(), field, values.unwrap_or(base_values))?;
+            write(&mut self.model.description, field, values.unwrap_or(base_values))?;
             given.extend(values.map(|values| (field.name, values)));
         }
         self.overridden_fields.check(&given)?;
-        normalise_welds(self.model.unchecked_mut())?;
+        normalise_welds(&mut self.model.description)?;
         check_parameters(&self.model)?;
         same_structure(self.base, &self.model)?;
         check_inertia(&self.model)?;

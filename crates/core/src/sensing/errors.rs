@@ -19,10 +19,10 @@ mod transfer;
 use stepper_real::{Real, Scalar};
 
 use crate::math::lanes::DelayLine;
+use crate::model::actuator_spec::any_nonzero;
 use crate::model::{Model, Quantity, SensorError};
 pub use crate::sensing::errors::observe::Work;
 pub use crate::sensing::errors::transfer::Transfer;
-use crate::sensing::errors::transfer::any;
 
 /// Parameter of a sensor's transfer function that may differ between environments. The variants are in the order of the parameter table.
 #[derive(Clone, Copy)]
@@ -231,21 +231,21 @@ impl<S: Scalar> Imperfect<S> {
             quantity,
             matrix: t.matrix.iter().map(|&x| S::from_f64(x)).collect(),
             uniform: t.uniform,
-            mixed: !t.matrix.is_empty() || any(&t.scale_std) || any(&t.misalignment_std),
+            mixed: !t.matrix.is_empty() || any_nonzero(&t.scale_std) || any_nonzero(&t.misalignment_std),
             scaled: t.scale.iter().any(|&x| x != 1.0),
-            biased: any(&t.bias) || any(&t.bias_std),
-            drifts: any(&t.drift_std),
-            noisy: any(&t.noise_std) || any(&t.noise_density),
-            quantised: any(&t.quantum),
+            biased: any_nonzero(&t.bias) || any_nonzero(&t.bias_std),
+            drifts: any_nonzero(&t.drift_std),
+            noisy: any_nonzero(&t.noise_std) || any_nonzero(&t.noise_density),
+            quantised: any_nonzero(&t.quantum),
             clipped: t.low.iter().chain(&t.high).any(|x| x.is_finite()),
-            sampled: any(&t.period),
-            lossy: any(&t.dropout),
-            jittery: any(&t.jitter),
+            sampled: any_nonzero(&t.period),
+            lossy: any_nonzero(&t.dropout),
+            jittery: any_nonzero(&t.jitter),
             memory,
             draws,
             // Number of samples from the newest one to the oldest one that a delayed reading needs.
             line: if delay > 0.0 { delay.ceil() as usize + 1 } else { 0 },
-            smooth: !any(&t.period) && quantity != Quantity::Positive,
+            smooth: !any_nonzero(&t.period) && quantity != Quantity::Positive,
         }
     }
 

@@ -288,7 +288,7 @@ fn body_poses_are_those_of_the_present_configuration() {
 fn parameters_have_the_names_of_their_fields() {
     for parameter in Parameter::ALL {
         assert_eq!(parameter.name().parse::<Parameter>().unwrap(), parameter);
-        assert!(ball(0.002).field(parameter.name()).is_some(), "{parameter}");
+        assert!(ball(0.002).field(parameter.name()).is_some(), "{parameter:?}");
     }
     let text = |name: &str| name.parse::<Parameter>().unwrap_err().to_string();
     assert!(text("qpos0").contains("the same in all environments") && text("qpos0").contains("body_mass"));

@@ -8,7 +8,7 @@ use crate::finish::element::{Checked, Element, elements};
 use crate::hulls::Hulls;
 use crate::tendon::{PathElement, round};
 use crate::{
-    Activation, Actuator, BiasType, Description, ElementKind, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape,
+    Activation, Actuator, BiasType, Description, ElementKind, EqualityKind, ForceModel, GainType, JointKind, ModelError, Muscle, Shape,
     Transmission,
 };
 
@@ -356,7 +356,8 @@ fn force_model(at: &Element, actuator: &Actuator) -> Checked {
     if gain == GainType::DcMotor {
         at.positive("resistance, column 0 of gainprm,", &actuator.gain[..1], " Ohm")?;
     }
-    at.finite("muscle parameters", &actuator.muscle.parameters())?;
+    let Muscle { length_range, acceleration, gain, bias } = &actuator.muscle;
+    at.finite("muscle parameters", &[&length_range[..], &[*acceleration], gain, bias].concat())?;
     let (gain, bias) = actuator.affine_force();
     at.finite("gain", &gain)?;
     at.finite("bias", &bias)

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::actuator_spec::any_nonzero;
 use crate::model::{DeviceError, Quantity};
 
 /// Transfer function of one sensor. Every list has one value for all environments, or one value for each.
@@ -116,14 +117,10 @@ impl Transfer {
         if !self.matrix.is_empty() && (self.matrix.len() != dim * dim || !self.matrix.iter().all(|x| x.is_finite())) {
             return Err(DeviceError::Matrix { found: self.matrix.len(), dim });
         }
-        let scaled = self.scale.iter().any(|&x| x != 1.0) || [&self.scale_std, &self.misalignment_std].iter().any(|x| any(x));
+        let scaled = self.scale.iter().any(|&x| x != 1.0) || [&self.scale_std, &self.misalignment_std].iter().any(|x| any_nonzero(x));
         if matches!(quantity, Quantity::Axis | Quantity::Quaternion) && (scaled || !self.matrix.is_empty()) {
             return Err(DeviceError::ScaledDirection);
         }
         Ok(())
     }
-}
-
-pub(super) fn any(x: &[f64]) -> bool {
-    x.iter().any(|&x| x != 0.0)
 }

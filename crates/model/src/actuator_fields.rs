@@ -71,14 +71,12 @@ impl Actuator {
         }
     }
 
-    /// Values of this actuator in the field `actuator_gainprm`: parameters of the gain, padded with zeros.
-    pub fn gain_row(&self) -> [f64; PARAMETERS] {
-        row(self.clone().gain_parameters())
-    }
-
-    /// Values of this actuator in the field `actuator_biasprm`: parameters of the bias, padded with zeros.
-    pub fn bias_row(&self) -> [f64; PARAMETERS] {
-        row(self.clone().bias_parameters())
+    /// Values of this actuator in the field `actuator_gainprm` or `actuator_biasprm`, padded with zeros. `read` returns the parameters:
+    /// [`Actuator::gain_parameters`] or [`Actuator::bias_parameters`].
+    pub fn parameter_row(&self, read: fn(&mut Self) -> &mut [f64]) -> [f64; PARAMETERS] {
+        let mut actuator = self.clone();
+        let parameters = read(&mut actuator);
+        std::array::from_fn(|k| parameters.get(k).copied().unwrap_or(0.0))
     }
 
     /// Property of the actuator that determines how many columns of `field` it uses, and this number of columns. The property is a text
@@ -95,10 +93,6 @@ impl Actuator {
             (_, Transmission::Site { .. }) => ("it acts on a site".into(), GEAR),
         }
     }
-}
-
-fn row<const N: usize>(numbers: &[f64]) -> [f64; N] {
-    std::array::from_fn(|k| numbers.get(k).copied().unwrap_or(0.0))
 }
 
 /// Calls `f` for each of the [`GEAR`] columns of every actuator in the field `actuator_gear`. `f` may change all columns of an actuator on

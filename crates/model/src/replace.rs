@@ -298,9 +298,8 @@ impl Field {
         format!("({count},{width})")
     }
 
-    /// Shape of the field in a model: `[]` for a scalar, `[n]`, or `[n, width]`.
-    pub fn shape(&self, model: &Description) -> Vec<usize> {
-        let count = self.read(model).len();
+    /// Shape of the field in a model in which it has `count` values: `[]` for a scalar, `[n]`, or `[n, width]`.
+    fn shape(&self, count: usize) -> Vec<usize> {
         match self.width {
             None => vec![],
             Some(1) => vec![count],
@@ -308,12 +307,8 @@ impl Field {
         }
     }
 
-    fn read(&self, model: &Description) -> Vec<f64> {
-        self.read_in(&mut model.clone())
-    }
-
     /// Values of the field. The model is mutable only to avoid a copy; it does not change.
-    fn read_in(&self, model: &mut Description) -> Vec<f64> {
+    fn read(&self, model: &mut Description) -> Vec<f64> {
         let mut values = vec![];
         (self.visit)(model, &mut |x| values.push(*x));
         values
@@ -334,7 +329,9 @@ pub(super) fn find(name: &str) -> Result<&'static Field, ModelError> {
 impl Model {
     /// Shape and values of a field, row-major; `None` if [`REPLACEABLE`] has no such field. A missing range reads as -inf to inf.
     pub fn field(&self, name: &str) -> Option<(Vec<usize>, Vec<f64>)> {
-        find(name).ok().map(|field| (field.shape(self), field.read(self)))
+        let field = find(name).ok()?;
+        let values = field.read(&mut self.description.clone());
+        Some((field.shape(values.len()), values))
     }
 
     /// Checks that the magnitude of every finite value of all fields is at most `most`.
@@ -344,7 +341,7 @@ impl Model {
     pub fn check_range(&self, most: f64) -> Result<(), ModelError> {
         let mut model = self.description.clone();
         for field in REPLACEABLE {
-            let values = field.read_in(&mut model);
+            let values = field.read(&mut model);
             if let Some(k) = values.iter().position(|x| x.is_finite() && x.abs() > most) {
                 let what = format!("number {k} is {:e}, which is too large for 32 bits", values[k]);
                 return Err(ModelError::invalid(field.place(), what, format!("give at most {most:e}, or use precision 64 bits")));
@@ -389,15 +386,15 @@ impl Model {
 }
 
 pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> Result<(), ModelError> {
-    let count = field.read_in(model).len();
+    let count = field.read(model).len();
     if values.len() != count {
-        let shape = field.shape(model);
+        let shape = field.shape(count);
         let what = format!("got {} numbers for shape {shape:?}", values.len());
         return Err(ModelError::invalid(field.place(), what, format!("give {count} numbers, {}", field.meaning())));
     }
     let mut next = values.iter();
     (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
-    let held = field.read_in(model);
+    let held = field.read(model);
     // A zero may be stored with the other sign, because nothing depends on the sign of a zero.
     let wrong = (0..count).find(|&k| held[k] != values[k] && held[k].to_bits() != values[k].to_bits());
     let Some(k) = wrong else { return Ok(()) };

@@ -6,7 +6,9 @@ use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use stepper_core::Precision;
-use stepper_core::model::{Activation, ElementKind, Keyframe as CoreKeyframe, Model as Core, Shape, Transmission};
+use stepper_core::model::{
+    Activation, Actuator as CoreActuator, ElementKind, Keyframe as CoreKeyframe, Model as Core, Shape, Transmission,
+};
 
 use crate::array::{array, assign_attribute, described, hint, read_only};
 use crate::model::Model;
@@ -252,7 +254,7 @@ elements! {
             Transmission::Body(b) => ("body", b),
             Transmission::SliderCrank { crank, .. } => ("slidercrank", crank),
         };
-        let has_activation = |a: &stepper_core::model::Actuator| a.activation != Activation::None;
+        let has_activation = |a: &CoreActuator| a.activation != Activation::None;
         let before = model.actuators[..i].iter().filter(|a| has_activation(a)).count() as i64;
     } {
         /// Index of the actuator, and of its control in ctrl.
@@ -278,12 +280,12 @@ elements! {
         gaintype: v.of(actuator.force_model.gain.name()),
         /// Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of
         /// velocity. Unused entries are 0.
-        gainprm: v.row(&actuator.gain_row()),
+        gainprm: v.row(&actuator.parameter_row(CoreActuator::gain_parameters)),
         /// Type of the bias: "none", "affine", "dcmotor" or "muscle".
         biastype: v.of(actuator.force_model.bias.name()),
         /// Parameters of the bias: (10,). For the type "affine" they begin with constant, factor of length and factor of velocity. Unused
         /// entries are 0.
-        biasprm: v.row(&actuator.bias_row()),
+        biasprm: v.row(&actuator.parameter_row(CoreActuator::bias_parameters)),
     }
 
     /// Sensor of a model.

@@ -114,7 +114,7 @@ class Body:
 
 @final
 class Joint:
-    """Joint of a model."""
+    """Joint of a model: `model.joint("hip").qposadr`."""
 
     id: Final[int]
     """Index of the joint."""
@@ -381,7 +381,7 @@ class Model:
     geom_names: Final[list[str]]
     """Names of the geoms in order. The name of an unnamed geom is empty."""
     pair_names: Final[list[str]]
-    """Names of the explicit pairs of geoms in order. The name of an unnamed pair is empty."""
+    """Names of the pairs in order. The name of an unnamed pair is empty."""
     actuator_names: Final[list[str]]
     """Names of the actuators in order. The name of an unnamed actuator is empty."""
     sensor_names: Final[list[str]]
@@ -728,7 +728,7 @@ class Model:
             IndexError: The model has no body of that index.
         """
     def joint(self, key: str | int) -> Joint:
-        """Joint by name or index (negative from the end): `model.joint("hip").qposadr`.
+        """Joint by name or index (negative from the end).
 
         Raises:
             KeyError: The model has no joint of that name; the message has similar names.
@@ -747,7 +747,7 @@ class Model:
         The dictionary is empty for models made in code. `Options.from_model` reads it.
         """
     def pair(self, key: str | int) -> Pair:
-        """Explicit pair of geoms by name or index (negative from the end).
+        """Pair by name or index (negative from the end).
 
         Raises:
             KeyError: The model has no pair of that name; the message has similar names.

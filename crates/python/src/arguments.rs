@@ -1,10 +1,11 @@
-//! Conversion of arguments from Python: integers, flags, indices of environments, unknown keywords.
+//! Conversion of arguments from Python: integers, flags, indices of environments and elements, unknown keywords.
 
-use pyo3::exceptions::{PyOverflowError, PyTypeError};
+use pyo3::exceptions::{PyIndexError, PyKeyError, PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use stepper_core::model::{ElementKind, Model};
 
-use crate::array::whole;
+use crate::array::{described, whole};
 
 /// Checks that the Python call `call` has no unknown keywords. `others` has the keywords that are no parameter of the method, and `known`
 /// the names of its parameters.
@@ -70,5 +71,30 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Env {
             Err(error) if error.is_instance_of::<PyOverflowError>(given.py()) => Ok(Self(isize::MAX)),
             found => found.map(Self),
         }
+    }
+}
+
+/// Index of the element of the kind `kind` that a name or an index selects. Negative indices count from the end.
+pub(crate) fn index_of(model: &Model, kind: ElementKind, given: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let (word, names) = (kind.name(), kind.names(model));
+    if let Ok(name) = given.extract::<String>() {
+        if let Some(index) = names.iter().position(|known| *known == name && !name.is_empty()) {
+            return Ok(index);
+        }
+        let mut text: String = given.py().import("stepper._hints")?.call_method1("unknown", (word, &name, names))?.extract()?;
+        // The name of another kind of element, such as a site for a body.
+        if let Some(other) = ElementKind::ALL.iter().find(|kind| !name.is_empty() && kind.names(model).contains(&name.as_str())) {
+            text = format!("{name:?} is no {word}, but a {}: {text}", other.name());
+        }
+        return Err(PyKeyError::new_err(text));
+    }
+    let wrong = |_| PyTypeError::new_err(format!("{word}, if it is no name, is {}, must be a whole number", described(given)));
+    let index = given.py().import("operator")?.call_method1("index", (given,)).map_err(wrong)?;
+    let n = names.len() as isize;
+    let at = index.extract::<isize>().ok().map(|i| if i < 0 { i.saturating_add(n) } else { i });
+    match at {
+        Some(at) if (0..n).contains(&at) => Ok(at as usize),
+        _ if n == 0 => Err(PyIndexError::new_err(format!("{word} is {index}, and the model has no {word}"))),
+        _ => Err(PyIndexError::new_err(format!("{word} is {index}, must be below {n}"))),
     }
 }

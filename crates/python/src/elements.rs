@@ -2,7 +2,7 @@
 
 use numpy::IntoPyArray;
 use pyo3::IntoPyObjectExt;
-use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
+use pyo3::exceptions::{PyIndexError, PyKeyError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use stepper_core::Precision;
@@ -10,7 +10,8 @@ use stepper_core::model::{
     Activation, Actuator as CoreActuator, ElementKind, Keyframe as CoreKeyframe, Model as Core, Shape, Transmission,
 };
 
-use crate::array::{array, assign_attribute, described, hint, read_only};
+use crate::arguments::index_of;
+use crate::array::{array, assign_attribute, hint, read_only};
 use crate::model::Model;
 
 /// Declares the kinds of elements, such as `Body`. Each kind is a Python class with a read-only attribute for each field. `Model` gets a
@@ -394,31 +395,6 @@ impl Model {
             }
             Err(error) => Err(error),
         }
-    }
-}
-
-/// Index of the element of the kind `kind` that a name or an index selects. Negative indices count from the end.
-pub(crate) fn index_of(model: &Core, kind: ElementKind, given: &Bound<'_, PyAny>) -> PyResult<usize> {
-    let (word, names) = (kind.name(), kind.names(model));
-    if let Ok(name) = given.extract::<String>() {
-        if let Some(index) = names.iter().position(|known| *known == name && !name.is_empty()) {
-            return Ok(index);
-        }
-        let mut text: String = given.py().import("stepper._hints")?.call_method1("unknown", (word, &name, names))?.extract()?;
-        // The name of another kind of element, such as a site for a body.
-        if let Some(other) = ElementKind::ALL.iter().find(|kind| !name.is_empty() && kind.names(model).contains(&name.as_str())) {
-            text = format!("{name:?} is no {word}, but a {}: {text}", other.name());
-        }
-        return Err(PyKeyError::new_err(text));
-    }
-    let wrong = |_| PyTypeError::new_err(format!("{word}, if it is no name, is {}, must be a whole number", described(given)));
-    let index = given.py().import("operator")?.call_method1("index", (given,)).map_err(wrong)?;
-    let n = names.len() as isize;
-    let at = index.extract::<isize>().ok().map(|i| if i < 0 { i.saturating_add(n) } else { i });
-    match at {
-        Some(at) if (0..n).contains(&at) => Ok(at as usize),
-        _ if n == 0 => Err(PyIndexError::new_err(format!("{word} is {index}, and the model has no {word}"))),
-        _ => Err(PyIndexError::new_err(format!("{word} is {index}, must be below {n}"))),
     }
 }
 

@@ -14,8 +14,8 @@ use stepper_core::analysis::overlaps;
 use stepper_core::model::{Description, ElementKind, Field, HeightField, Mesh, Model as Core, Omission, Overlap, REPLACEABLE, Sensor};
 use stepper_core::{Integrator, Options, Parameter, Precision};
 
+use crate::arguments::index_of;
 use crate::array::{array, assign_attribute, check_shape, check_shape_of, float64_array, hint, no_mapping, read_only, unknown_field};
-use crate::elements::index_of;
 use crate::error::{ModelError, to_py, value_error};
 use crate::getters::getters;
 use crate::phrases::in_python;

@@ -6,9 +6,8 @@ use pyo3::types::{PyDict, PyString};
 use stepper_core::model::ElementKind;
 use stepper_core::{DerivedQuantity, Precision, Snapshot, StepInputs};
 
-use crate::arguments::{Env, no_others};
+use crate::arguments::{Env, index_of, no_others};
 use crate::array::{OwnNumbers, array, read_only};
-use crate::elements::index_of;
 use crate::error::value_error;
 use crate::getters::getters;
 use crate::stepper::{Stepper, Writing};

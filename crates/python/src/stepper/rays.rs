@@ -7,9 +7,8 @@ use pyo3::types::PyDict;
 use stepper_core::RayCast;
 use stepper_core::model::ElementKind;
 
-use crate::arguments::{no_others, required};
+use crate::arguments::{index_of, no_others, required};
 use crate::array::{OwnNumbers, check_shape, float64_array, shape_text, shaped};
-use crate::elements::index_of;
 use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 

@@ -8,7 +8,7 @@ use stepper_benches::recorder::nanoseconds;
 use stepper_benches::scenes::{Scene, ant, humanoid};
 use stepper_core::internals::probe::{Counter, Span};
 use stepper_core::model::{Model, Shape};
-use stepper_core::{Certificate, Field, Integrator, Level, Options, Precision, Simulation, Status, StepInputs};
+use stepper_core::{Field, Integrator, Level, Options, Outcome, Precision, Simulation, Status, StepInputs};
 
 fn shapes(model: &Model) -> [usize; 3] {
     let count = |is: fn(&Shape) -> bool| model.geoms.iter().filter(|g| is(&g.shape)).count();
@@ -84,7 +84,7 @@ impl Tally {
             simulation.step(&StepInputs { ctrl: &ctrl, ..StepInputs::default() }, 1).unwrap();
             for env in 0..n {
                 let share = 1.0 / (1000 * n) as f64;
-                let (status, Certificate { residual, sweeps, .. }) = (simulation.status(env), simulation.certificate(env));
+                let Outcome { status, residual, sweeps, .. } = simulation.outcome(env);
                 tally.contacts += share * simulation.contacts(env).len() as f64;
                 tally.sweeps += share * f64::from(sweeps);
                 tally.height += share * height(simulation, env);

@@ -39,7 +39,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
         // A control that is not finite is no error: the status would have the flag NON_FINITE.
         sim.step(&StepInputs { ctrl: &[force], ..StepInputs::default() }, STEPS)?;
         if sim.status(0) != Status::OK {
-            println!("{:.3} s: {}, residual {:.1e} m/s", sim.time(0), sim.status(0), sim.certificate(0).residual);
+            println!("{:.3} s: {}, residual {:.1e} m/s", sim.time(0), sim.status(0), sim.outcome(0).residual);
         }
         if period % 100 == 0 {
             println!("{:5.2} s: cart {:+.3} m, pole {:+.3} rad, force {force:+.2} N", sim.time(0), sim.qpos(0)[0], sim.qpos(0)[1]);

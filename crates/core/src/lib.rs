@@ -130,7 +130,7 @@ pub use batch::WorstRow;
 pub use batch::inputs::{AppliedInput, Episode, Field, StateRows, StepInputs};
 pub use batch::ray_query::RayCast;
 pub use batch::saved_state::SavedState;
-pub use batch::simulation::{ActuatorNumbers, BodyPose, Certificate, Contact, Simulation};
+pub use batch::simulation::{ActuatorNumbers, BodyPose, Contact, Outcome, Simulation};
 pub use error::{Error, StateMisfit};
 pub use math::precision::Precision;
 pub use model::{Model, ModelError, Parameter};

@@ -9,7 +9,7 @@
 use std::cmp::Ordering;
 
 use stepper_core::model::Pair;
-use stepper_core::{Contact, ContactLaw, Error, MAX_FRICTION, Model, Parameter, Simulation, Status};
+use stepper_core::{Contact, ContactLaw, Error, MAX_FRICTION, Model, Outcome, Parameter, Simulation, Status};
 
 use crate::kink::*;
 use crate::rows::check_length;
@@ -153,9 +153,9 @@ fn check_copies(sim: &Simulation, copies: &PerturbedCopies<'_>) -> Result<(), Er
 fn read_active_set(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, out: &mut ActiveSet) {
     out.clear();
     let hard = sim.options().contact == ContactLaw::Hard;
-    let status = sim.status(env);
+    let Outcome { status, residual, .. } = sim.outcome(env);
     let harmful = Status::NON_FINITE | Status::CONTACTS_FULL | Status::UNRESOLVED | Status::INFEASIBLE;
-    let loose = sim.certificate(env).residual > copies.tolerance;
+    let loose = residual > copies.tolerance;
     // NOT_CONVERGED is acceptable up to `copies.tolerance`, which may be larger than the tolerance of the options.
     out.unsolved = status.intersects(harmful) || (loose && status.intersects(Status::NOT_CONVERGED));
     read_contacts(sim, copies, env, hard, out);

@@ -19,27 +19,31 @@ use crate::options::{ContactLaw, StepSettings};
 use crate::sensing::errors::Errors;
 use crate::stages::s10_record::Status;
 
-/// Outcome of the last call of `step` or `rollout` in one environment.
-#[derive(Clone, Copy, Debug)]
+/// Outcome of the last call of `step` or `rollout` in one environment. Residual and iterations are the certificate of the last step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Outcome {
     /// Status flags of all steps of the call, combined.
     pub status: Status,
-    /// Residual of the last step, m/s.
+    /// Residual of the constraint problem: largest error of a contact or constraint row in the last step, as a velocity, m/s. It is 0 for
+    /// the exact solution.
     pub residual: f64,
     /// Number of Gauss-Seidel iterations (sweeps) in the last step.
-    pub sweeps: f64,
+    pub sweeps: u32,
     /// Number of Newton iterations in the last step, summed over all islands of bodies.
-    pub newton_steps: f64,
-    /// Largest overlap of a contact during the call, beyond its margin, m.
+    pub newton_steps: u32,
+    /// Largest overlap of a contact during the call, beyond its margin, m. Each step measures it at the configuration where it evaluates
+    /// contacts.
     pub depth: f64,
-    /// Largest distance of a joint or tendon beyond its range during the call, rad or m.
+    /// Largest distance of a joint or tendon beyond its range, over all steps of the call, rad or m.
     pub overshoot: f64,
-    /// Largest position error of an equality during the call, m or rad.
+    /// Largest position error of an equality, over all steps of the call, m or rad; 0 without equalities.
     pub equality_violation: f64,
-    /// Largest estimated error of the positions in a step of the call, m or rad; 0 without divided steps.
-    pub error: f64,
-    /// Number of substeps of the call; 0 without divided steps.
-    pub substeps: f64,
+    /// Error estimate of the call: largest estimated error of the positions in a step, m or rad. `None` if the steps keep no error
+    /// ([`Options::error`](crate::Options::error)).
+    pub error: Option<f64>,
+    /// Number of parts of the call into which impacts or [`Options::error`](crate::Options::error) divided steps.
+    pub substeps: u32,
 }
 
 /// Batch: environments of one model in one scalar type.
@@ -183,13 +187,13 @@ impl<S: LaneScalar> Batch<S> {
         Outcome {
             status: Status::from_bits_retain(group.status[lane]),
             residual: group.residual[lane].to_f64(),
-            sweeps: group.sweeps[lane].to_f64(),
-            newton_steps: group.newton_steps[lane].to_f64(),
+            sweeps: group.sweeps[lane].to_f64() as u32,
+            newton_steps: group.newton_steps[lane].to_f64() as u32,
             depth: group.depth[lane].to_f64(),
             overshoot: group.overshoot[lane].to_f64(),
             equality_violation: group.equality_violation[lane].to_f64(),
-            error: group.error[lane].to_f64(),
-            substeps: group.substeps[lane].to_f64(),
+            error: self.settings.error.map(|_| group.error[lane].to_f64()),
+            substeps: group.substeps[lane].to_f64() as u32,
         }
     }
 

@@ -15,8 +15,9 @@ mod saved;
 mod visits;
 mod write;
 
+pub use crate::batch::environments::Outcome;
 pub use crate::batch::simulation::parameters::ActuatorNumbers;
-pub use crate::batch::simulation::read::{BodyPose, Certificate, Contact};
+pub use crate::batch::simulation::read::{BodyPose, Contact};
 
 use std::fmt;
 use std::sync::{Arc, OnceLock};

@@ -7,7 +7,7 @@ use stepper_core::model::{
     ActuatorBuilder, BodyBuilder, ContactField, ContactReduction, ContactSide, EqualityBuilder, FrameReading, GeomBuilder, JointBuilder,
     Model, ModelBuilder, Object, Quantity, RayField, Sensor, SensorKind, Shape, Site, TendonBuilder, WORLD,
 };
-use stepper_core::{ActuatorSpec, Certificate, Field, Level, Motor, Options, Precision, Servo, Simulation, StepInputs, Transfer};
+use stepper_core::{ActuatorSpec, Field, Level, Motor, Options, Outcome, Precision, Servo, Simulation, StepInputs, Transfer};
 
 /// Model of a walking robot and loose objects. The robot has a free trunk, four legs of two limited hinges, a tail on a ball joint, dry
 /// friction, and servos. The loose objects are a ball and a crate. The model also has the elements of [`tie`] and [`add_sensors`].
@@ -237,7 +237,7 @@ pub(crate) fn bits(sim: &Simulation, env: usize) -> Vec<u64> {
         sim.get(field, env, &mut x).unwrap();
         all.extend(x);
     }
-    let Certificate { residual, sweeps, newton_steps, .. } = sim.certificate(env);
+    let Outcome { residual, sweeps, newton_steps, .. } = sim.outcome(env);
     all.extend([residual, f64::from(sweeps), f64::from(newton_steps), sim.time(env), f64::from(sim.status(env).bits())]);
     for c in sim.contacts(env) {
         all.extend(c.geoms.map(|g| g as f64));

@@ -330,7 +330,7 @@ fn an_equality_is_switched_per_environment() {
     // floor.
     assert!(height(0) < 0.11 && height(1) > 0.9, "{} {}", height(0), height(1));
     assert_eq!(sim.qpos(0), sim.qpos(2));
-    assert_eq!(sim.max_equality_violation(0), 0.0);
+    assert_eq!(sim.outcome(0).equality_violation, 0.0);
     sim.apply(AppliedInput::EqActive, &[]).unwrap();
     sim.step(&StepInputs::default(), 300).unwrap();
     assert!(sim.qpos(1)[3] < 0.11, "the model's own again, which does not act");

@@ -11,9 +11,9 @@ use stepper_core::model::{
 };
 use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{
-    ActuatorSpec, AppliedInput, BodyPose, Certificate, Contact, ContactLaw, DerivedQuantity, Episode, Error, Field, Integrator, Model,
-    ModelError, Motor, Options, Parameter, Precision, SavedState, Servo, Simulation, Snapshot, Solver, Stabilization, StateMisfit,
-    StateRows, Status, StepInputs, Transfer, WorstRow,
+    ActuatorSpec, AppliedInput, BodyPose, Contact, ContactLaw, DerivedQuantity, Episode, Error, Field, Integrator, Model, ModelError,
+    Motor, Options, Outcome, Parameter, Precision, SavedState, Servo, Simulation, Snapshot, Solver, Stabilization, StateMisfit, StateRows,
+    Status, StepInputs, Transfer, WorstRow,
 };
 
 const RADIUS: f64 = 0.1;
@@ -138,20 +138,15 @@ fn an_environment_that_does_not_exist_is_named() {
     let model = ball(0.002);
     let mut sim = simulation(model.clone(), Options::default(), 3);
     let expected = "env is 3, must be below 3";
-    let reads: [fn(&Simulation); 16] = [
+    let reads: [fn(&Simulation); 11] = [
         |sim| drop(sim.qpos(3)),
         |sim| drop(sim.qvel(3)),
         |sim| _ = sim.time(3),
         |sim| _ = sim.status(3),
-        |sim| _ = sim.depth(3),
-        |sim| _ = sim.limit_overshoot(3),
-        |sim| _ = sim.max_equality_violation(3),
-        |sim| _ = sim.error_estimate(3),
-        |sim| _ = sim.substeps(3),
         |sim| drop(sim.sensor_faults(3)),
         |sim| drop(sim.actuator_saturation(3)),
         |sim| drop(sim.switches(3)),
-        |sim| _ = sim.certificate(3),
+        |sim| _ = sim.outcome(3),
         |sim| _ = sim.worst_row(3),
         |sim| drop(sim.contacts(3)),
         |sim| drop(sim.save_state_of(3)),
@@ -341,7 +336,7 @@ fn public_types_are_printed_cloned_and_compared() {
     compared::<(Error, ModelError, StateMisfit)>();
     compared::<(Model, Description, JointPlace, SensorPlace, Keyframe, Parameter, SensorKind)>();
     compared::<(Options, ContactLaw, Integrator, Solver, Stabilization, Precision)>();
-    compared::<(Status, Contact, Certificate, BodyPose, WorstRow, SavedState, StatePart)>();
+    compared::<(Status, Contact, Outcome, BodyPose, WorstRow, SavedState, StatePart)>();
     compared::<(Field, AppliedInput, DerivedQuantity, Quantity, Transfer, ActuatorSpec, Servo, Motor)>();
 }
 

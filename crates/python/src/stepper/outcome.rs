@@ -119,27 +119,27 @@ getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Residual of the last step, (num_envs,), m/s. It is the size of the natural map, a function of impulses and velocities that is zero
     /// at the exact solution. With INFEASIBLE, the residual is at least the largest shortfall of a constraint velocity below its target,
     /// m/s or rad/s. With NON_FINITE it is infinite.
-    residual: slf.per_env(py, |env| slf.simulation.certificate(env).residual),
+    residual: slf.per_env(py, |env| slf.simulation.outcome(env).residual),
     /// Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps.
-    iterations: slf.per_env(py, |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps),
+    iterations: slf.per_env(py, |env| slf.simulation.outcome(env).sweeps + slf.simulation.outcome(env).newton_steps),
     /// Number of Newton steps of the solver in the last step: the sum over all islands of bodies, (num_envs,) uint32. `iterations` also
     /// includes Gauss-Seidel iterations.
-    newton_steps: slf.per_env(py, |env| slf.simulation.certificate(env).newton_steps),
+    newton_steps: slf.per_env(py, |env| slf.simulation.outcome(env).newton_steps),
     /// Largest estimated error of the positions in a step of the last call of `step`, (num_envs,) float64, m or rad. The estimate of a step
     /// is a sum over its parts. NaN without `Options(error=...)`.
-    error_estimate: slf.per_env(py, |env| slf.simulation.error_estimate(env).unwrap_or(f64::NAN)),
+    error_estimate: slf.per_env(py, |env| slf.simulation.outcome(env).error.unwrap_or(f64::NAN)),
     /// Number of parts in the last call of `step` into which steps were divided, (num_envs,) uint32: by elastic impacts, or to keep
     /// `Options(error=...)`. Steps that are not divided do not count.
-    substeps: slf.per_env(py, |env| slf.simulation.substeps(env)),
+    substeps: slf.per_env(py, |env| slf.simulation.outcome(env).substeps),
     /// Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
     /// detection, which is in the middle of the step for "midpoint" and "rk4". Of a divided step it is the largest of its parts. Above
     /// 1 mm `status` has DEEP.
-    max_penetration: slf.per_env(py, |env| slf.simulation.depth(env)),
+    max_penetration: slf.per_env(py, |env| slf.simulation.outcome(env).depth),
     /// Largest violation of the range of a joint or tendon after the steps of the last call of `step`, (num_envs,) float64, rad or m. Above
     /// 0.01 `status` has OVER_LIMIT.
-    max_limit_violation: slf.per_env(py, |env| slf.simulation.limit_overshoot(env)),
+    max_limit_violation: slf.per_env(py, |env| slf.simulation.outcome(env).overshoot),
     /// Largest position error of an equality (connect, weld, joint, tendon) after the steps of the last call of `step`, (num_envs,)
     /// float64, m or rad. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite stiffness are
     /// springs and are not included. With contact="mujoco" all equalities are soft, and all are included.
-    max_equality_violation: slf.per_env(py, |env| slf.simulation.max_equality_violation(env)),
+    max_equality_violation: slf.per_env(py, |env| slf.simulation.outcome(env).equality_violation),
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::analysis::quantities::body_poses;
 use crate::batch::engine::with_batch;
+use crate::batch::environments::Outcome;
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::simulation::{Error, Simulation};
 use crate::batch::state::ContactOfGeoms;
@@ -38,19 +39,6 @@ impl Contact {
     pub fn frame(&self) -> [[f64; 3]; 3] {
         contact_frame(self.normal)
     }
-}
-
-/// Certificate of a step: residual of its constraint problem, and number of solver iterations.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Certificate {
-    /// Residual of the constraint problem: largest error of a contact or constraint row in the last step, as a velocity, m/s. It is 0 for
-    /// the exact solution.
-    pub residual: f64,
-    /// Number of Gauss-Seidel iterations (sweeps).
-    pub sweeps: u32,
-    /// Number of Newton iterations, summed over all islands of bodies.
-    pub newton_steps: u32,
 }
 
 /// Position and orientation of a body's frame in the world frame.
@@ -111,67 +99,23 @@ impl Simulation {
         with_batch!(&self.engine, batch => batch.time(env))
     }
 
+    /// Outcome of the last call in one environment: status, certificate of the last step, and largest errors.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn outcome(&self, env: usize) -> Outcome {
+        self.assert_env(env);
+        with_batch!(&self.engine, batch => batch.outcome(env))
+    }
+
     /// Status flags of all steps of the last call, combined.
     ///
     /// # Panics
     /// When there is no such environment.
     #[track_caller]
     pub fn status(&self, env: usize) -> Status {
-        self.assert_env(env);
-        with_batch!(&self.engine, batch => batch.outcome(env)).status
-    }
-
-    /// Largest overlap of a contact during the last call, beyond its margin, m. Each step measures it at the configuration where it
-    /// evaluates contacts.
-    ///
-    /// # Panics
-    /// When there is no such environment.
-    #[track_caller]
-    pub fn depth(&self, env: usize) -> f64 {
-        self.assert_env(env);
-        with_batch!(&self.engine, batch => batch.outcome(env)).depth
-    }
-
-    /// Largest distance of a joint or tendon beyond its range, over all steps of the last call, rad or m.
-    ///
-    /// # Panics
-    /// When there is no such environment.
-    #[track_caller]
-    pub fn limit_overshoot(&self, env: usize) -> f64 {
-        self.assert_env(env);
-        with_batch!(&self.engine, batch => batch.outcome(env)).overshoot
-    }
-
-    /// Largest position error of an equality, over all steps of the last call, m or rad; 0 without equalities.
-    ///
-    /// # Panics
-    /// When there is no such environment.
-    #[track_caller]
-    pub fn max_equality_violation(&self, env: usize) -> f64 {
-        self.assert_env(env);
-        with_batch!(&self.engine, batch => batch.outcome(env)).equality_violation
-    }
-
-    /// Error estimate of the last call: largest estimated error of the positions in a step, m or rad. `None` if the steps keep no error
-    /// ([`Options::error`](crate::Options::error)).
-    ///
-    /// # Panics
-    /// When there is no such environment.
-    #[track_caller]
-    pub fn error_estimate(&self, env: usize) -> Option<f64> {
-        self.assert_env(env);
-        let error = with_batch!(&self.engine, batch => batch.outcome(env)).error;
-        self.settings().error.map(|_| error)
-    }
-
-    /// Number of parts in the last call into which impacts or [`Options::error`](crate::Options::error) divided steps.
-    ///
-    /// # Panics
-    /// When there is no such environment.
-    #[track_caller]
-    pub fn substeps(&self, env: usize) -> u32 {
-        self.assert_env(env);
-        with_batch!(&self.engine, batch => batch.outcome(env)).substeps as u32
+        self.outcome(env).status
     }
 
     /// Number of clipped readings and number of lost samples in the last call, for every sensor of the model.
@@ -204,17 +148,6 @@ impl Simulation {
     pub fn switches(&self, env: usize) -> [Vec<u32>; 2] {
         self.assert_env(env);
         with_batch!(&self.engine, batch => batch.switches(env))
-    }
-
-    /// Certificate of the last step: residual and number of solver iterations.
-    ///
-    /// # Panics
-    /// When there is no such environment.
-    #[track_caller]
-    pub fn certificate(&self, env: usize) -> Certificate {
-        self.assert_env(env);
-        let outcome = with_batch!(&self.engine, batch => batch.outcome(env));
-        Certificate { residual: outcome.residual, sweeps: outcome.sweeps as u32, newton_steps: outcome.newton_steps as u32 }
     }
 
     /// Cause of the last unsolved step of the last call: a constraint row, or an element whose number is not finite.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lane_arrays::{clear_column, lane_arrays};
 
 /// Memory of the actuator pipelines of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -12,11 +12,13 @@ pub struct Memory<S> {
     pub waiting: u32,
     /// Stored values of all actuators: delay lines, lagged efforts, integrals, phases and held efforts.
     pub numbers: Vec<S>,
-    /// Position of the newest sample in every delay line, the same in all lanes.
+    /// Position of the newest sample in every delay line, the same in all lanes, because all environments step together.
     pub cursors: Vec<u32>,
     /// Controls after the actuator pipelines in the last step, nu per lane.
     pub applied: Vec<S>,
 }
+
+lane_arrays!(Memory { arrays: [numbers applied], sets: [waiting], shared: [cursors], parts: [] });
 
 impl<S: Scalar> Memory<S> {
     /// Creates the memory with allocated buffers: `numbers` values per lane, `lines` delay lines, and `controls` controls per lane.
@@ -30,7 +32,7 @@ impl<S: Scalar> Memory<S> {
     /// Clears the memory of a lane, so that its next control counts as the first. The group has `lanes` lanes. The applied controls stay.
     pub fn forget(&mut self, lane: usize, lanes: usize) {
         if !self.applied.is_empty() {
-            self.numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
+            clear_column(&mut self.numbers, lanes, lane);
             self.waiting |= 1 << lane;
         }
     }
@@ -38,42 +40,12 @@ impl<S: Scalar> Memory<S> {
     /// Begins a new episode of a lane: clears the memory and the applied controls. The group has `lanes` lanes.
     pub fn begin(&mut self, lane: usize, lanes: usize) {
         self.forget(lane, lanes);
-        self.applied.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
+        clear_column(&mut self.applied, lanes, lane);
     }
 
     /// Clears the entries of an unused lane, so that equal states have equal bytes. The group has `lanes` lanes.
     pub fn clear(&mut self, lane: usize, lanes: usize) {
         self.begin(lane, lanes);
         self.waiting &= !(1 << lane);
-    }
-
-    /// Copy of the memory of the `n` lanes that begin with lane `first`. The group has `lanes` lanes.
-    pub fn part(&self, lanes: usize, first: usize, n: usize) -> Self {
-        Self {
-            waiting: lane_bits(self.waiting, first, n),
-            numbers: columns(&self.numbers, lanes, first, n),
-            cursors: self.cursors.clone(),
-            applied: columns(&self.applied, lanes, first, n),
-        }
-    }
-
-    /// Copies `part`, the memory of `n` lanes, to the lanes `to`. The group has `lanes` lanes.
-    pub(crate) fn set_part(&mut self, lanes: usize, to: DestinationLanes, n: usize, part: &Self) {
-        set_lane_bits(&mut self.waiting, to, n, part.waiting);
-        set_columns(&mut self.numbers, lanes, to, n, &part.numbers);
-        set_columns(&mut self.applied, lanes, to, n, &part.applied);
-        // All environments step together, and share the positions of the delay lines.
-        self.cursors.copy_from_slice(&part.cursors);
-    }
-
-    /// Size of the buffers, bytes.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&self.numbers[..]) + size_of_val(&self.applied[..]) + size_of_val(&self.cursors[..])
-    }
-
-    /// Whether another memory has buffers of the same sizes.
-    pub fn fits(&self, other: &Self) -> bool {
-        let sizes = |m: &Self| (m.numbers.len(), m.cursors.len(), m.applied.len());
-        sizes(self) == sizes(other)
     }
 }

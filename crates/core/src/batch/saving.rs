@@ -83,7 +83,7 @@ impl<S: LaneScalar> Batch<S> {
         let shape = self.lane(0).0.part(0, n);
         let fits = |(part, saved): (usize, &Group<S>)| {
             let (group, lane) = self.lane(part * n);
-            saved.fits(&shape) && saved.alive == lane_bits(group.alive, lane, n)
+            saved.lanes == n && saved.fits(&shape) && saved.alive == lane_bits(group.alive, lane, n)
         };
         let nu = self.compiled.actuators.len();
         let neq: usize = self.compiled.equalities.iter().map(|block| block.equalities.len()).sum();

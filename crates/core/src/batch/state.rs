@@ -8,7 +8,7 @@ use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::separation_cache::SeparationCache;
 use crate::compile::{ModelStructure, obstacle_count};
 use crate::math::lane_arrays::{clear_column, lane_arrays};
-use crate::math::lanes::{DestinationLanes, MAX_LANES, columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lanes::{DestinationLanes, MAX_LANES, columns, set_columns};
 use crate::sensing::memory::Memory;
 use crate::stages::s10_record::Status;
 
@@ -87,8 +87,13 @@ pub struct Group<S> {
 }
 
 // All arrays but `switches` and those of the contacts, whose capacity may differ between groups.
-lane_arrays!(Group: q v act scalar_impulse impulse mocap contact_count time status saturated residual sweeps newton_steps worst depth
-    overshoot equality_violation error substeps);
+lane_arrays!(Group {
+    arrays: [q v act scalar_impulse impulse mocap contact_count time status saturated residual sweeps newton_steps worst depth overshoot
+        equality_violation error substeps],
+    sets: [alive],
+    shared: [],
+    parts: [separation_cache sensing actuation]
+});
 
 impl<S: Scalar> Group<S> {
     /// Creates a group at the reset state `qpos0`, for the environments from `first` on. `alive` are the lanes (bits) that have an
@@ -153,18 +158,6 @@ impl<S: Scalar> Group<S> {
             + size_of_val(&self.contact_ids[..])
             + size_of_val(&self.contact_data[..])
             + size_of_val(&self.contact_torque[..])
-            + self.separation_cache.bytes()
-            + self.sensing.bytes()
-            + self.actuation.bytes()
-    }
-
-    /// Whether another group has arrays of the same lengths, apart from the contact capacity.
-    pub fn fits(&self, other: &Self) -> bool {
-        self.lanes == other.lanes
-            && self.lengths() == other.lengths()
-            && self.separation_cache.fits(&other.separation_cache)
-            && self.sensing.fits(&other.sensing)
-            && self.actuation.fits(&other.actuation)
     }
 
     /// Whether the contact arrays are consistent: enough entries for all contacts, at most `max_contacts`, and angular impulses only if
@@ -205,14 +198,10 @@ impl<S: Scalar> Group<S> {
         let torques = (3 * entries).min(self.contact_torque.len());
         Self {
             lanes: n,
-            alive: lane_bits(self.alive, first, n),
             contact_ids: columns(&self.contact_ids[..entries], lanes, first, n),
             contact_data: columns(&self.contact_data[..CONTACT_NUMBERS * entries], lanes, first, n),
             contact_torque: columns(&self.contact_torque[..torques], lanes, first, n),
-            separation_cache: self.separation_cache.part(first, n),
-            sensing: self.sensing.part(first, n),
-            actuation: self.actuation.part(lanes, first, n),
-            ..self.part_of_arrays(lanes, first, n)
+            ..self.copy_lanes(lanes, first, n)
         }
     }
 
@@ -220,14 +209,10 @@ impl<S: Scalar> Group<S> {
     /// them.
     pub(crate) fn set_part(&mut self, target: DestinationLanes, part: &Self) {
         let (lanes, n) = (self.lanes, part.lanes);
-        set_lane_bits(&mut self.alive, target, n, part.alive);
-        self.set_arrays(lanes, target, n, part);
+        self.set_lanes(lanes, target, n, part);
         set_columns(&mut self.contact_ids, lanes, target, n, &part.contact_ids);
         set_columns(&mut self.contact_data, lanes, target, n, &part.contact_data);
         set_columns(&mut self.contact_torque, lanes, target, n, &part.contact_torque);
-        self.separation_cache.set_part(target, n, &part.separation_cache);
-        self.sensing.set_part(target, n, &part.sensing);
-        self.actuation.set_part(lanes, target, n, &part.actuation);
     }
 
     /// Stored contacts of lane `lane` in the last step.

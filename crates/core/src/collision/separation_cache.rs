@@ -110,13 +110,13 @@ impl SeparationCache {
     }
 
     /// Cache with the entries of the `n` lanes that begin with lane `first`.
-    pub(crate) fn part(&self, first: usize, n: usize) -> Self {
+    pub(crate) fn copy_lanes(&self, _lanes: usize, first: usize, n: usize) -> Self {
         let count = self.count.get(first..first + n).unwrap_or_default().to_vec();
         Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }
     }
 
     /// Copies the entries of `part`, a cache of `n` lanes, to the lanes `to` of this cache.
-    pub(crate) fn set_part(&mut self, to: DestinationLanes, n: usize, part: &Self) {
+    pub(crate) fn set_lanes(&mut self, _lanes: usize, to: DestinationLanes, n: usize, part: &Self) {
         if self.places == 0 {
             return;
         }
@@ -147,7 +147,7 @@ impl SeparationCache {
     }
 
     /// Allocated memory, bytes.
-    pub(crate) fn bytes(&self) -> usize {
+    pub(crate) fn bytes_of_arrays(&self) -> usize {
         size_of_val(&self.count[..]) + size_of_val(&self.held[..])
     }
 }

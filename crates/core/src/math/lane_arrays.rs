@@ -1,28 +1,45 @@
-//! Functions of structs whose fields are lane-interleaved arrays.
+//! Functions of structs that have the state of several lanes.
 
-/// Implements functions that do the same with every lane-interleaved array of a struct: copy lanes, set lanes, and report sizes. The
-/// macro's list has the names of these fields.
+/// Implements functions that do the same with every field of a struct with the state of several lanes: copy lanes, set lanes, and compare
+/// and report sizes. The lists have the names of the fields:
+///
+/// * `arrays`: lane-interleaved arrays.
+/// * `sets`: sets of lanes (bits).
+/// * `shared`: arrays that all lanes share. A copy of lanes has all of their entries.
+/// * `parts`: structs with the same functions.
 macro_rules! lane_arrays {
-    ($state:ident: $($array:ident)*) => {
+    ($state:ident { arrays: [$($array:ident)*], sets: [$($set:ident)*], shared: [$($shared:ident)*], parts: [$($part:ident)*] }) => {
         impl<S: Scalar> $state<S> {
-            /// Copy of the arrays with the lanes `first` to `first + n`, exclusive. All other fields have their default values.
-            fn part_of_arrays(&self, lanes: usize, first: usize, n: usize) -> Self {
-                Self { $($array: columns(&self.$array, lanes, first, n),)* ..Self::default() }
+            /// Copy of the lanes `first` to `first + n`, exclusive. Fields that are in none of the lists have their default values.
+            #[allow(clippy::needless_update, reason = "some structs have only fields of the lists")]
+            pub(crate) fn copy_lanes(&self, lanes: usize, first: usize, n: usize) -> Self {
+                Self {
+                    $($array: $crate::math::lanes::columns(&self.$array, lanes, first, n),)*
+                    $($set: $crate::math::lanes::lane_bits(self.$set, first, n),)*
+                    $($shared: self.$shared.clone(),)*
+                    $($part: self.$part.copy_lanes(lanes, first, n),)*
+                    ..Self::default()
+                }
             }
 
-            /// Copies the arrays of `part`, which has `n` lanes, to the lanes `target`.
-            fn set_arrays(&mut self, lanes: usize, target: DestinationLanes, n: usize, part: &Self) {
-                $(set_columns(&mut self.$array, lanes, target, n, &part.$array);)*
+            /// Copies the lanes of `from`, which has `n` lanes, to the lanes `target`.
+            pub(crate) fn set_lanes(&mut self, lanes: usize, target: $crate::math::lanes::DestinationLanes, n: usize, from: &Self) {
+                $($crate::math::lanes::set_columns(&mut self.$array, lanes, target, n, &from.$array);)*
+                $($crate::math::lanes::set_lane_bits(&mut self.$set, target, n, from.$set);)*
+                $(self.$shared.copy_from_slice(&from.$shared);)*
+                $(self.$part.set_lanes(lanes, target, n, &from.$part);)*
             }
 
             /// Memory of the arrays, bytes.
-            fn bytes_of_arrays(&self) -> usize {
-                0 $(+ size_of_val(&self.$array[..]))*
+            pub(crate) fn bytes_of_arrays(&self) -> usize {
+                0 $(+ size_of_val(&self.$array[..]))* $(+ size_of_val(&self.$shared[..]))* $(+ self.$part.bytes_of_arrays())*
             }
 
-            /// Lengths of the arrays.
-            fn lengths(&self) -> Vec<usize> {
-                vec![$(self.$array.len()),*]
+            /// Whether `other` has arrays of the same lengths, in the lists.
+            pub(crate) fn fits(&self, other: &Self) -> bool {
+                true $(&& self.$array.len() == other.$array.len())*
+                    $(&& self.$shared.len() == other.$shared.len())*
+                    $(&& self.$part.fits(&other.$part))*
             }
         }
     };

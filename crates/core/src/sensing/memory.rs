@@ -5,7 +5,6 @@ use stepper_real::Scalar;
 
 use crate::compile::ModelStructure;
 use crate::math::lane_arrays::{clear_column, lane_arrays};
-use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_lane_bits};
 
 /// Memory of the sensors of a group of environments: random number state, results of the last step, and values of the transfer functions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -30,7 +29,7 @@ pub struct Memory<S> {
     pub xfrc: Vec<S>,
     /// Stored values of the transfer functions, such as biases and delay lines.
     pub numbers: Vec<S>,
-    /// Position of the newest sample in every delay line, the same in all lanes.
+    /// Position of the newest sample in every delay line, the same in all lanes, because all environments step together.
     pub cursors: Vec<u32>,
     /// Readings after the transfer functions; empty when all sensors are ideal.
     pub observation: Vec<S>,
@@ -38,7 +37,12 @@ pub struct Memory<S> {
     pub faults: Vec<u32>,
 }
 
-lane_arrays!(Memory: seed stream episode step acceleration ctrl xfrc numbers observation faults);
+lane_arrays!(Memory {
+    arrays: [seed stream episode step acceleration ctrl xfrc numbers observation faults],
+    sets: [fresh waiting],
+    shared: [cursors],
+    parts: []
+});
 
 impl<S: Scalar> Memory<S> {
     /// Creates the memory for ideal sensors (without errors). `first` is the index of the first environment of the group.
@@ -100,34 +104,5 @@ impl<S: Scalar> Memory<S> {
         [&mut self.numbers, &mut self.observation].into_iter().for_each(|numbers| clear_column(numbers, lanes, lane));
         self.fresh &= !(1 << lane);
         self.waiting &= !(1 << lane);
-    }
-
-    /// Copy of the sensor memory of `n` lanes, from the lane with index `first` on.
-    pub fn part(&self, first: usize, n: usize) -> Self {
-        Self {
-            fresh: lane_bits(self.fresh, first, n),
-            waiting: lane_bits(self.waiting, first, n),
-            cursors: self.cursors.clone(),
-            ..self.part_of_arrays(self.seed.len(), first, n)
-        }
-    }
-
-    /// Copies `part`, the memory of `n` lanes, to the lanes `target`.
-    pub(crate) fn set_part(&mut self, target: DestinationLanes, n: usize, part: &Self) {
-        set_lane_bits(&mut self.fresh, target, n, part.fresh);
-        set_lane_bits(&mut self.waiting, target, n, part.waiting);
-        self.set_arrays(self.seed.len(), target, n, part);
-        // All environments step together, and share the positions of the delay lines.
-        self.cursors.copy_from_slice(&part.cursors);
-    }
-
-    /// Size of the buffers, bytes.
-    pub fn bytes(&self) -> usize {
-        self.bytes_of_arrays() + size_of_val(&self.cursors[..])
-    }
-
-    /// Whether another memory has buffers of the same sizes.
-    pub fn fits(&self, other: &Self) -> bool {
-        self.lengths() == other.lengths() && self.cursors.len() == other.cursors.len()
     }
 }

@@ -81,15 +81,11 @@ impl WorstRow {
             CodedConstraint::TooFast(dof) => return joint_with(dof).map(|joint| Self::TooFast { joint }),
             CodedConstraint::Scalar(impulse_index) => impulse_index,
         };
-        let joint_of = |dof: usize| model.joint_addresses().iter().position(|&(_, first)| first == dof);
-        if let Some(limit) = compiled.limits.get(impulse_index) {
-            return joint_of(limit.dof).map(|joint| Self::Limit { joint });
+        if let Some(limit) = compiled.limits.iter().chain(&compiled.ball_limits).find(|limit| limit.impulse_index == impulse_index) {
+            return Some(Self::Limit { joint: limit.joint });
         }
         if let Some(friction) = compiled.frictions.get(impulse_index - compiled.limits.len()) {
             return Some(Self::DryFriction { joint: friction.joint });
-        }
-        if let Some(limit) = compiled.ball_limits.iter().find(|limit| limit.impulse_index == impulse_index) {
-            return joint_of(limit.dof).map(|joint| Self::Limit { joint });
         }
         if let Some(tendon) =
             compiled.tendons.iter().find(|tendon| (tendon.impulse_index..tendon.impulse_index + 3).contains(&impulse_index))

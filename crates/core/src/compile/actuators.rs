@@ -7,6 +7,7 @@ use std::f64::consts::PI;
 use stepper_real::Scalar;
 
 use crate::actuation::ActuatorSpec;
+use crate::compile::limits::is_scalar;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::paths::{CompiledPath, Spot, path_of};
 use crate::compile::tree::{CompiledFriction, scalars};
@@ -290,8 +291,7 @@ impl<S: Scalar> CompiledActuators<S> {
             let spec = specs.get(i).and_then(Option::as_ref);
             all.push(input, actuator, spec, &mut na);
         }
-        let bounded =
-            model.joints.iter().zip(&input.merged.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
+        let bounded = model.joints.iter().zip(&input.merged.addresses).filter(|(j, _)| is_scalar(j));
         let ranges = bounded.filter_map(|(j, &(_, dof))| j.actuator_force_range.map(|range| (dof, range)));
         all.force_ranges = ranges.map(|(dof, range)| all.force_range(dof, range)).collect();
         for (compiled, actuator) in all.actuators.iter_mut().zip(&model.actuators) {

@@ -23,8 +23,7 @@ use crate::compile::sensing::CompiledSensing;
 use crate::compile::softness::CompiledSoftness;
 use crate::compile::static_pairs::StaticPairs;
 use crate::compile::tree::{
-    CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSingleBody, Descendant, Dof,
-    Link,
+    CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSingleBody, Descendant, Dof, Link,
 };
 
 /// Compiled model: everything that a step reads of a model, in the scalar type of its lanes. Parameters have the type `T`.
@@ -129,7 +128,7 @@ pub struct ModelStructure<S: Scalar> {
     /// Equalities of the model, grouped in blocks whose rows are assembled together.
     pub equalities: Vec<EqualityBlock<S>>,
     /// Limits of ball joints.
-    pub ball_limits: Vec<CompiledBallLimit>,
+    pub ball_limits: Vec<CompiledLimit>,
     /// Tendons with limits, dry friction, springs, dampers or inertia.
     pub tendons: Vec<CompiledTendon<S>>,
     /// Paths of all spatial tendons.

@@ -5,7 +5,7 @@ use stepper_real::Scalar;
 use crate::compile::adhesion::CompiledAdhesion;
 use crate::compile::collision::DynamicPairs;
 use crate::compile::compiled_model::{CompiledModel, ModelStructure};
-use crate::compile::limits::{ball_limits, frictions, limits};
+use crate::compile::limits::{frictions, is_scalar, limits};
 use crate::compile::mechanisms::{Mechanisms, tree_of_act, tree_of_scalar_impulse};
 use crate::compile::merging::Merged;
 use crate::compile::sensing::CompiledSensing;
@@ -13,7 +13,7 @@ use crate::compile::static_pairs::StaticPairs;
 use crate::compile::tree::{CompiledJoint, CompiledSingleBody, Link, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive, paths};
 use crate::model::actuator_spec::ActuatorSpec;
-use crate::model::{JointKind, Model};
+use crate::model::{Joint, JointKind, Model};
 
 impl<S: Scalar> CompiledModel<S> {
     /// Compiles a finished model.
@@ -26,9 +26,11 @@ impl<S: Scalar> CompiledModel<S> {
         let merged = Merged::new(model);
         let (dofs, descendants) = merging::dofs(model, &merged);
         let chain = merged.chain.clone();
-        let (limits, frictions) = (limits(model, &merged), frictions(model, specs, &merged));
-        let mut scalar_impulses = limits.len() + frictions.len();
-        let ball_limits = ball_limits(model, &merged, &mut scalar_impulses);
+        let frictions = frictions(model, specs, &merged);
+        let limits_of = |first: usize, is_of_kind: fn(&Joint) -> bool| limits(model, &merged, first, is_of_kind);
+        let limits = limits_of(0, is_scalar);
+        let ball_limits = limits_of(limits.len() + frictions.len(), |joint| joint.kind == JointKind::Ball);
+        let mut scalar_impulses = limits.len() + frictions.len() + ball_limits.len();
         let compiler = equality::Compiler { model, merged: &merged };
         let paths = paths::paths(model, &merged);
         let lengths = compiler.lengths(&paths);
@@ -45,7 +47,7 @@ impl<S: Scalar> CompiledModel<S> {
         let actuators = actuators::CompiledActuators::new(input, specs);
         let lossy = frictions.iter().any(|f| f.driven);
         let mocap = merging::mocap(model, &merged);
-        let single = (&limits[..], &frictions[..], &ball_limits[..]);
+        let single = ([&limits[..], &ball_limits], &frictions[..]);
         let tree_of_scalar_impulse = tree_of_scalar_impulse(scalar_impulses, &dofs, single, &equalities, &tendons);
         let tree_of_act = tree_of_act(model.na(), &dofs, &actuators.actuators);
         let mechanisms = Mechanisms::new(merged.ntree, &joints, &dofs, &mocap, &equalities, &tendons, &actuators.actuators);
@@ -81,7 +83,6 @@ impl<S: Scalar> CompiledModel<S> {
             pairs,
             dynamic_pairs,
             static_pairs: StaticPairs::default(),
-            limits,
             frictions,
             ball_limits,
             equalities,
@@ -95,7 +96,8 @@ impl<S: Scalar> CompiledModel<S> {
             actuators: actuators.actuators,
             servos: actuators.servos,
             actuator_force_ranges: actuators.force_ranges,
-            sensing: CompiledSensing::new(model, &merged, (&tendons, &lengths), lossy),
+            sensing: CompiledSensing::new(model, &merged, &limits, (&tendons, &lengths), lossy),
+            limits,
             tendons,
             paths,
             can_tunnel,

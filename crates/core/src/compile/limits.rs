@@ -1,22 +1,16 @@
 //! Compiled joint limits and dry friction.
 
 use crate::compile::merging::Merged;
-use crate::compile::tree::{CompiledBallLimit, CompiledFriction, CompiledLimit};
+use crate::compile::tree::{CompiledFriction, CompiledLimit};
 use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{Joint, JointKind, Model, Transmission};
 
-pub(super) fn limits(model: &Model, merged: &Merged) -> Vec<CompiledLimit> {
-    let limited = model.joints.iter().zip(&merged.addresses).filter(|(j, _)| is_scalar(j) && j.range.is_some());
-    limited.map(|(_, &(q, dof))| CompiledLimit { q, dof }).collect()
-}
-
-pub(super) fn ball_limits(model: &Model, merged: &Merged, impulse_index: &mut usize) -> Vec<CompiledBallLimit> {
-    let limited = model.joints.iter().zip(&merged.addresses).filter(|(j, _)| j.kind == JointKind::Ball && j.range.is_some());
-    let compiled = |(_, &(q, dof)): (&crate::model::Joint, &(usize, usize))| {
-        *impulse_index += 1;
-        CompiledBallLimit { q, dof, impulse_index: *impulse_index - 1 }
-    };
-    limited.map(compiled).collect()
+/// Limits of the joints that have a range and that `is_of_kind` selects. `first` is the index of the first limit's impulse in the list of
+/// impulses of scalar constraint rows.
+pub(super) fn limits(model: &Model, merged: &Merged, first: usize, is_of_kind: impl Fn(&Joint) -> bool) -> Vec<CompiledLimit> {
+    let joints = model.joints.iter().zip(&merged.addresses).enumerate();
+    let limited = joints.filter(|(_, (j, _))| is_of_kind(j) && j.range.is_some());
+    limited.zip(first..).map(|((joint, (_, &(q, dof))), impulse_index)| CompiledLimit { joint, q, dof, impulse_index }).collect()
 }
 
 pub(super) fn frictions(model: &Model, specs: &[Option<ActuatorSpec>], merged: &Merged) -> Vec<CompiledFriction> {

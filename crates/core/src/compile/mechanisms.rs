@@ -6,7 +6,7 @@ use stepper_real::Scalar;
 
 use crate::compile::actuators::{CompiledActuator, MomentKind, VariableMoment};
 use crate::compile::equality::{CompiledTendon, EqualityBlock, EqualityRows};
-use crate::compile::tree::{CompiledBallLimit, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, Dof};
+use crate::compile::tree::{CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, Dof};
 use crate::math::disjoint_sets::DisjointSets;
 use crate::model::JointKind;
 
@@ -57,16 +57,15 @@ pub(super) fn tree_of_act<S: Scalar>(na: usize, dofs: &[Dof], actuators: &[Compi
 pub(super) fn tree_of_scalar_impulse<S: Scalar>(
     count: usize,
     dofs: &[Dof],
-    (limits, frictions, ball_limits): (&[CompiledLimit], &[CompiledFriction], &[CompiledBallLimit]),
+    (limits, frictions): ([&[CompiledLimit]; 2], &[CompiledFriction]),
     equalities: &[EqualityBlock<S>],
     tendons: &[CompiledTendon<S>],
 ) -> Vec<Option<usize>> {
     let mut trees = vec![None; count];
-    let single = limits.iter().map(|limit| limit.dof).chain(frictions.iter().map(|friction| friction.dof));
-    for (tree, dof) in trees.iter_mut().zip(single) {
-        *tree = Some(dofs[dof].tree);
+    for (tree, friction) in trees[limits[0].len()..].iter_mut().zip(frictions) {
+        *tree = Some(dofs[friction.dof].tree);
     }
-    for limit in ball_limits {
+    for limit in limits.into_iter().flatten() {
         trees[limit.impulse_index] = Some(dofs[limit.dof].tree);
     }
     let first = |list: &[u32]| list.first().map(|&dof| dofs[dof as usize].tree);

@@ -4,13 +4,12 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, Radii, radii_of, size};
 use crate::compile::compiled_model::ModelStructure;
-use crate::compile::limits::is_scalar;
 use crate::compile::merging::{combined, matrix, quaternion, vector};
 use crate::compile::parameters::{
     ActuatorParams, CompensationParams, ContactParams, DofParams, EqualityParams, FluidParams, GeomParams, Inertial, ParameterRows, Params,
 };
 use crate::compile::passive::{FluidShape, inertia_box};
-use crate::model::{Body, EqualityKind, Filter, Joint, JointKind, Model, Object, Pair};
+use crate::model::{Body, EqualityKind, Filter, Joint, Model, Object, Pair};
 
 impl<S: Scalar> ModelStructure<S> {
     /// Parameters of `model`, in the tables and order of this structure. `model` must be the model that was compiled, or a variant of it
@@ -23,9 +22,9 @@ impl<S: Scalar> ModelStructure<S> {
             inertials: source.inertials().collect(),
             totals: source.totals().collect(),
             dofs: joints.clone().flat_map(dofs).collect(),
-            springs: joints.clone().map(|j| j.stiffness).collect(),
-            limits: joints.clone().filter(|j| is_scalar(j)).filter_map(|j| j.range).collect(),
-            ball_limits: joints.filter(|j| j.kind == JointKind::Ball).filter_map(|j| j.range).map(|[low, high]| low.max(high)).collect(),
+            springs: joints.map(|j| j.stiffness).collect(),
+            limits: self.limits.iter().filter_map(|l| model.joints[l.joint].range).collect(),
+            ball_limits: self.ball_limits.iter().filter_map(|l| model.joints[l.joint].range).map(|[low, high]| low.max(high)).collect(),
             frictions: self.frictions.iter().map(|f| model.joints[f.joint].frictionloss).collect(),
             actuators: model.actuators.iter().map(|a| a.affine_force()).map(|(gain, bias)| ActuatorParams { gain, bias }).collect(),
             geoms: self.geoms.iter().map(|g| source.geom(g)).collect(),

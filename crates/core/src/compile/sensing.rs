@@ -9,7 +9,7 @@ use stepper_real::Scalar;
 use crate::compile::equality::{Combination, CompiledTendon};
 use crate::compile::merging::{Merged, matrix, quaternion, wxyz};
 use crate::compile::ray_surfaces::RaySurfaces;
-use crate::compile::tree::scalars;
+use crate::compile::tree::{CompiledLimit, scalars};
 use crate::model::{
     ContactField, ContactReduction, ContactSide, FrameReading, Model, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind,
     Shape, Transmission,
@@ -272,8 +272,14 @@ impl Form {
 
 impl<S: Scalar> CompiledSensing<S> {
     /// Compiles the sensors of a model. `lossy` is set if actuator forces contain friction losses, which depend on the impulses of a step.
-    pub(super) fn new(model: &Model, merged: &Merged, (tendons, lengths): (&[CompiledTendon<S>], &[Combination<S>]), lossy: bool) -> Self {
-        let compiler = Compiler { model, merged, tendons, lengths, found: RefCell::default() };
+    pub(super) fn new(
+        model: &Model,
+        merged: &Merged,
+        limits: &[CompiledLimit],
+        (tendons, lengths): (&[CompiledTendon<S>], &[Combination<S>]),
+        lossy: bool,
+    ) -> Self {
+        let compiler = Compiler { model, merged, limits, tendons, lengths, found: RefCell::default() };
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| CompiledSensor {
             at: at[i],
@@ -346,6 +352,7 @@ impl Needs {
 struct Compiler<'a, S> {
     model: &'a Model,
     merged: &'a Merged,
+    limits: &'a [CompiledLimit],
     tendons: &'a [CompiledTendon<S>],
     /// Lengths of all tendons.
     lengths: &'a [Combination<S>],
@@ -438,7 +445,7 @@ impl<S: Scalar> Compiler<'_, S> {
 
     /// Index of the limit of joint `j` in the compiled model; `None` if the joint has no limit.
     fn limit_of(&self, j: usize) -> Option<usize> {
-        crate::compile::limits::limits(self.model, self.merged).iter().position(|l| l.dof == self.merged.addresses[j].1)
+        self.limits.iter().position(|limit| limit.joint == j)
     }
 
     fn range_of(&self, t: usize) -> Option<Bounds<S>> {

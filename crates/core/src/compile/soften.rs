@@ -5,10 +5,9 @@ use stepper_solve::soft::SlipEffort;
 
 use crate::compile::collision::radii_of;
 use crate::compile::compiled_model::{CompiledModel, ModelStructure};
-use crate::compile::limits::is_scalar;
 use crate::compile::softness::{CompiledSoftness, LawMaker};
-use crate::compile::tree::CompiledFriction;
-use crate::model::{Cone, Equality, EqualityKind, Filter, InverseWeights, Joint, JointKind, MIN_VALUE, Model, SoftSettings};
+use crate::compile::tree::{CompiledFriction, CompiledLimit};
+use crate::model::{Cone, Equality, EqualityKind, Filter, InverseWeights, MIN_VALUE, Model, SoftSettings};
 
 impl<S: Scalar> CompiledModel<S> {
     /// Adds the constraint parameters of MuJoCo's contact law, for steps of `timestep` seconds.
@@ -22,13 +21,7 @@ impl<S: Scalar> CompiledModel<S> {
         let maker = LawMaker { least_time, timestep };
         let geom_weights: Vec<f64> = model.geoms.iter().map(|g| weights.bodies[g.body][0]).collect();
         let addresses = &self.structure.merged.addresses;
-        let joints = || model.joints.iter().zip(addresses);
-        let limited = joints().filter(|(j, _)| j.range.is_some());
-        let limit = |(joint, &(_, dof)): (&Joint, &(usize, usize))| maker.law(&joint.limit_softness, weights.dofs[dof]);
-        let [limits, ball_limits] = [true, false].map(|scalar| {
-            let of_kind = limited.clone().filter(|(j, _)| if scalar { is_scalar(j) } else { j.kind == JointKind::Ball });
-            of_kind.map(limit).collect()
-        });
+        let limit = |l: &CompiledLimit| maker.law(&model.joints[l.joint].limit_softness, weights.dofs[l.dof]);
         let friction = |f: &CompiledFriction| maker.friction(&model.joints[f.joint].friction_softness, weights.dofs[f.dof]);
         let tendons = self.structure.tendons.iter().map(|t| {
             let (tendon, weight) = (&model.tendons[t.index], weights.tendons[t.index]);
@@ -53,9 +46,9 @@ impl<S: Scalar> CompiledModel<S> {
             impratio: S::from_f64(impratio.max(MIN_VALUE)),
             noslip: (noslip.iterations > 0).then_some(effort),
             pairs: pairs.collect(),
-            limits,
+            limits: self.structure.limits.iter().map(limit).collect(),
             frictions: self.structure.frictions.iter().map(friction).collect(),
-            ball_limits,
+            ball_limits: self.structure.ball_limits.iter().map(limit).collect(),
             tendons: tendons.collect(),
             equalities: equalities.collect(),
             maker,

@@ -118,18 +118,11 @@ pub struct CompiledBody<S> {
     pub quat: [S; 4],
 }
 
-/// Limit of a hinge or slide joint.
+/// Limit of a hinge, slide or ball joint.
 #[derive(Clone, Debug)]
 pub struct CompiledLimit {
-    /// Address of the joint's coordinate in q.
-    pub q: usize,
-    /// Index of the joint's degree of freedom.
-    pub dof: usize,
-}
-
-/// Limit of a ball joint.
-#[derive(Clone, Debug)]
-pub struct CompiledBallLimit {
+    /// Index of the joint in the model.
+    pub joint: usize,
     /// Address of the joint's first coordinate in q.
     pub q: usize,
     /// Index of the joint's first degree of freedom.

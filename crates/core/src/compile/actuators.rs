@@ -8,11 +8,11 @@ use stepper_real::Scalar;
 
 use crate::actuation::ActuatorSpec;
 use crate::compile::limits::is_scalar;
-use crate::compile::merging::{Merged, matrix, quaternion, vector};
+use crate::compile::merging::Merged;
 use crate::compile::paths::{CompiledPath, Spot, path_of};
 use crate::compile::tree::{CompiledFriction, scalars};
 use crate::model::{
-    Activation, Actuator, BiasType, Filter, ForceModel, GainType, JointKind, MUSCLE_PARAMETERS, Model, Muscle, Transmission,
+    Activation, Actuator, BiasType, Filter, ForceModel, GainType, JointKind, MUSCLE_PARAMETERS, Model, Muscle, Object, Transmission,
 };
 
 /// Compiled actuator: on a linear combination of scalar joints (a joint or a fixed tendon), or with moment arms that depend on the
@@ -344,6 +344,7 @@ impl<S: Scalar> CompiledActuators<S> {
     /// Compiles the moment of an actuator whose moment arms depend on the configuration; `None` for other actuators.
     fn variable_moment(&mut self, input: CompilerInput<'_, S>, a: &Actuator) -> Option<VariableMoment<S>> {
         let gear = S::from_f64(a.gear);
+        let spot = |site: usize| Spot::new(&input.merged.pose(input.model, Object::Site(site)));
         let (kind, turn) = match a.transmission {
             Transmission::Joint(_) => return None,
             Transmission::Tendon(t) => {
@@ -361,14 +362,14 @@ impl<S: Scalar> CompiledActuators<S> {
             }
             Transmission::Body(body) => (MomentKind::Contacts { body, dof: input.merged.last_dof(input.merged.frame[body]) }, None),
             Transmission::SliderCrank { crank, slider, rod } => {
-                let [crank, slider] = [crank, slider].map(|site| spot(input, site));
+                let [crank, slider] = [crank, slider].map(spot);
                 (MomentKind::SliderCrank { crank, slider, rod: S::from_f64(rod), gear }, None)
             }
             Transmission::Site { site, reference, wrench } => {
                 let wrench = wrench.map(|x| x * a.gear);
                 let is_angle = reference.is_some() && wrench[..3] == [0.0; 3] && wrench[3..] != [0.0; 3];
                 let turn = is_angle.then(|| S::from_f64(2.0 * PI * wrench[3..].iter().map(|x| x * x).sum::<f64>().sqrt()));
-                let (site, reference) = (spot(input, site), reference.map(|reference| spot(input, reference)));
+                let (site, reference) = (spot(site), reference.map(spot));
                 (MomentKind::Site { site, reference, wrench: scalars(wrench) }, turn)
             }
         };
@@ -448,17 +449,6 @@ fn touching_frames<S: Scalar>(input: CompilerInput<'_, S>, body: usize) -> BTree
     let touches = |&g: &usize| own().any(|other| other != g && filter.pair(filter.ordered([g, other])).is_some());
     let others = (0..geoms.len()).filter(touches).map(|g| input.merged.frame[geoms[g].body]);
     others.chain([input.merged.frame[body]]).collect()
-}
-
-/// Compiles the pose of a site.
-fn spot<S: Scalar>(input: CompilerInput<'_, S>, site: usize) -> Spot<S> {
-    let (site, merged) = (&input.model.sites[site], input.merged);
-    let quat = merged.quat[site.body];
-    Spot {
-        frame: merged.frame[site.body],
-        pos: scalars((merged.pos[site.body] + quat * vector(site.pos)).into()),
-        mat: matrix(&(quat * quaternion(site.quat))),
-    }
 }
 
 /// Lists the pairs of an actuator's degrees of freedom that are on one kinematic branch. An element of the list has the index of the mass

@@ -9,9 +9,9 @@ use stepper_geometry::{ConvexShape, Grid, MeshSurface, Solid, Surface};
 use stepper_real::{Real, Scalar};
 
 use crate::compile::equality::Spring;
-use crate::compile::merging::{Merged, matrix, quaternion, vector};
+use crate::compile::merging::{Merged, Pose, matrix, vector};
 use crate::compile::parameters::{ContactParams, Params};
-use crate::model::{ContactSpring, Filter, Geom, HeightField, Kernel, Mesh, Model, Pair, Shape};
+use crate::model::{ContactSpring, Filter, Geom, HeightField, Kernel, Mesh, Model, Object, Pair, Shape};
 
 /// Geom that takes part in collision.
 #[derive(Clone, Debug)]
@@ -380,10 +380,10 @@ fn compile_pair<S: Scalar>(pair: &Pair, kernel: Kernel, geoms: [usize; 2]) -> Co
 /// Compiled form of the geom with index `index` in the model, without a solid.
 fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom<S> {
     let g = &model.geoms[index];
-    let quat = merged.quat[g.body] * quaternion(g.quat);
+    let Pose { frame, quat, .. } = merged.pose(model, Object::Geom(index));
     CompiledGeom {
         index,
-        frame: merged.frame[g.body],
+        frame,
         is_plane: matches!(g.shape, Shape::Plane),
         is_round: matches!(g.shape, Shape::Sphere { .. } | Shape::Capsule { .. }),
         symmetry: match g.shape {

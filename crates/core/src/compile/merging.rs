@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
-use crate::model::{Joint, JointKind, Model, simple_bodies, weld_groups};
+use crate::model::{Description, Joint, JointKind, Model, Object, simple_bodies, weld_groups};
 
 /// Merged bodies and the tree of degrees of freedom. Bodies that cannot move relative to each other share one frame. For every body,
 /// `frame` is the index of this frame, and `pos` and `quat` are the body's pose in it.
@@ -32,6 +32,16 @@ pub(crate) struct Merged {
     pub(crate) chain: Vec<u32>,
     /// For each frame, the result of [`Merged::last_dof`].
     last_dof_of_frame: Vec<Option<usize>>,
+}
+
+/// Pose of an object (body, geom or site) in the frame to which it is fixed.
+pub(crate) struct Pose {
+    /// Index of the frame.
+    pub(crate) frame: usize,
+    /// Position in the frame, m.
+    pub(crate) pos: Vector3<f64>,
+    /// Rotation from the object's axes to the frame's.
+    pub(crate) quat: UnitQuaternion<f64>,
 }
 
 pub(crate) fn vector(x: [f64; 3]) -> Vector3<f64> {
@@ -76,6 +86,28 @@ impl Merged {
         let mut merged = Self { frame, pos, quat, leaders, mocap, addresses: model.joint_addresses(), ..Self::default() };
         merged.grow_trees(model);
         merged
+    }
+
+    /// Position of a point of a body in the frame to which the body is fixed, m. `pos` is the position in the frame of the body.
+    pub(crate) fn point(&self, body: usize, pos: [f64; 3]) -> Vector3<f64> {
+        self.pos[body] + self.quat[body] * vector(pos)
+    }
+
+    /// Rotation to the frame to which a body is fixed. `quat` is the rotation to the axes of the body.
+    pub(crate) fn rotation(&self, body: usize, quat: [f64; 4]) -> UnitQuaternion<f64> {
+        self.quat[body] * quaternion(quat)
+    }
+
+    /// Pose of an object in the frame to which it is fixed.
+    pub(crate) fn pose(&self, model: &Model, object: Object) -> Pose {
+        let Description { bodies, geoms, sites, .. } = &**model;
+        let (body, pos, quat) = match object {
+            Object::XBody(b) => (b, [0.0; 3], [1.0, 0.0, 0.0, 0.0]),
+            Object::Body(b) => (b, bodies[b].ipos, bodies[b].iquat),
+            Object::Geom(g) => (geoms[g].body, geoms[g].pos, geoms[g].quat),
+            Object::Site(s) => (sites[s].body, sites[s].pos, sites[s].quat),
+        };
+        Pose { frame: self.frame[body], pos: self.point(body, pos), quat: self.rotation(body, quat) }
     }
 
     /// Index of the parent frame of the link with index `link`.
@@ -156,9 +188,7 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
     let link = |(l, &leader): (usize, &usize)| {
         let body = &model.bodies[leader];
         let parent = merged.parent_frame(model, l);
-        let p = body.parent;
-        let pos = merged.pos[p] + merged.quat[p] * vector(body.pos);
-        let quat = merged.quat[p] * quaternion(body.quat);
+        let (pos, quat) = (merged.point(body.parent, body.pos), merged.rotation(body.parent, body.quat));
         let (joint0, dof0) = (joint, dof);
         for j in joints_of(model, leader) {
             joint += 1;
@@ -189,7 +219,7 @@ fn joints_of(model: &Model, body: usize) -> &[Joint] {
 /// and their inertia about the centre of mass in the frame's axes.
 pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl IntoIterator<Item = usize>) -> (f64, Vector3<f64>, [f64; 6]) {
     let parts: Vec<usize> = chosen.into_iter().filter(|&b| model.bodies[b].mass > 0.0).collect();
-    let com_of = |b: usize| merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);
+    let com_of = |b: usize| merged.point(b, model.bodies[b].ipos);
     let mass: f64 = parts.iter().map(|&b| model.bodies[b].mass).sum();
     if mass == 0.0 {
         return (0.0, Vector3::zeros(), [0.0; 6]);
@@ -198,7 +228,7 @@ pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl IntoIterator
     let mut total = Matrix3::zeros();
     for &b in &parts {
         let body = &model.bodies[b];
-        let axes = (merged.quat[b] * quaternion(body.iquat)).to_rotation_matrix();
+        let axes = merged.rotation(b, body.iquat).to_rotation_matrix();
         let r = com_of(b) - com;
         total += axes * Matrix3::from_diagonal(&vector(body.inertia)) * axes.transpose()
             + (Matrix3::identity() * r.dot(&r) - r * r.transpose()) * body.mass;

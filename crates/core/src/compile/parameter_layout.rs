@@ -4,7 +4,7 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, Radii, radii_of, size};
 use crate::compile::compiled_model::ModelStructure;
-use crate::compile::merging::{combined, matrix, quaternion, vector};
+use crate::compile::merging::{combined, matrix, vector};
 use crate::compile::parameters::{
     ActuatorParams, CompensationParams, ContactParams, DofParams, EqualityParams, FluidParams, GeomParams, Inertial, ParameterRows, Params,
 };
@@ -116,14 +116,15 @@ impl<S: Scalar> Source<'_, S> {
 
     fn equality(&self, kind: &EqualityKind) -> EqualityParams<f64> {
         let none = EqualityParams { first: [0.0; 3], second: [0.0; 3], orientation: [0.0; 9], weight: 0.0, polynomial: [0.0; 5] };
+        let merged = &self.structure.merged;
         match *kind {
             EqualityKind::Connect { bodies, anchors } => {
-                let [first, second] = std::array::from_fn(|side| self.point(bodies[side], anchors[side]));
+                let [first, second] = std::array::from_fn(|side| merged.point(bodies[side], anchors[side]).into());
                 EqualityParams { first, second, ..none }
             }
             EqualityKind::Weld { bodies, anchors, relpose, torquescale } => {
-                let [first, second] = std::array::from_fn(|side| self.point(bodies[side], anchors[side]));
-                let orientation = matrix(&(self.structure.merged.quat[bodies[0]] * quaternion(relpose)));
+                let [first, second] = std::array::from_fn(|side| merged.point(bodies[side], anchors[side]).into());
+                let orientation = matrix(&merged.rotation(bodies[0], relpose));
                 EqualityParams { first, second, orientation, weight: torquescale, ..none }
             }
             EqualityKind::Joint { polycoef, .. } | EqualityKind::Tendon { polycoef, .. } => EqualityParams { polynomial: polycoef, ..none },
@@ -146,18 +147,7 @@ impl<S: Scalar> Source<'_, S> {
 
     /// Position of an object (body, geom or site) in the frame to which it is fixed, m.
     fn position(&self, object: Object) -> [f64; 3] {
-        let (body, pos) = match object {
-            Object::XBody(b) => (b, [0.0; 3]),
-            Object::Body(b) => (b, self.model.bodies[b].ipos),
-            Object::Geom(g) => (self.model.geoms[g].body, self.model.geoms[g].pos),
-            Object::Site(s) => (self.model.sites[s].body, self.model.sites[s].pos),
-        };
-        self.point(body, pos)
-    }
-
-    /// Position of a point of a body in the frame to which the body is fixed, m. `pos` is the position in the frame of the body.
-    fn point(&self, body: usize, pos: [f64; 3]) -> [f64; 3] {
-        (self.structure.merged.pos[body] + self.structure.merged.quat[body] * vector(pos)).into()
+        self.structure.merged.pose(self.model, object).pos.into()
     }
 
     fn size(&self, object: Object) -> [f64; 3] {

@@ -2,11 +2,11 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use stepper_real::Scalar;
 
 use crate::compile::collision::CompiledGeom;
-use crate::compile::merging::{Merged, matrix, quaternion};
+use crate::compile::merging::{Merged, matrix};
 use crate::compile::tree::scalars;
 use crate::model::{Body, Ellipsoid, Medium, Model, Object};
 
@@ -98,17 +98,16 @@ pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledFl
         if frame == 0 || frame > merged.leaders.len() || body.mass < TINY {
             continue;
         }
-        let mut push = |object: Object, quat: [f64; 4], shape| {
-            let axes: UnitQuaternion<f64> = merged.quat[b] * quaternion(quat);
-            found.push(CompiledFluid { link: frame - 1, object, mat: matrix(&axes), shape });
+        let mut push = |object: Object, shape| {
+            found.push(CompiledFluid { link: frame - 1, object, mat: matrix(&merged.pose(model, object).quat), shape });
         };
         let geoms = std::mem::take(&mut geoms_of[b]);
         if geoms.is_empty() {
-            push(Object::Body(b), body.iquat, FluidShape::Box);
+            push(Object::Body(b), FluidShape::Box);
         }
         for (g, geom) in geoms {
             let coefficients = geom.fluid.as_ref().expect("filtered above");
-            push(Object::Geom(g), geom.quat, ellipsoid(coefficients, &model.medium));
+            push(Object::Geom(g), ellipsoid(coefficients, &model.medium));
         }
     }
     found

@@ -2,9 +2,9 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::compile::merging::{Merged, matrix, quaternion, vector};
+use crate::compile::merging::{Merged, Pose, matrix};
 use crate::compile::tree::scalars;
-use crate::model::{Model, PathSegment, Tendon, round};
+use crate::model::{Model, Object, PathSegment, Tendon, round};
 
 /// Pose of a site or geom in a frame of the compiled model.
 #[derive(Clone, Copy, Debug)]
@@ -15,6 +15,12 @@ pub struct Spot<S> {
     pub pos: [S; 3],
     /// Rotation matrix from the axes of the site or geom to the frame's, row-major.
     pub mat: [S; 9],
+}
+
+impl<S: Scalar> Spot<S> {
+    pub(super) fn new(pose: &Pose) -> Self {
+        Self { frame: pose.frame, pos: scalars(pose.pos.into()), mat: matrix(&pose.quat) }
+    }
 }
 
 /// Path of a spatial tendon.
@@ -151,9 +157,8 @@ fn frames(model: &Model, merged: &Merged, segment: &PathSegment) -> Vec<usize> {
 }
 
 fn point<S: Scalar>(model: &Model, merged: &Merged, site: usize) -> PathPoint<S> {
-    let site = &model.sites[site];
-    let pos = merged.pos[site.body] + merged.quat[site.body] * vector(site.pos);
-    PathPoint { frame: merged.frame[site.body], pos: scalars(pos.into()) }
+    let Pose { frame, pos, .. } = merged.pose(model, Object::Site(site));
+    PathPoint { frame, pos: scalars(pos.into()) }
 }
 
 fn obstacle<S: Scalar>(
@@ -163,11 +168,8 @@ fn obstacle<S: Scalar>(
     side: Option<usize>,
     indices: &mut impl Iterator<Item = usize>,
 ) -> Option<CompiledObstacle<S>> {
-    let geom = &model.geoms[geom];
-    let (radius, is_cylinder) = round(&geom.shape)?;
-    let quat = merged.quat[geom.body];
-    let pos = merged.pos[geom.body] + quat * vector(geom.pos);
-    let place = Spot { frame: merged.frame[geom.body], pos: scalars(pos.into()), mat: matrix(&(quat * quaternion(geom.quat))) };
+    let (radius, is_cylinder) = round(&model.geoms[geom].shape)?;
+    let place = Spot::new(&merged.pose(model, Object::Geom(geom)));
     let side = side.map(|site| point(model, merged, site));
     Some(CompiledObstacle { place, radius: S::from_f64(radius), is_cylinder, side, index: indices.next()? })
 }

@@ -7,7 +7,7 @@ use stepper_geometry::RaySurface;
 use stepper_real::Scalar;
 
 use crate::compile::equality::{Combination, CompiledTendon};
-use crate::compile::merging::{Merged, matrix, quaternion, wxyz};
+use crate::compile::merging::{Merged, Pose, matrix, wxyz};
 use crate::compile::ray_surfaces::RaySurfaces;
 use crate::compile::tree::{CompiledLimit, scalars};
 use crate::model::{
@@ -466,14 +466,8 @@ impl<S: Scalar> Compiler<'_, S> {
 
     /// Sensor frame of an object. The argument `index` selects the object's position in [`Params::place`](crate::compile::Params::place).
     fn frame_of(&self, object: Object, index: usize) -> SensorFrame<S> {
-        let (body, quat) = match object {
-            Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),
-            Object::Body(b) => (b, self.model.bodies[b].iquat),
-            Object::Geom(g) => (self.model.geoms[g].body, self.model.geoms[g].quat),
-            Object::Site(s) => (self.model.sites[s].body, self.model.sites[s].quat),
-        };
-        let quat = self.merged.quat[body] * quaternion(quat);
-        SensorFrame { frame: self.merged.frame[body], index, mat: matrix(&quat), quat: wxyz(&quat) }
+        let Pose { frame, quat, .. } = self.merged.pose(self.model, object);
+        SensorFrame { frame, index, mat: matrix(&quat), quat: wxyz(&quat) }
     }
 
     fn solid(&self, object: Object, shape: &Shape) -> Option<Solid<S>> {

@@ -345,11 +345,23 @@ impl<S: Scalar> CompiledActuators<S> {
     fn variable_moment(&mut self, input: CompilerInput<'_, S>, a: &Actuator) -> Option<VariableMoment<S>> {
         let gear = S::from_f64(a.gear);
         let spot = |site: usize| Spot::new(&input.merged.pose(input.model, Object::Site(site)));
-        let (kind, turn) = match a.transmission {
+        let moved_by_one = |first: Spot<S>, second: Option<Spot<S>>| {
+            let sign = |dof: usize| {
+                let moves = |spot: Spot<S>| input.merged.moves(dof, spot.frame);
+                match (moves(first), second.is_some_and(moves)) {
+                    (true, false) => Some((dof, S::ONE)),
+                    (false, true) => Some((dof, S::from_f64(-1.0))),
+                    _ => None,
+                }
+            };
+            (0..input.model.nv()).filter_map(sign).collect()
+        };
+        let (kind, turn, dofs): (_, _, Vec<(usize, S)>) = match a.transmission {
             Transmission::Joint(_) => return None,
             Transmission::Tendon(t) => {
                 let path = path_of(input.model, t)?;
-                (MomentKind::Path { path, first: input.paths[path].arms, gear }, None)
+                let dofs = input.paths[path].dofs.iter().map(|&dof| (dof as usize, S::ONE));
+                (MomentKind::Path { path, first: input.paths[path].arms, gear }, None, dofs.collect())
             }
             Transmission::JointWrench { joint, in_parent, wrench } => {
                 let wrench = wrench.map(|x| x * a.gear);
@@ -357,46 +369,26 @@ impl<S: Scalar> CompiledActuators<S> {
                 let [first, second] = [[wrench[0], wrench[1], wrench[2]], [wrench[3], wrench[4], wrench[5]]];
                 let wrench = if free { [first, second] } else { [[0.0; 3], first] };
                 let turn = (!free).then(|| S::from_f64(2.0 * PI * wrench[1].iter().map(|x| x * x).sum::<f64>().sqrt()));
-                let q = input.merged.addresses[joint].0 + if free { 3 } else { 0 };
-                (MomentKind::Joint { q, free, in_parent, wrench: wrench.map(scalars) }, turn.filter(|&turn| turn > S::default()))
+                let ((q, v), [translations, dofs]) = (input.merged.addresses[joint], if free { [3, 6] } else { [0, 3] });
+                let kind = MomentKind::Joint { q: q + translations, free, in_parent, wrench: wrench.map(scalars) };
+                (kind, turn.filter(|&turn| turn > S::default()), (v..v + dofs).map(|dof| (dof, S::ONE)).collect())
             }
-            Transmission::Body(body) => (MomentKind::Contacts { body, dof: input.merged.last_dof(input.merged.frame[body]) }, None),
+            Transmission::Body(body) => {
+                let frames = touching_frames(input, body);
+                let moves = |&dof: &usize| frames.iter().any(|&frame| input.merged.moves(dof, frame));
+                let dofs = (0..input.model.nv()).filter(moves).map(|dof| (dof, S::ONE));
+                (MomentKind::Contacts { body, dof: input.merged.last_dof(input.merged.frame[body]) }, None, dofs.collect())
+            }
             Transmission::SliderCrank { crank, slider, rod } => {
                 let [crank, slider] = [crank, slider].map(spot);
-                (MomentKind::SliderCrank { crank, slider, rod: S::from_f64(rod), gear }, None)
+                (MomentKind::SliderCrank { crank, slider, rod: S::from_f64(rod), gear }, None, moved_by_one(crank, Some(slider)))
             }
             Transmission::Site { site, reference, wrench } => {
                 let wrench = wrench.map(|x| x * a.gear);
                 let is_angle = reference.is_some() && wrench[..3] == [0.0; 3] && wrench[3..] != [0.0; 3];
                 let turn = is_angle.then(|| S::from_f64(2.0 * PI * wrench[3..].iter().map(|x| x * x).sum::<f64>().sqrt()));
                 let (site, reference) = (spot(site), reference.map(spot));
-                (MomentKind::Site { site, reference, wrench: scalars(wrench) }, turn)
-            }
-        };
-        let moves = |dof: usize, spot: Spot<S>| input.merged.moves(dof, spot.frame);
-        let side = |dof: usize, first: Spot<S>, second: Option<Spot<S>>| match (
-            moves(dof, first),
-            second.is_some_and(|second| moves(dof, second)),
-        ) {
-            (true, false) => Some((dof, S::ONE)),
-            (false, true) => Some((dof, S::from_f64(-1.0))),
-            _ => None,
-        };
-        let dofs: Vec<_> = match kind {
-            MomentKind::Path { path, .. } => input.paths[path].dofs.iter().map(|&dof| (dof as usize, S::ONE)).collect(),
-            MomentKind::Site { site, reference, .. } => (0..input.model.nv()).filter_map(|dof| side(dof, site, reference)).collect(),
-            MomentKind::Joint { free, .. } => {
-                let Transmission::JointWrench { joint, .. } = a.transmission else { unreachable!("matched above") };
-                let first = input.merged.addresses[joint].1;
-                (first..first + if free { 6 } else { 3 }).map(|dof| (dof, S::ONE)).collect()
-            }
-            MomentKind::Contacts { body, .. } => {
-                let frames = touching_frames(input, body);
-                let moves = |&dof: &usize| frames.iter().any(|&frame| input.merged.moves(dof, frame));
-                (0..input.model.nv()).filter(moves).map(|dof| (dof, S::ONE)).collect()
-            }
-            MomentKind::SliderCrank { crank, slider, .. } => {
-                (0..input.model.nv()).filter_map(|dof| side(dof, crank, Some(slider))).collect()
+                (MomentKind::Site { site, reference, wrench: scalars(wrench) }, turn, moved_by_one(site, reference))
             }
         };
         let compiled = VariableMoment { kind, turn, arms: self.arms, index: self.variable_moments, dofs };

@@ -4,7 +4,7 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 use crate::compile::tree::scalars;
-use crate::model::{Filter, Model, Transmission};
+use crate::model::{Actuator, Filter, Model, Transmission};
 
 /// Distance beyond margin + gap up to which adhesion pulls with hard contact, m. Evidence: gaps at rest are below 1e-9 m, and below 1e-6 m
 /// in 32 bits; with 0, a hanging box falls as soon as rounding opens its gap.
@@ -29,7 +29,8 @@ impl<S: Scalar> CompiledAdhesion<S> {
         pairs: &[CompiledPair<S>],
         dynamic_pairs: Option<&DynamicPairs<S>>,
     ) -> Option<Self> {
-        let bodies: Vec<usize> = model.actuators.iter().filter_map(|a| adhesive_body(&a.transmission)).collect();
+        let body = |a: &Actuator| if let Transmission::Body(body) = a.transmission { Some(body) } else { None };
+        let bodies: Vec<usize> = model.actuators.iter().filter_map(body).collect();
         if bodies.is_empty() {
             return None;
         }
@@ -60,9 +61,4 @@ impl<S: Scalar> CompiledAdhesion<S> {
             None => self.geoms[geoms[0]].to_f64() + self.geoms[geoms[1]].to_f64(),
         }
     }
-}
-
-/// Body on whose contacts an actuator acts; `None` for other actuators.
-fn adhesive_body(transmission: &Transmission) -> Option<usize> {
-    if let Transmission::Body(body) = *transmission { Some(body) } else { None }
 }

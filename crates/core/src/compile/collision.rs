@@ -372,8 +372,7 @@ pub(super) fn radii_of(model: &Model, geom: usize) -> Radii {
 /// Compiled form of a pair, with the indices `geoms` of its geoms in the compiled model.
 fn compile_pair<S: Scalar>(pair: &Pair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
     let ContactSpring { stiffness, damping } = pair.spring;
-    let [stiffness, damping, inertia] = [stiffness, damping, 0.0].map(S::from_f64);
-    let spring = (!pair.spring.is_rigid()).then_some(Spring { stiffness, damping, inertia });
+    let spring = (!pair.spring.is_rigid()).then(|| Spring::new(stiffness, damping, 0.0));
     CompiledPair { geoms, kernel, condim: pair.condim, margin: S::from_f64(pair.margin), spring }
 }
 

@@ -96,7 +96,7 @@ impl<S: Scalar> CompiledModel<S> {
             actuators: actuators.actuators,
             servos: actuators.servos,
             actuator_force_ranges: actuators.force_ranges,
-            sensing: CompiledSensing::new(model, &merged, &limits, (&tendons, &lengths), lossy),
+            sensing: CompiledSensing::new(&compiler, &limits, (&tendons, &lengths), lossy),
             limits,
             tendons,
             paths,

@@ -8,7 +8,7 @@ use crate::compile::merging::Merged;
 use crate::compile::merging::matrix;
 use crate::compile::paths::{CompiledPath, PathLengths, PathTerm, path_of};
 use crate::compile::tree::scalars;
-use crate::model::{Equality, EqualityKind, Model};
+use crate::model::{EqualityKind, Model};
 
 /// Length of a tendon, or position of a joint: a linear combination of scalar joint positions, and the length of a path.
 #[derive(Clone, Debug)]
@@ -62,12 +62,6 @@ impl<S: Scalar> Combination<S> {
                 f(dof as usize, arm);
             }
         }
-    }
-
-    /// Iterator over the entries of [`Self::for_each_arm`], which is slower in kernels.
-    pub fn arms<'a, R: Real<Scalar = S>>(&'a self, paths: &'a PathLengths<R>) -> impl Iterator<Item = (usize, R)> + 'a {
-        let of_path = |term: &'a PathTerm| term.dofs.iter().zip(&paths.arms[term.arms..]).map(|(&dof, &arm)| (dof as usize, arm));
-        self.terms.iter().map(|&(_, dof, c)| (dof, R::splat(c))).chain(self.path.iter().flat_map(of_path))
     }
 
     /// Degrees of freedom on which the combination depends.
@@ -131,6 +125,14 @@ pub struct Spring<S> {
     pub damping: S,
     /// Inertia that acts along the row, N s^2/u with u = m or rad.
     pub inertia: S,
+}
+
+impl<S: Scalar> Spring<S> {
+    /// Spring in the scalar type of the lanes.
+    pub(super) fn new(stiffness: f64, damping: f64, inertia: f64) -> Self {
+        let [stiffness, damping, inertia] = scalars([stiffness, damping, inertia]);
+        Self { stiffness, damping, inertia }
+    }
 }
 
 /// Equality of the model, active or not.
@@ -223,7 +225,8 @@ pub(super) struct Compiler<'a> {
 }
 
 impl Compiler<'_> {
-    fn combination<S: Scalar>(&self, joints: &[(usize, f64)]) -> Combination<S> {
+    /// Linear combination of the positions of joints, each with its coefficient.
+    pub(super) fn combination<S: Scalar>(&self, joints: &[(usize, f64)]) -> Combination<S> {
         let terms = joints.iter().map(|&(j, c)| (self.merged.addresses[j].0, self.merged.addresses[j].1, S::from_f64(c))).collect();
         let reference = joints.iter().map(|&(j, c)| c * self.model.qpos0[self.merged.addresses[j].0]).sum();
         Combination { terms, path: None, reference: S::from_f64(reference) }
@@ -315,7 +318,7 @@ impl Compiler<'_> {
                 active: equality.active,
                 rows,
                 dofs: dofs.clone(),
-                spring: spring(equality),
+                spring: equality.stiffness.is_finite().then(|| Spring::new(equality.stiffness, equality.damping, 0.0)),
                 impulse_index: *impulse_index,
             };
             *impulse_index += count;
@@ -345,11 +348,7 @@ impl Compiler<'_> {
             if !sprung && tendon.range.is_none() && tendon.frictionloss == 0.0 {
                 continue;
             }
-            let spring = Spring {
-                stiffness: S::from_f64(tendon.stiffness),
-                damping: S::from_f64(tendon.damping),
-                inertia: S::from_f64(tendon.armature),
-            };
+            let spring = Spring::new(tendon.stiffness, tendon.damping, tendon.armature);
             let length = self.length(index, paths);
             plans.push(CompiledTendon {
                 index,
@@ -390,9 +389,4 @@ fn mark_eliminated<S: Scalar>(blocks: &mut [EqualityBlock<S>], nv: usize) {
         block.dofs.iter().for_each(|&d| block.set[d as usize / 64] |= 1 << (d % 64));
     }
     blocks.sort_by_key(|b| !b.eliminated);
-}
-
-fn spring<S: Scalar>(equality: &Equality) -> Option<Spring<S>> {
-    let soft = equality.stiffness.is_finite();
-    soft.then(|| Spring { stiffness: S::from_f64(equality.stiffness), damping: S::from_f64(equality.damping), inertia: S::default() })
 }

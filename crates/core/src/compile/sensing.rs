@@ -6,7 +6,7 @@ use std::sync::Arc;
 use stepper_geometry::RaySurface;
 use stepper_real::Scalar;
 
-use crate::compile::equality::{Combination, CompiledTendon};
+use crate::compile::equality::{self, Combination, CompiledTendon};
 use crate::compile::merging::{Merged, Pose, matrix, wxyz};
 use crate::compile::ray_surfaces::RaySurfaces;
 use crate::compile::tree::{CompiledLimit, scalars};
@@ -273,13 +273,13 @@ impl Form {
 impl<S: Scalar> CompiledSensing<S> {
     /// Compiles the sensors of a model. `lossy` is set if actuator forces contain friction losses, which depend on the impulses of a step.
     pub(super) fn new(
-        model: &Model,
-        merged: &Merged,
+        combinations: &equality::Compiler<'_>,
         limits: &[CompiledLimit],
         (tendons, lengths): (&[CompiledTendon<S>], &[Combination<S>]),
         lossy: bool,
     ) -> Self {
-        let compiler = Compiler { model, merged, limits, tendons, lengths, found: RefCell::default() };
+        let &equality::Compiler { model, merged } = combinations;
+        let compiler = Compiler { model, merged, combinations, limits, tendons, lengths, found: RefCell::default() };
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| CompiledSensor {
             at: at[i],
@@ -352,6 +352,7 @@ impl Needs {
 struct Compiler<'a, S> {
     model: &'a Model,
     merged: &'a Merged,
+    combinations: &'a equality::Compiler<'a>,
     limits: &'a [CompiledLimit],
     tendons: &'a [CompiledTendon<S>],
     /// Lengths of all tendons.
@@ -375,12 +376,13 @@ impl<S: Scalar> Compiler<'_, S> {
     fn read(&self, kind: &SensorKind, at: &[usize]) -> Read<S> {
         use SensorKind as K;
         let site = |s: usize| self.place(Object::Site(s));
+        let position = |j: usize| self.combinations.combination(&[(j, 1.0)]);
         match *kind {
             K::JointPos(j) | K::BallQuat(j) => Read::Position(self.merged.addresses[j].0),
             K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.merged.addresses[j].1),
             K::JointActuatorForce(j) => Read::JointForce(self.merged.addresses[j].1),
-            K::JointLimitPos(j) => self.overlap(self.position(j, 1.0), self.limit_of(j).map(Bounds::Limit), false),
-            K::JointLimitVel(j) => self.overlap(self.position(j, 1.0), self.limit_of(j).map(Bounds::Limit), true),
+            K::JointLimitPos(j) => self.overlap(position(j), self.limit_of(j).map(Bounds::Limit), false),
+            K::JointLimitVel(j) => self.overlap(position(j), self.limit_of(j).map(Bounds::Limit), true),
             K::JointLimitForce(j) => self.limit_of(j).map_or(Read::Nothing, Read::LimitForce),
             K::TendonPos(t) => Read::Length(self.lengths[t].clone()),
             K::TendonVel(t) => Read::Rate(self.lengths[t].clone()),
@@ -424,20 +426,14 @@ impl<S: Scalar> Compiler<'_, S> {
         }
     }
 
-    /// Position of joint `j` times `gear`.
-    fn position(&self, j: usize, gear: f64) -> Combination<S> {
-        let (q, v) = self.merged.addresses[j];
-        Combination { terms: vec![(q, v, S::from_f64(gear))], path: None, reference: S::default() }
-    }
-
     /// Length of actuator `a` as a combination of joint positions. `None` for an actuator with a variable moment.
     fn moment(&self, a: usize) -> Option<Combination<S>> {
         let actuator = &self.model.actuators[a];
         match actuator.transmission {
-            Transmission::Joint(j) => Some(self.position(j, actuator.gear)),
+            Transmission::Joint(j) => Some(self.combinations.combination(&[(j, actuator.gear)])),
             Transmission::Tendon(t) if self.lengths[t].path.is_none() => {
-                let terms = self.model.tendons[t].joints.iter().flat_map(|&(j, c)| self.position(j, c * actuator.gear).terms);
-                Some(Combination { terms: terms.collect(), path: None, reference: S::default() })
+                let terms = self.model.tendons[t].joints.iter().map(|&(j, c)| (j, c * actuator.gear));
+                Some(self.combinations.combination(&terms.collect::<Vec<_>>()))
             }
             _ => None,
         }

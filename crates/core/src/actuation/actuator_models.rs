@@ -19,10 +19,10 @@ pub struct ActuatorModels {
     /// without an actuator model.
     originals: Vec<Option<ActuatorSpec>>,
     /// Specs with the parameters of all environments. `None` until parameters change, and after a call that restores all environments.
-    per_env: Option<Vec<Option<ActuatorSpec>>>,
+    pub per_env: Option<Vec<Option<ActuatorSpec>>>,
 }
 
-/// Checked new parameters of actuator models for some environments, as input of [`ActuatorModels::apply`].
+/// Checked new parameters of actuator models for some environments.
 #[derive(Clone, Debug)]
 pub struct ActuatorUpdate {
     /// Environments that get the parameters.
@@ -31,7 +31,7 @@ pub struct ActuatorUpdate {
     /// unchanged.
     pub specs: Vec<Option<ActuatorSpec>>,
     /// New value of [`ActuatorModels::per_env`].
-    per_env: Option<Vec<Option<ActuatorSpec>>>,
+    pub per_env: Option<Vec<Option<ActuatorSpec>>>,
 }
 
 impl ActuatorModels {
@@ -46,11 +46,6 @@ impl ActuatorModels {
         let made =
             specs.iter().zip(given).map(|(spec, given)| Some(given.clone().unwrap_or_else(ActuatorSpec::ideal)).filter(|_| spec.is_some()));
         Ok(Self { model: combined, originals: made.collect(), specs, per_env: None })
-    }
-
-    /// Specs with the parameters of all environments. `None` until parameters change, and after a call that restores all environments.
-    pub fn per_env(&self) -> Option<&[Option<ActuatorSpec>]> {
-        self.per_env.as_deref()
     }
 
     /// Memory of the specs, bytes.
@@ -103,11 +98,6 @@ impl ActuatorModels {
             }
         }
         Ok(ActuatorUpdate { envs: envs.to_vec(), specs: new, per_env: Some(per_env).filter(|_| given.is_some() || envs.len() < num_envs) })
-    }
-
-    /// Stores the parameters of an update.
-    pub fn apply(&mut self, update: ActuatorUpdate) {
-        self.per_env = update.per_env;
     }
 }
 

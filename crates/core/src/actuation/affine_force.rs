@@ -118,12 +118,15 @@ impl<R: Real> EffectiveInertia<R> {
 #[inline(always)]
 pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
     match range {
-        Some(range) => {
-            let [lo, hi] = splat(range);
-            R::select(x.eq(x), x.clamp(lo, hi), x)
-        }
+        Some(range) => bounded(x, splat(range)),
         None => x,
     }
+}
+
+/// Number `x`, clamped to a range. A NaN stays NaN.
+#[inline(always)]
+pub(crate) fn bounded<R: Real>(x: R, [low, high]: [R; 2]) -> R {
+    R::select(x.eq(x), x.clamp(low, high), x)
 }
 
 /// Lanes in which `x` is outside its range; no lanes if there is no range.

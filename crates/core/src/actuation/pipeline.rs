@@ -8,10 +8,10 @@
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
-use crate::actuation::affine_force::{ActuatorDynamics, within};
+use crate::actuation::affine_force::{ActuatorDynamics, bounded, within};
 use crate::actuation::memory::Memory;
 use crate::compile::{CompiledActuator, ModelStructure};
-use crate::math::lanes::DelayLine;
+use crate::math::lanes::{DelayLine, get, put, split_delay};
 use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
 
 /// Parameter of an actuator model that may differ between environments. The variants have the order of the rows in the parameter table.
@@ -148,7 +148,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
             let at = (pipeline.table_start + PipelineParameter::Delay as usize) * lanes;
             let first = self.tables[0][at];
             let shared = self.tables.iter().all(|table| table[at..at + lanes].iter().all(|x| *x == first));
-            pipeline.delay = shared.then(|| parts(first.to_f64(), pipeline.servo == ServoKind::Sampled));
+            pipeline.delay = shared.then(|| pipeline.whole_and_rest(first));
         }
     }
 
@@ -292,15 +292,6 @@ fn dynamics_of<T>([slope, rate]: [T; 2], number: impl Fn(PipelineParameter) -> T
     }
 }
 
-/// Whole and fractional part of a delay in steps. With `staircase`, for sampled servos, the delay is rounded up to whole steps.
-fn parts(steps: f64, staircase: bool) -> (usize, f64) {
-    // A delay within rounding of a whole number of steps counts as that number.
-    let near = (steps + 0.5).floor();
-    let steps = if (steps - near).abs() < 1e-9 * (1.0 + near) { near } else { steps };
-    let whole = if staircase { steps.ceil() } else { steps.floor() };
-    (whole as usize, if staircase { 0.0 } else { steps - whole })
-}
-
 /// Parameters of one environment, in the order of [`PipelineParameter`]: the numbers at the position `k` of each list of a spec. A list of
 /// one number has the same number at all positions. `h` is the time step, s.
 fn parameters_of(t: &ActuatorSpec, k: usize, h: f64) -> [f64; PARAMETERS] {
@@ -339,24 +330,6 @@ fn parameters_of(t: &ActuatorSpec, k: usize, h: f64) -> [f64; PARAMETERS] {
     parameters
 }
 
-#[inline(always)]
-fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
-    R::load(&numbers[at * R::LANES..])
-}
-
-/// Writes the value `x` to address `at` of the lane-interleaved list `numbers`, in the lanes `lanes`.
-#[inline(always)]
-fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
-    let old = get::<R>(numbers, at);
-    R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
-}
-
-/// Effort `x`, clamped to its bounds. A NaN stays NaN.
-#[inline(always)]
-fn bounded<R: Real>(x: R, [low, high]: [R; 2]) -> R {
-    R::select(x.eq(x), x.clamp(low, high), x)
-}
-
 /// Length and velocity of an actuator on a joint or tendon, from q and v.
 #[inline(always)]
 fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) -> [R; 2] {
@@ -372,6 +345,13 @@ impl ActuatorPipeline {
     /// Address of the stored values of the lag; those of the servo follow.
     fn lag_at(&self) -> usize {
         self.memory_start + self.delay_samples
+    }
+
+    /// Whole and fractional part of a delay in steps. For sampled servos, the delay is rounded up to whole steps.
+    #[inline(always)]
+    fn whole_and_rest<S: Scalar>(&self, steps: S) -> (usize, f64) {
+        let (whole, rest) = split_delay(steps.to_f64(), self.servo != ServoKind::Sampled);
+        (whole as usize, rest)
     }
 
     /// Sets the gains of a continuous servo. A lag multiplies them by one minus the parameter `left`, which is [`PipelineParameter::Decay`]
@@ -409,8 +389,7 @@ impl ActuatorPipeline {
         } else {
             (new, old, part) = (R::zero(), R::zero(), R::zero());
             for l in 0..R::LANES {
-                let (whole, rest) =
-                    parts(get::<R>(table, PipelineParameter::Delay as usize).lane(l).to_f64(), self.servo == ServoKind::Sampled);
+                let (whole, rest) = self.whole_and_rest(get::<R>(table, PipelineParameter::Delay as usize).lane(l));
                 new.set_lane(l, numbers[slot(whole) * R::LANES + l]);
                 old.set_lane(l, numbers[slot(whole + 1) * R::LANES + l]);
                 part.set_lane(l, Scalar::from_f64(rest));

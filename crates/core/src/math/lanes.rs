@@ -1,5 +1,7 @@
 //! Lane-interleaved values (entry i of lane l is at `i * lanes + l`), and sets of lanes as bits.
 
+use stepper_real::{Real, Scalar};
+
 /// Largest number of lanes of a group.
 pub const MAX_LANES: usize = 16;
 
@@ -85,6 +87,36 @@ pub(crate) fn each_of(mut set: u32) -> impl Iterator<Item = usize> {
 pub(crate) fn count(set: u32, counts: &mut [u32]) {
     for lane in each_of(set) {
         counts[lane] += 1;
+    }
+}
+
+/// Value at address `at` of the lane-interleaved list `numbers`.
+#[inline(always)]
+pub(crate) fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
+    R::load(&numbers[at * R::LANES..])
+}
+
+/// Writes the value `x` to address `at` of the lane-interleaved list `numbers`, in the lanes `lanes`.
+#[inline(always)]
+pub(crate) fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
+    let old = get::<R>(numbers, at);
+    R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
+}
+
+/// Integer and fractional part of a delay, both in steps. Without interpolation (`smooth` is false) the delay is rounded up, and the
+/// fraction is 0.
+#[inline(always)]
+pub(crate) fn split_delay<R: Real>(steps: R, smooth: bool) -> (R, R) {
+    let steps = steps.max(R::zero());
+    // A delay within rounding of a whole number of steps counts as that number.
+    let rounding = R::of(1e-9f64.max(4.0 * R::Scalar::EPSILON.to_f64()));
+    let near = steps.round_even();
+    let steps = R::select((steps - near).abs().lt(rounding * (R::one() + near)), near, steps);
+    if smooth {
+        let whole = R::select(near.gt(steps), near - R::one(), near);
+        (whole, steps - whole)
+    } else {
+        (R::select(near.lt(steps), near + R::one(), near), R::zero())
     }
 }
 

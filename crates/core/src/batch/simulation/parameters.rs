@@ -56,7 +56,7 @@ impl Simulation {
         }
         if let (Some(actuator_models), Some(update)) = (&mut self.actuator_models, update) {
             with_batch!(&mut self.engine, batch => batch.assign_actuator_parameters(&update.specs, &update.envs));
-            actuator_models.apply(update);
+            actuator_models.per_env = update.per_env;
             self.invalidate_caches();
         }
         Ok(())
@@ -111,14 +111,14 @@ impl Simulation {
     /// environments, or of one number for each environment. `None` without actuator models, until their
     /// parameters change, and after a call that restores all environments.
     pub fn per_env_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
-        self.actuator_models.as_ref()?.per_env()
+        self.actuator_models.as_ref()?.per_env.as_deref()
     }
 
     /// Names of the actuators whose controls act on later steps too (delay, lag, sampled servo, integral), in any environment.
     pub fn actuators_with_memory(&self) -> Vec<String> {
         let Some(models) = &self.actuator_models else { return vec![] };
         let has_memory = |spec: Option<&Option<ActuatorSpec>>| spec.and_then(Option::as_ref).is_some_and(ActuatorSpec::has_memory);
-        let per_env = models.per_env().unwrap_or_default();
+        let per_env = models.per_env.as_deref().unwrap_or_default();
         let actuators = self.model.actuators.iter().enumerate();
         let with_memory = actuators.filter(|&(i, _)| has_memory(models.specs.get(i)) || has_memory(per_env.get(i)));
         with_memory.map(|(i, actuator)| label(&actuator.name, i)).collect()

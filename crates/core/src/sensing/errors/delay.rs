@@ -2,9 +2,8 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::math::lanes::MAX_LANES;
+use crate::math::lanes::{MAX_LANES, get, put, split_delay};
 use crate::model::Quantity;
-use crate::sensing::errors::observe::{get, put};
 use crate::sensing::errors::{Imperfect, Number, Numbers};
 use crate::sensing::memory::Memory;
 
@@ -49,7 +48,7 @@ impl<S: Scalar> Imperfect<S> {
         if self.jittery {
             delay += table.number::<R>(Number::Jitter) * (chance + chance - R::one());
         }
-        let (whole, part) = parts(delay, self.smooth);
+        let (whole, part) = split_delay(delay, self.smooth);
         let between = part.gt(R::zero());
         let place = |steps: usize| {
             let steps = steps.min(line - 1);
@@ -93,22 +92,5 @@ impl<S: Scalar> Imperfect<S> {
         for k in 0..self.dim {
             put(observation, self.at + k, lanes, get::<R>(observation, self.at + k) * factor);
         }
-    }
-}
-
-/// Integer and fractional part of a delay, both in steps. Without interpolation (`smooth` is false) the delay is rounded up, and the
-/// fraction is 0.
-#[inline(always)]
-fn parts<R: Real>(steps: R, smooth: bool) -> (R, R) {
-    let steps = steps.max(R::zero());
-    // A delay within rounding of a whole number of steps counts as that number.
-    let rounding = R::of(1e-9f64.max(4.0 * R::Scalar::EPSILON.to_f64()));
-    let near = steps.round_even();
-    let steps = R::select((steps - near).abs().lt(rounding * (R::one() + near)), near, steps);
-    if smooth {
-        let whole = R::select(near.gt(steps), near - R::one(), near);
-        (whole, steps - whole)
-    } else {
-        (R::select(near.lt(steps), near + R::one(), near), R::zero())
     }
 }

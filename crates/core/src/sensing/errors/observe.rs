@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
-use crate::math::lanes::count;
+use crate::math::lanes::{count, get, put};
 use crate::math::spatial::*;
 use crate::model::Quantity;
 use crate::sensing::errors::draws::{Keys, Purpose};
@@ -61,18 +61,6 @@ impl<S: Scalar> Errors<S> {
             }
         })
     }
-}
-
-#[inline(always)]
-pub(super) fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
-    R::load(&numbers[at * R::LANES..])
-}
-
-/// Writes the value `x` to address `at` of the lane-interleaved list `numbers`, in the lanes `lanes`.
-#[inline(always)]
-pub(super) fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
-    let old = get::<R>(numbers, at);
-    R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
 }
 
 impl<S: Scalar> Imperfect<S> {

@@ -14,109 +14,83 @@ use crate::model::{MIN_VALUE, Model};
 use crate::options::StepSettings;
 use crate::sensing::{contact_wrenches, motion_of, orientations};
 
-/// Quantity that [`Simulation::derive`](crate::Simulation::derive) computes for every environment. The names in Python are MuJoCo's.
-///
-/// Most quantities belong to the current state, as after `mj_forward`. Those of [`DerivedQuantity::is_of_last_step`] are results of the
-/// last step. If the state was set since then, they come from a trial step, which does not change the state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum DerivedQuantity {
-    /// Positions of the bodies' frames in the world frame, m: (nbody, 3).
-    BodyPos,
-    /// Orientations of the bodies' frames, quaternions (w, x, y, z): (nbody, 4).
-    BodyQuat,
-    /// Linear velocities of the bodies' frame origins in world axes, m/s: (nbody, 3). Mocap bodies have zero velocity.
-    BodyLinVel,
-    /// Angular velocities of the bodies in world axes, rad/s: (nbody, 3).
-    BodyAngVel,
-    /// Positions of the sites in the world frame, m: (nsite, 3).
-    SitePos,
-    /// Orientations of the sites, quaternions (w, x, y, z): (nsite, 4).
-    SiteQuat,
-    /// Positions of the geoms in the world frame, m: (ngeom, 3).
-    GeomPos,
-    /// Orientations of the geoms, quaternions (w, x, y, z): (ngeom, 4).
-    GeomQuat,
-    /// Centre of mass of every body with its descendants in the world frame, m: (nbody, 3). If they have no mass, it is the centre of mass
-    /// of the body alone.
-    SubtreeCom,
-    /// Acceleration (v+ - v) / h of the last step: (nv), m/s^2 or rad/s^2.
-    Acceleration,
-    /// Forces of the actuators before their gears, at the current state: (nu). The controls are those in force, which a step without new
-    /// controls uses.
-    ActuatorForce,
-    /// Generalized forces of the actuators, clamped to the force ranges of joints: (nv), N or N m.
-    JointActuatorForce,
-    /// Generalized force of all constraints in the last step, including contacts and limits: (nv), N or N m.
-    JointConstraintForce,
-    /// Force (N) and torque (N m) of all contacts of the last step on every body, world axes: (nbody, 6).
+stepper_model::named! {
+    /// Quantity that [`Simulation::derive`](crate::Simulation::derive) computes for every environment. The names in Python are MuJoCo's.
     ///
-    /// The torque is about the body's centre of mass at the current state.
-    BodyContactForce,
-    /// Centres of mass of the bodies in the world frame, m: (nbody, 3).
-    BodyCom,
-    /// Inertias of the bodies about the centre of mass of their kinematic tree, in world axes: (nbody, 10); zeros for the world.
-    ///
-    /// The first six numbers are xx, yy, zz, xy, xz, yz in kg m^2. The next three are the mass times the position of the body's centre of
-    /// mass, relative to that of the tree, in kg m. The last is the mass in kg.
-    BodyInertia,
-    /// Angular (rad/s) and linear (m/s) velocities of the bodies at the centre of mass of their kinematic tree, in world axes: (nbody, 6).
-    BodyMotion,
-    /// Torques (N m) and forces (N) of the last step's contacts on the bodies, in world axes: (nbody, 6). The torques are about the centre
-    /// of mass of the body's tree. Resets and [`Simulation::set`](crate::Simulation::set) set them to zero.
-    BodyForce,
-    /// Numbers of the equalities in the layout of `eq_data` with which each has no position error at the current state: (neq, 11).
-    ///
-    /// A connect keeps its anchor in the first body and a weld its anchor in the second; a coupling changes its constant term.
-    ClosedEqualityData,
-    /// Paths of the spatial tendons in the world frame, m: (number of segments, 10, 3). A segment is the part between two sites.
-    ///
-    /// Its points are the first site, eight points on the sphere or cylinder between the sites, or on the straight line, and the second
-    /// site.
-    TendonPaths,
-    /// Mass matrix with armature, without terms that depend on the time step: (nv, nv), kg, kg m and kg m^2.
-    MassMatrix,
-    /// Coriolis, centrifugal and gravitational forces: (nv), N or N m.
-    BiasForce,
-    /// Acceleration without constraints at the current state, with the applied inputs and the controls in force: (nv), m/s^2 or rad/s^2.
-    SmoothAcceleration,
-    /// Jacobian of the origin of a body's frame in world axes: (6, nv), linear rows above angular rows. The field is the body's index.
-    BodyJacobian(usize),
-    /// Jacobian of a site in world axes: (6, nv), linear rows above angular rows. The field is the site's index.
-    SiteJacobian(usize),
+    /// Most quantities belong to the current state, as after `mj_forward`. Those of [`DerivedQuantity::is_of_last_step`] are results of the
+    /// last step. If the state was set since then, they come from a trial step, which does not change the state.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[non_exhaustive]
+    pub enum DerivedQuantity {
+        /// Positions of the bodies' frames in the world frame, m: (nbody, 3).
+        BodyPos = "xpos",
+        /// Orientations of the bodies' frames, quaternions (w, x, y, z): (nbody, 4).
+        BodyQuat = "xquat",
+        /// Linear velocities of the bodies' frame origins in world axes, m/s: (nbody, 3). Mocap bodies have zero velocity.
+        BodyLinVel = "body_linvel",
+        /// Angular velocities of the bodies in world axes, rad/s: (nbody, 3).
+        BodyAngVel = "body_angvel",
+        /// Positions of the sites in the world frame, m: (nsite, 3).
+        SitePos = "site_xpos",
+        /// Orientations of the sites, quaternions (w, x, y, z): (nsite, 4).
+        SiteQuat = "site_xquat",
+        /// Positions of the geoms in the world frame, m: (ngeom, 3).
+        GeomPos = "geom_xpos",
+        /// Orientations of the geoms, quaternions (w, x, y, z): (ngeom, 4).
+        GeomQuat = "geom_xquat",
+        /// Centre of mass of every body with its descendants in the world frame, m: (nbody, 3). If they have no mass, it is the centre of
+        /// mass of the body alone.
+        SubtreeCom = "subtree_com",
+        /// Acceleration (v+ - v) / h of the last step: (nv), m/s^2 or rad/s^2.
+        Acceleration = "qacc",
+        /// Forces of the actuators before their gears, at the current state: (nu). The controls are those in force, which a step without
+        /// new controls uses.
+        ActuatorForce = "actuator_force",
+        /// Generalized forces of the actuators, clamped to the force ranges of joints: (nv), N or N m.
+        JointActuatorForce = "qfrc_actuator",
+        /// Generalized force of all constraints in the last step, including contacts and limits: (nv), N or N m.
+        JointConstraintForce = "qfrc_constraint",
+        /// Force (N) and torque (N m) of all contacts of the last step on every body, world axes: (nbody, 6).
+        ///
+        /// The torque is about the body's centre of mass at the current state.
+        BodyContactForce = "body_contact_force",
+        /// Centres of mass of the bodies in the world frame, m: (nbody, 3).
+        BodyCom = "xipos",
+        /// Inertias of the bodies about the centre of mass of their kinematic tree, in world axes: (nbody, 10); zeros for the world.
+        ///
+        /// The first six numbers are xx, yy, zz, xy, xz, yz in kg m^2. The next three are the mass times the position of the body's centre
+        /// of mass, relative to that of the tree, in kg m. The last is the mass in kg.
+        BodyInertia = "cinert",
+        /// Angular (rad/s) and linear (m/s) velocities of the bodies at the centre of mass of their kinematic tree, in world axes: (nbody,
+        /// 6).
+        BodyMotion = "cvel",
+        /// Torques (N m) and forces (N) of the last step's contacts on the bodies, in world axes: (nbody, 6). The torques are about the
+        /// centre of mass of the body's tree. Resets and [`Simulation::set`](crate::Simulation::set) set them to zero.
+        BodyForce = "cfrc_ext",
+        /// Numbers of the equalities in the layout of `eq_data` with which each has no position error at the current state: (neq, 11).
+        ///
+        /// A connect keeps its anchor in the first body and a weld its anchor in the second; a coupling changes its constant term.
+        ClosedEqualityData = "closed_eq_data",
+        /// Paths of the spatial tendons in the world frame, m: (number of segments, 10, 3). A segment is the part between two sites.
+        ///
+        /// Its points are the first site, eight points on the sphere or cylinder between the sites, or on the straight line, and the second
+        /// site.
+        TendonPaths = "tendon_paths",
+        /// Mass matrix with armature, without terms that depend on the time step: (nv, nv), kg, kg m and kg m^2.
+        MassMatrix = "mass_matrix",
+        /// Coriolis, centrifugal and gravitational forces: (nv), N or N m.
+        BiasForce = "qfrc_bias",
+        /// Acceleration without constraints at the current state, with the applied inputs and the controls in force: (nv), m/s^2 or
+        /// rad/s^2.
+        SmoothAcceleration = "qacc_smooth",
+        /// Jacobian of the origin of a body's frame in world axes: (6, nv), linear rows above angular rows. The field is the body's index.
+        BodyJacobian(usize) = "jacobian",
+        /// Jacobian of a site in world axes: (6, nv), linear rows above angular rows. The field is the site's index.
+        SiteJacobian(usize) = "jacobian",
+    }
 }
 
 impl DerivedQuantity {
-    /// Name of the quantity in Python.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::BodyPos => "xpos",
-            Self::BodyQuat => "xquat",
-            Self::BodyLinVel => "body_linvel",
-            Self::BodyAngVel => "body_angvel",
-            Self::SitePos => "site_xpos",
-            Self::SiteQuat => "site_xquat",
-            Self::GeomPos => "geom_xpos",
-            Self::GeomQuat => "geom_xquat",
-            Self::SubtreeCom => "subtree_com",
-            Self::Acceleration => "qacc",
-            Self::ActuatorForce => "actuator_force",
-            Self::JointActuatorForce => "qfrc_actuator",
-            Self::JointConstraintForce => "qfrc_constraint",
-            Self::BodyContactForce => "body_contact_force",
-            Self::BodyCom => "xipos",
-            Self::BodyInertia => "cinert",
-            Self::BodyMotion => "cvel",
-            Self::BodyForce => "cfrc_ext",
-            Self::ClosedEqualityData => "closed_eq_data",
-            Self::TendonPaths => "tendon_paths",
-            Self::MassMatrix => "mass_matrix",
-            Self::BiasForce => "qfrc_bias",
-            Self::SmoothAcceleration => "qacc_smooth",
-            Self::BodyJacobian(_) | Self::SiteJacobian(_) => "jacobian",
-        }
-    }
-
     /// Shape of the quantity in one environment.
     pub fn shape(self, model: &Model) -> Vec<usize> {
         let (bodies, sites, geoms) = (model.bodies.len(), model.sites.len(), model.geoms.len());

@@ -108,14 +108,14 @@ pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, 
     gather(&call.inputs.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
 }
 
-/// Loads the rows `first..first + used` of an array with `n` columns into `out`, one row per lane. An array of one row gives this row to
-/// all `used` lanes, and an empty array gives zeros. Lanes after the first `used` get zeros.
-fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
+/// Loads the rows `first..first + used` of an array with `n` columns into `out`, one row per lane. `out` may have fewer columns. An array
+/// of one row gives this row to all `used` lanes, and an empty array gives zeros. Lanes after the first `used` get zeros.
+pub(super) fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
     kernel!(R, || {
         if n == 0 || out.is_empty() {
             return;
         }
-        let shared = rows.len() == n;
+        let shared = rows.len() <= n;
         for (i, x) in out.iter_mut().enumerate() {
             *x = R::zero();
             if rows.is_empty() {

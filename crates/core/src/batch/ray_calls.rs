@@ -36,7 +36,7 @@ impl<S: LaneScalar> Batch<S> {
             (geom, Target { place: sensing.geoms[geom], form })
         };
         let targets: Vec<_> = rays.geoms.iter().zip(surfaces).map(target).collect();
-        let query = RayQuery { rays: *rays, num_envs: self.num_envs, targets: &targets };
+        let query = RayQuery { rays: *rays, targets: &targets };
         let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
         let row = self.lanes * rays.count;
         let rows = S::numbers(distances).chunks_mut(row).zip(geoms.chunks_mut(row));

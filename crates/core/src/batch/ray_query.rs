@@ -2,6 +2,7 @@
 
 use stepper_real::{Real, Scalar, kernel};
 
+use crate::batch::exchange::gather;
 use crate::compile::LaneModel;
 use crate::compile::sensing::Target;
 use crate::dynamics::kinematics::Kinematics;
@@ -27,8 +28,6 @@ pub struct RayCast<'a> {
 pub struct RayQuery<'a, S> {
     /// Rays of the query, with directions of unit length.
     pub rays: RayCast<'a>,
-    /// Number of environments of the simulation.
-    pub num_envs: usize,
     /// Geoms that the rays can hit: index in the model, and ray target.
     pub targets: &'a [(usize, Target<S>)],
 }
@@ -50,26 +49,16 @@ impl<S: Scalar> RayQuery<'_, S> {
         let placed: Vec<_> =
             kernel!(R, || self.targets.iter().map(|(geom, target)| (*geom, Placed::new(compiled, kinematics, target))).collect());
         for ray in 0..count {
-            let (origin, direction) =
-                (self.gather(self.rays.points, ray, first, used), self.gather(self.rays.directions, ray, first, used));
+            let [origin, direction] = [self.rays.points, self.rays.directions].map(|rows| {
+                let mut x = zero::<R, 3>();
+                gather(&rows[3 * ray..], 3 * count, first, used, &mut x);
+                x
+            });
             let (distance, geom) = nearest::<R>(compiled, &placed, lanes, origin, direction);
             for lane in 0..used {
                 distances[lane * count + ray] = distance.lane(lane);
                 geoms[lane * count + ray] = geom.lane(lane).to_f64() as i32;
             }
         }
-    }
-
-    /// Gathers the three components of ray number `ray` in `rows`, one environment per lane, for `used` environments from `first` on.
-    fn gather<R: Real<Scalar = S>>(&self, rows: &[f64], ray: usize, first: usize, used: usize) -> V3<R> {
-        let shared = rows.len() == 3 * self.rays.count && self.num_envs > 1;
-        let mut x = zero::<R, 3>();
-        for lane in 0..used {
-            let row = if shared { 0 } else { first + lane };
-            for (k, x) in x.iter_mut().enumerate() {
-                x.set_lane(lane, S::from_f64(rows[3 * (row * self.rays.count + ray) + k]));
-            }
-        }
-        x
     }
 }

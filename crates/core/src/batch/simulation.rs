@@ -187,7 +187,7 @@ impl Simulation {
 
     /// Number of threads that make steps, at most the number of groups of environments.
     pub fn threads(&self) -> usize {
-        with_batch!(&self.engine, batch => batch.workers.threads())
+        with_batch!(&self.engine, batch => batch.workers.threads)
     }
 
     /// Memory of the states of all environments and of cached readings, bytes.

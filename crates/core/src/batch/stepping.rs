@@ -163,7 +163,7 @@ impl<S: LaneScalar> Batch<S> {
         self.workers.start_threads()?;
         let settings = StepSettings { tolerance, ..self.settings };
         let call = Call { settings: &settings, ..self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1)) };
-        let (lanes, level) = (self.lanes, self.workers.level());
+        let (lanes, level) = (self.lanes, self.workers.level);
         // One group per chunk, because a visit costs as much as some tens of steps.
         self.workers.share_chunks(&self.worker_spec(), self.groups.iter().enumerate(), |worker, (g, group)| {
             let first = g * lanes;
@@ -239,7 +239,7 @@ impl<S: LaneScalar> Batch<S> {
 
     /// Number of groups in a chunk, the unit of work of a thread. Small chunks balance groups of different cost.
     pub(super) fn chunk_size(&self) -> usize {
-        match self.workers.threads() {
+        match self.workers.threads {
             1 => self.num_groups(),
             threads => self.num_groups().div_ceil(8 * threads),
         }
@@ -294,7 +294,7 @@ impl<S: LaneScalar> Batch<S> {
 
     /// Makes the steps of one part of a call in all groups. The workers record into `recordings`, unless it is empty.
     fn run_part(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, recordings: &mut [RecordingChunk<'_, S>]) {
-        if self.workers.threads() > 1 {
+        if self.workers.threads > 1 {
             return self.run_part_on_threads(inputs, schedule, part, recordings);
         }
         let worker = self.workers.idle_workers().pop();

@@ -9,9 +9,11 @@ use crate::error::Error;
 
 /// Pool of workers and threads. The threads start at the first step, and again after a fork of the process.
 pub(super) struct WorkerPool<S: LaneScalar> {
-    threads: usize,
+    /// Number of threads that make steps, including the calling thread.
+    pub(super) threads: usize,
     lanes: usize,
-    level: Level,
+    /// CPU level of the workers.
+    pub(super) level: Level,
     make: MakeWorker<S>,
     idle: Mutex<Vec<Box<dyn Worker<S>>>>,
     /// Thread pool, with the id of the process that started its threads.
@@ -29,16 +31,6 @@ impl<S: LaneScalar> WorkerPool<S> {
     /// Creates a pool for groups of `lanes` lanes, without workers and threads yet.
     pub(super) fn new(threads: usize, lanes: usize, level: Level) -> Self {
         Self { threads, lanes, level, make: S::worker, idle: Mutex::new(Vec::new()), pool: None }
-    }
-
-    /// Number of threads that make steps, including the calling thread.
-    pub(super) fn threads(&self) -> usize {
-        self.threads
-    }
-
-    /// CPU level of the workers.
-    pub(super) fn level(&self) -> Level {
-        self.level
     }
 
     pub(super) fn make_worker(&self, spec: &WorkerSpec<'_, S>) -> Box<dyn Worker<S>> {

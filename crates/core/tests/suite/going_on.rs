@@ -118,8 +118,8 @@ impl Scene {
                                     Precision::F32 => Numbers::F32(&mut narrow),
                                 };
                                 let quantities = vec![(Quantity::Qpos, q)];
-                                sim.rollout(&inputs, 1, nstep, Recording { quantities, status: &mut status, residual: &mut residual })
-                                    .unwrap();
+                                let recording = Recording { quantities, status: &mut status, residual: &mut residual };
+                                sim.rollout(&inputs, 1, nstep, recording, None).unwrap();
                             }
                             _ => unreachable!(),
                         }

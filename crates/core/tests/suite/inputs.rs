@@ -109,7 +109,7 @@ fn calls() -> Vec<(&'static str, Call, Vec<usize>)> {
             "controls of a rollout",
             |sim, x| {
                 let recording = Recording { quantities: vec![], status: &mut [0; 2 * NUM_ENVS], residual: &mut [0.0; 2 * NUM_ENVS] };
-                sim.rollout(&StepInputs { ctrl: x, ..StepInputs::default() }, 2, 1, recording)
+                sim.rollout(&StepInputs { ctrl: x, ..StepInputs::default() }, 2, 1, recording, None).map(|_| ())
             },
             vec![0, 2 * nu, 2 * n * nu],
         ),
@@ -118,12 +118,8 @@ fn calls() -> Vec<(&'static str, Call, Vec<usize>)> {
             |sim, x| {
                 let mut own = x.to_vec();
                 let quantities = vec![(Quantity::Qpos, Numbers::F64(&mut own))];
-                sim.rollout(
-                    &StepInputs::default(),
-                    1,
-                    1,
-                    Recording { quantities, status: &mut [0; NUM_ENVS], residual: &mut [0.0; NUM_ENVS] },
-                )
+                let recording = Recording { quantities, status: &mut [0; NUM_ENVS], residual: &mut [0.0; NUM_ENVS] };
+                sim.rollout(&StepInputs::default(), 1, 1, recording, None).map(|_| ())
             },
             vec![n * nq],
         ),
@@ -131,7 +127,8 @@ fn calls() -> Vec<(&'static str, Call, Vec<usize>)> {
             "recorded residual",
             |sim, x| {
                 let mut own = x.to_vec();
-                sim.rollout(&StepInputs::default(), 1, 1, Recording { quantities: vec![], status: &mut [0; NUM_ENVS], residual: &mut own })
+                let recording = Recording { quantities: vec![], status: &mut [0; NUM_ENVS], residual: &mut own };
+                sim.rollout(&StepInputs::default(), 1, 1, recording, None).map(|_| ())
             },
             vec![n],
         ),

@@ -80,7 +80,7 @@ impl Stepper {
         let controls = ctrl.as_slice()?.to_vec();
         self.apply(py)?;
         let (inputs, simulation) = (StepInputs { ctrl: &controls, ..StepInputs::default() }, &mut self.simulation);
-        let roll = || watched(|watch| simulation.rollout_watched(&inputs, calls, nstep, recording, watch));
+        let roll = || watched(|watch| simulation.rollout(&inputs, calls, nstep, recording, Some(watch)));
         let interrupted = py.detach(roll).map_err(value_error)?;
         let written = interrupted.as_ref().map_or(calls, |i| i.steps.div_ceil(nstep.max(1)));
         let result = PyDict::new(py);

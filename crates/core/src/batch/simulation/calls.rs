@@ -113,45 +113,26 @@ impl Simulation {
     }
 
     /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and records quantities after each
-    /// control.
+    /// control. Stops early when `watch` returns false (see [`Simulation::step_watched`]). Returns the total number of steps made.
     ///
     /// The bits are the same as those of separate calls of [`Simulation::step`]. Moving mocap bodies are an exception: they reach their
-    /// targets at the end of the rollout, not after the first control. The status accumulates flags over all steps.
-    ///
-    /// # Errors
-    /// The errors of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
-    pub fn rollout(&mut self, inputs: &StepInputs<'_>, controls: usize, nstep: usize, recording: Recording<'_>) -> Result<(), Error> {
-        self.roll_out(inputs, Schedule { controls, nstep }, recording, None).map(|_| ())
-    }
-
-    /// Makes a rollout, and stops early when `watch` returns false (see [`Simulation::step_watched`]). Returns the total number of steps
-    /// made.
+    /// targets at the end of the rollout, not after the first control. The status accumulates flags over all steps. Afterwards, the
+    /// controls of the last step are those in force.
     ///
     /// If the rollout stops before the first step with a control, it does not write the output rows of this control. If it stops between
     /// two steps with a control, the rows of this control have the state after the last step made.
     ///
     /// # Errors
-    /// The errors of [`Simulation::rollout`].
-    pub fn rollout_watched(
+    /// The errors of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
+    pub fn rollout(
         &mut self,
         inputs: &StepInputs<'_>,
         controls: usize,
         nstep: usize,
         recording: Recording<'_>,
-        watch: &mut dyn FnMut() -> bool,
+        watch: Option<&mut dyn FnMut() -> bool>,
     ) -> Result<usize, Error> {
-        self.roll_out(inputs, Schedule { controls, nstep }, recording, Some(watch))
-    }
-
-    /// Makes the steps of a schedule with a recording. Afterwards, the controls of the last step are those in force.
-    fn roll_out(
-        &mut self,
-        inputs: &StepInputs<'_>,
-        schedule: Schedule,
-        recording: Recording<'_>,
-        watch: Watch<'_>,
-    ) -> Result<usize, Error> {
-        let Schedule { controls, nstep } = schedule;
+        let schedule = Schedule { controls, nstep };
         if !inputs.mask.is_empty() {
             let detail = String::from(" (rollouts step all environments)");
             return Err(Error::Length { name: "mask", found: inputs.mask.len(), must: 0, detail });

@@ -32,25 +32,19 @@ pub(crate) fn is_solved<R: Real>(settings: &StepSettings, residual: R) -> R::Mas
 /// First-order response of a step's impulses to changes of its constraint rows, for hard contact.
 #[derive(Clone, Debug)]
 pub(crate) struct HardResponse<R: Real> {
-    impulses: Impulses<R>,
-    /// Gaps at which the target velocity of a contact or a limit has a corner, m or rad.
-    edges: Vec<f64>,
-}
-
-/// First-order responses of the impulses of all solves of a step.
-#[derive(Clone, Debug, Default)]
-struct Impulses<R: Real> {
     /// First-order response of the impulses of the prediction solve, which predicts the velocity for velocity-dependent forces.
     prediction: Response<R>,
     /// First-order response of the impulses of the velocity solve.
     velocity: Response<R>,
     /// First-order response of the impulses of the position solve in stage 8.
     position: Response<R>,
+    /// Gaps at which the target velocity of a contact or a limit has a corner, m or rad.
+    edges: Vec<f64>,
 }
 
 /// Rule that sets the impulses of a step at a displaced state, by the first-order response of the solved step's impulses.
 pub(crate) struct Rule<'a, R: Real> {
-    impulses: &'a mut Impulses<R>,
+    response: &'a mut HardResponse<R>,
     /// Settings of the step, which define when a solution counts as solved.
     settings: StepSettings,
     /// Lanes (bits) that have a response, and in which all constraints of the solved step also exist at the displaced state.
@@ -59,7 +53,7 @@ pub(crate) struct Rule<'a, R: Real> {
     near: &'a mut dyn FnMut(SwitchDistance),
 }
 
-impl<R: Real> Impulses<R> {
+impl<R: Real> HardResponse<R> {
     /// Response of one solve of the step: prediction, velocity or position.
     ///
     /// For the position solve, the second result is the response of the velocity solve. Damping in the position solve acts on the
@@ -78,7 +72,7 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
     /// `self.lanes`.
     fn keep(&mut self, problem: ImpulseProblem<'_, R>, residual: R) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
-        let (response, before) = self.impulses.of(solve);
+        let (response, before) = self.response.of(solve);
         self.lanes &= !lanes | is_solved(&self.settings, residual).bits();
         let name = |i: usize, lane: usize| names.of(i, lane);
         self.lanes &= !lanes | response.settle(system, impulses, self.lanes & lanes, name, before);
@@ -88,7 +82,7 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
     /// constraint rows. Lanes in which a constraint of the solved step no longer exists are removed from `self.lanes`.
     fn set(&mut self, problem: ImpulseProblem<'_, R>) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
-        let (response, before) = self.impulses.of(solve);
+        let (response, before) = self.response.of(solve);
         let name = |i: usize, lane: usize| names.of(i, lane);
         self.lanes &= !response.respond(system, impulses, self.lanes & lanes, name, before);
         response.compare(system, impulses, self.lanes & lanes, &mut *self.near);
@@ -98,13 +92,14 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
 impl<R: Real> HardResponse<R> {
     /// Workspace for the response, with these settings of the step.
     pub(crate) fn new(settings: &StepSettings) -> Self {
-        Self { impulses: Impulses::default(), edges: edges(settings) }
+        let [prediction, velocity, position] = [(); 3].map(|()| Response::default());
+        Self { prediction, velocity, position, edges: edges(settings) }
     }
 
     /// Creates the rule that sets the impulses of a step at a displaced state, in the lanes `lanes` (bits). The rule calls `near` with each
     /// constraint that has come closer to another mode (open, sticking, slipping).
     pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(SwitchDistance)) -> Rule<'a, R> {
-        Rule { impulses: &mut self.impulses, settings: *settings, lanes, near }
+        Rule { response: self, settings: *settings, lanes, near }
     }
 
     /// Computes the response in the lanes `lanes` (bits): first derivatives of the impulses with respect to displacements of the state.

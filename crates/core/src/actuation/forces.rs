@@ -105,6 +105,15 @@ impl<R: Real> ImplicitServos<R> {
     }
 }
 
+/// Inputs of implicit servos in a step: model, parameters of actuator models, and weights.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ServoInput<'a, R: Real> {
+    pub(crate) compiled: &'a LaneModel<R>,
+    /// Parameters of the actuator models within a step, one entry for each actuator that has them.
+    pub(crate) actuator_dynamics: &'a [ActuatorDynamics<R>],
+    pub(crate) implicit: ImplicitServos<R>,
+}
+
 /// State at which the forces of actuators and springs are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct ForceState<'a, R: Real> {
@@ -285,19 +294,17 @@ impl<R: Real> ActuatorForces<R> {
     /// bound that the step assumes.
     ///
     /// `affine` is the force without limits, as a function of the length and velocity in `motion`. `dynamics` describes the limits and the
-    /// motor, and `numbers` has their parameters. `weights` are the weights of damping and stiffness in the added inertia.
+    /// motor.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
     pub(crate) fn set_limited_servo(
         &mut self,
-        actuator: usize,
-        servo: usize,
+        input: ServoInput<'_, R>,
+        [actuator, servo]: [usize; 2],
+        dynamics: &CompiledActuatorDynamics<R::Scalar>,
         affine: &AffineForce<R>,
         motion: &Motion<R>,
-        dynamics: &CompiledActuatorDynamics<R::Scalar>,
-        numbers: &ActuatorDynamics<R>,
-        weights: ImplicitWeights<R>,
     ) {
+        let (numbers, weights) = (&input.actuator_dynamics[dynamics.index], input.implicit.weights);
         let (effective_inertia, bounded_force) = (self.effective_inertias[servo], &mut self.bounded_forces[dynamics.index]);
         bounded_force.set_affine_force(
             affine.explicit_part_and_added_inertia(motion, effective_inertia, weights),
@@ -319,33 +326,22 @@ impl<R: Real> ActuatorForces<R> {
     ///
     /// The added inertia does not change, because the mass matrix is already factored.
     #[inline(always)]
-    pub(crate) fn clamp_at_predicted_velocity(
-        &mut self,
-        compiled: &LaneModel<R>,
-        actuator_dynamics: &[ActuatorDynamics<R>],
-        implicit: ImplicitServos<R>,
-        (servo, dv): (usize, R),
-    ) {
-        let a = compiled.servos[servo].actuator;
-        let ServoForce { force, changed, .. } = self.trial_servo_force(compiled, actuator_dynamics, implicit, (servo, dv));
-        let range = compiled.actuators[a].force_range;
+    pub(crate) fn clamp_at_predicted_velocity(&mut self, input: ServoInput<'_, R>, servo: usize, dv: R) {
+        let a = input.compiled.servos[servo].actuator;
+        let ServoForce { force, changed, .. } = self.trial_servo_force(input, servo, dv);
+        let range = input.compiled.actuators[a].force_range;
         let (clamped, is_outside) = (within(force, range), exceeds_range(force, range));
         self.trial_force[a] = clamped;
         let changes = changed.or(is_outside).or(self.fixed[servo]).and_not(self.stiff[servo]);
         // The mass matrix subtracts b/h dv. The explicit part is therefore the clamped force plus b/h dv.
-        self.force[a] = R::select(changes, clamped + self.added_inertia[servo] / implicit.h * dv, self.force[a]);
+        self.force[a] = R::select(changes, clamped + self.added_inertia[servo] / input.implicit.h * dv, self.force[a]);
     }
 
     /// Trial of one servo: its whole force if the actuator's velocity changes by `dv` in the step, with the active bound at the resulting
     /// velocity.
     #[inline(always)]
-    fn trial_servo_force(
-        &self,
-        compiled: &LaneModel<R>,
-        actuator_dynamics: &[ActuatorDynamics<R>],
-        ImplicitServos { weights, h, .. }: ImplicitServos<R>,
-        (servo, dv): (usize, R),
-    ) -> ServoForce<R> {
+    fn trial_servo_force(&self, input: ServoInput<'_, R>, servo: usize, dv: R) -> ServoForce<R> {
+        let ServoInput { compiled, actuator_dynamics, implicit: ImplicitServos { weights, h, .. } } = input;
         let (mut updated, mut changed, mut split) = (None, R::Mask::splat(false), self.unclamped[servo]);
         if let Some(dynamics) = &compiled.actuators[compiled.servos[servo].actuator].dynamics {
             let (mut bounded_force, numbers) = (self.bounded_forces[dynamics.index], &actuator_dynamics[dynamics.index]);
@@ -459,22 +455,15 @@ impl<R: Real> ActuatorForces<R> {
     ///
     /// In this guess each servo moves only its effective inertia, and constraints have the impulses of the last step.
     #[inline(always)]
-    pub(crate) fn guess_active_bounds(
-        &mut self,
-        compiled: &LaneModel<R>,
-        actuator_dynamics: &[ActuatorDynamics<R>],
-        implicit: ImplicitServos<R>,
-    ) {
+    pub(crate) fn guess_active_bounds(&mut self, input: ServoInput<'_, R>) {
         self.set_bounds_by_trial(
-            compiled,
-            actuator_dynamics,
-            implicit,
+            input,
             true,
             #[inline(always)]
             |forces, servo| {
                 let ([force, added_inertia], EffectiveInertia { mobility, change_by_impulses, .. }) =
                     (forces.unclamped[servo], forces.effective_inertias[servo]);
-                (implicit.h * force * mobility + change_by_impulses) / (R::one() + added_inertia * mobility)
+                (input.implicit.h * force * mobility + change_by_impulses) / (R::one() + added_inertia * mobility)
             },
         );
     }
@@ -484,19 +473,11 @@ impl<R: Real> ActuatorForces<R> {
     ///
     /// If `may_change` is true, the found bounds replace the assumed ones. If all servos are implicit, only bounds of stiff servos count:
     /// stage 1 has clamped the others at the predicted velocity.
-    pub(crate) fn set_bounds_at_velocity_change(
-        &mut self,
-        compiled: &LaneModel<R>,
-        actuator_dynamics: &[ActuatorDynamics<R>],
-        implicit: ImplicitServos<R>,
-        dv: &[R],
-        may_change: bool,
-    ) -> R::Mask {
+    pub(crate) fn set_bounds_at_velocity_change(&mut self, input: ServoInput<'_, R>, dv: &[R], may_change: bool) -> R::Mask {
+        let compiled = input.compiled;
         kernel!(R, || {
             self.set_bounds_by_trial(
-                compiled,
-                actuator_dynamics,
-                implicit,
+                input,
                 may_change,
                 #[inline(always)]
                 |forces, servo| forces.project(&compiled.actuators[compiled.servos[servo].actuator], dv),
@@ -509,14 +490,8 @@ impl<R: Real> ActuatorForces<R> {
     ///
     /// If `may_change` is false, the assumed active bounds stay. The result then has the lanes in which one would change.
     #[inline(always)]
-    fn set_bounds_by_trial(
-        &mut self,
-        compiled: &LaneModel<R>,
-        actuator_dynamics: &[ActuatorDynamics<R>],
-        implicit: ImplicitServos<R>,
-        may_change: bool,
-        dv_of: impl Fn(&Self, usize) -> R,
-    ) -> R::Mask {
+    fn set_bounds_by_trial(&mut self, input: ServoInput<'_, R>, may_change: bool, dv_of: impl Fn(&Self, usize) -> R) -> R::Mask {
+        let ServoInput { compiled, implicit, .. } = input;
         let mut changed = R::Mask::splat(self.active_bounds_unknown);
         let differ = |a: R::Mask, b: R::Mask| a.and_not(b).or(b.and_not(a));
         // The loop replaces the forces of servos by their trial forces. Other actuators keep the force of stage 1.
@@ -525,7 +500,7 @@ impl<R: Real> ActuatorForces<R> {
             let (actuator, dv) = (&compiled.actuators[servo.actuator], dv_of(self, k));
             // Lanes in which a change of this servo's active bound requires a new solve.
             let needs_solve = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
-            let trial = self.trial_servo_force(compiled, actuator_dynamics, implicit, (k, dv));
+            let trial = self.trial_servo_force(input, k, dv);
             let mut force = trial.force;
             if let Some((index, bounded_force)) = trial.bounded_force {
                 self.trial_bounded_forces[index] = bounded_force;
@@ -584,19 +559,12 @@ impl<R: Real> ActuatorForces<R> {
     ///
     /// The velocity is expected to change by the free acceleration `acc` and by the constraint impulses of the last step.
     #[inline(always)]
-    pub(super) fn expected_servo_force(
-        &self,
-        compiled: &LaneModel<R>,
-        actuator_dynamics: &[ActuatorDynamics<R>],
-        implicit: ImplicitServos<R>,
-        servo: usize,
-        acc: &[R],
-    ) -> R {
-        let actuator = &compiled.actuators[compiled.servos[servo].actuator];
+    pub(super) fn expected_servo_force(&self, input: ServoInput<'_, R>, servo: usize, acc: &[R]) -> R {
+        let actuator = &input.compiled.actuators[input.compiled.servos[servo].actuator];
         let EffectiveInertia { mobility, change_by_impulses, .. } = self.effective_inertias[servo];
         let by_constraints = change_by_impulses / (R::one() + self.added_inertia[servo] * mobility);
-        let dv = implicit.h * self.project(actuator, acc) + by_constraints;
-        within(self.trial_servo_force(compiled, actuator_dynamics, implicit, (servo, dv)).force, actuator.force_range)
+        let dv = input.implicit.h * self.project(actuator, acc) + by_constraints;
+        within(self.trial_servo_force(input, servo, dv).force, actuator.force_range)
     }
 }
 

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::affine_force::ActuatorDynamics;
-use crate::actuation::forces::{ActuatorForces, ImplicitServos};
+use crate::actuation::forces::{ActuatorForces, ImplicitServos, ServoInput};
 use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
@@ -32,7 +32,7 @@ impl<R: Real> ActuatorForces<R> {
                 let Some((row, arm)) = dynamics.losses else { continue };
                 let force = match (expected, actuator.servo) {
                     (Some((implicit, acc)), Some(servo)) if compiled.servos_are_bounded => {
-                        self.expected_servo_force(compiled, actuator_dynamics, implicit, servo, acc)
+                        self.expected_servo_force(ServoInput { compiled, actuator_dynamics, implicit }, servo, acc)
                     }
                     _ => self.force[a],
                 };

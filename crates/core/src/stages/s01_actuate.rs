@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::affine_force::{AffineForce, Motion, exceeds_range, within};
 use crate::actuation::force_limits::clamp_to_limits;
-use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos};
+use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos, ServoInput};
 use crate::actuation::muscle::{activation_rate_of_muscle, muscle_force};
 use crate::compile::{ActuatorParams, CompiledActuator, LaneModel, MotorControl};
 use crate::dynamics::kinematics::quat_at;
@@ -23,6 +23,7 @@ pub fn actuate<R: Real>(
     implicit: Option<ImplicitServos<R>>,
     actuator_forces: &mut ActuatorForces<R>,
 ) {
+    let servo_input = implicit.map(|implicit| ServoInput { compiled, actuator_dynamics: at.actuator_dynamics, implicit });
     kernel!(R, || {
         for (i, actuator) in compiled.actuators.iter().enumerate() {
             let input = force_input(compiled, i, at);
@@ -55,19 +56,11 @@ pub fn actuate<R: Real>(
             );
             actuator_forces.found_saturated[i] = R::Mask::splat(false);
             // With `implicit`, servos of actuator dynamics are always implicit, and other servos if the scheme makes `all` implicit.
-            match (implicit, &actuator.dynamics) {
-                (Some(implicit), Some(dynamics)) => {
-                    actuator_forces.set_limited_servo(
-                        i,
-                        k,
-                        &affine,
-                        &motion,
-                        dynamics,
-                        &at.actuator_dynamics[dynamics.index],
-                        implicit.weights,
-                    );
+            match (servo_input, &actuator.dynamics) {
+                (Some(servo_input), Some(dynamics)) => {
+                    actuator_forces.set_limited_servo(servo_input, [i, k], dynamics, &affine, &motion);
                 }
-                (Some(ImplicitServos { weights, all: true, .. }), None) => {
+                (Some(ServoInput { implicit: ImplicitServos { weights, all: true, .. }, .. }), None) => {
                     let (force, added_inertia) =
                         affine.explicit_part_and_added_inertia(&motion, actuator_forces.effective_inertias[k], weights);
                     actuator_forces.set_servo(i, k, force, added_inertia);
@@ -83,15 +76,16 @@ pub fn actuate<R: Real>(
                     actuator_forces.set_servo(i, k, within(requested, actuator.force_range), R::zero());
                 }
             }
-            if let Some(implicit) = implicit.filter(|implicit| implicit.predicted && compiled.servos_are_bounded) {
+            if let Some(servo_input) = servo_input.filter(|input| input.implicit.predicted && compiled.servos_are_bounded) {
                 // `motion.velocity` is v + (weights.damping / h) (v+ - v), where weights.damping is h / 2 or h. `dv` is thus the
                 // predicted change v+ - v.
-                let dv = (motion.velocity - motion.before) * (implicit.h / implicit.weights.damping);
-                actuator_forces.clamp_at_predicted_velocity(compiled, at.actuator_dynamics, implicit, (k, dv));
+                let ImplicitServos { h, weights, .. } = servo_input.implicit;
+                let dv = (motion.velocity - motion.before) * (h / weights.damping);
+                actuator_forces.clamp_at_predicted_velocity(servo_input, k, dv);
             }
         }
-        if let Some(implicit) = implicit.filter(|_| actuator_forces.needs_guess()) {
-            actuator_forces.guess_active_bounds(compiled, at.actuator_dynamics, implicit);
+        if let Some(servo_input) = servo_input.filter(|_| actuator_forces.needs_guess()) {
+            actuator_forces.guess_active_bounds(servo_input);
         }
         actuator_forces.sum_forces(compiled, implicit);
         // With explicit forces, derivatives and sensors read the generalized forces of the actuators without those of springs.

@@ -3,6 +3,7 @@
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::Outcome;
 
+use crate::actuation::forces::ServoInput;
 use crate::constraints::ConstraintProblem;
 use crate::constraints::islands::IslandLoad;
 use crate::dynamics::kinematics::difference;
@@ -157,11 +158,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         }
         let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *self.free;
         difference(&self.velocity.v, &state.v, velocity_change);
-        let bounds_at = scheme.implicit_servos();
-        actuator_forces
-            .set_bounds_at_velocity_change(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change)
-            .and(alive)
-            .and_not(substep.is_impact)
+        let servos = ServoInput { compiled, actuator_dynamics: &inputs.actuator_dynamics, implicit: scheme.implicit_servos() };
+        actuator_forces.set_bounds_at_velocity_change(servos, velocity_change, may_change).and(alive).and_not(substep.is_impact)
     }
 
     /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without the

@@ -76,6 +76,22 @@ struct ActuatorPipeline {
     table_start: usize,
 }
 
+/// Inputs of one pipeline at the beginning of a step.
+#[derive(Clone, Copy)]
+struct PipelineInput<'a, R: Real> {
+    /// Parameters of the pipeline, for a group of lanes.
+    table: &'a [R::Scalar],
+    actuator: &'a CompiledActuator<R::Scalar>,
+    /// Configuration and velocity.
+    state: [&'a [R]; 2],
+    /// Lanes whose controls are all finite.
+    valid: R::Mask,
+    /// Lanes that get their first control since a reset.
+    start: R::Mask,
+    /// Time step, s.
+    h: f64,
+}
+
 /// Pipelines of the actuators with an actuator model, for all environments of a batch.
 #[derive(Clone, Debug)]
 pub struct ActuatorPipelines<S> {
@@ -209,7 +225,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         compiled: &ModelStructure<S>,
         group: usize,
         given: &[R],
-        [q, v]: [&[R]; 2],
+        state: [&[R]; 2],
         alive: R::Mask,
         h: f64,
         memory: &mut Memory<S>,
@@ -227,16 +243,16 @@ impl<S: Scalar> ActuatorPipelines<S> {
             for pipeline in &self.pipelines {
                 let table = &self.tables[group][pipeline.table_start * R::LANES..];
                 let actuator = &compiled.actuators[pipeline.actuator];
+                let input = PipelineInput { table, actuator, state, valid, start, h };
                 let mut u = within(given[pipeline.actuator], actuator.ctrl_range);
                 if pipeline.delay_samples > 0 {
-                    u = pipeline.delayed(table, u, valid, start, memory);
+                    u = pipeline.delayed(input, u, memory);
                 }
-                u = match pipeline.servo {
-                    ServoKind::None => u,
-                    servo => pipeline.follow(servo, table, actuator, u, [q, v], [valid, start], h, &mut memory.numbers),
-                };
+                if pipeline.servo != ServoKind::None {
+                    u = pipeline.follow(input, u, &mut memory.numbers);
+                }
                 if pipeline.lagged {
-                    u = pipeline.lag(table, actuator, u, [q, v], [valid, start], &mut memory.numbers);
+                    u = pipeline.lag(input, u, &mut memory.numbers);
                     if let (ServoKind::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
                         pipeline.set_gains(table, PipelineParameter::Mean, &mut actuator_dynamics[dynamics.index]);
                     }
@@ -330,15 +346,17 @@ fn parameters_of(t: &ActuatorSpec, k: usize, h: f64) -> [f64; PARAMETERS] {
     parameters
 }
 
-/// Length and velocity of an actuator on a joint or tendon, from q and v.
-#[inline(always)]
-fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) -> [R; 2] {
-    let (mut length, mut velocity) = (R::zero(), R::zero());
-    for &(at, dof, arm) in &actuator.moment {
-        length += R::splat(arm) * q[at];
-        velocity += R::splat(arm) * v[dof];
+impl<R: Real> PipelineInput<'_, R> {
+    /// Length and velocity of the actuator, which acts on a joint or tendon.
+    #[inline(always)]
+    fn motion(&self) -> [R; 2] {
+        let ([q, v], mut length, mut velocity) = (self.state, R::zero(), R::zero());
+        for &(at, dof, arm) in &self.actuator.moment {
+            length += R::splat(arm) * q[at];
+            velocity += R::splat(arm) * v[dof];
+        }
+        [length, velocity]
     }
-    [length, velocity]
 }
 
 impl ActuatorPipeline {
@@ -366,7 +384,8 @@ impl ActuatorPipeline {
     /// Appends the control `u` to the delay line, and returns the control after the delay. A fractional delay interpolates between two
     /// samples.
     #[inline(always)]
-    fn delayed<R: Real>(&self, table: &[R::Scalar], u: R, valid: R::Mask, start: R::Mask, memory: &mut Memory<R::Scalar>) -> R {
+    fn delayed<R: Real>(&self, input: PipelineInput<'_, R>, u: R, memory: &mut Memory<R::Scalar>) -> R {
+        let PipelineInput { table, valid, start, .. } = input;
         let line = self.delay_samples;
         let last = memory.cursors[self.line_index] as usize;
         let cursor = (last + 1) % line;
@@ -403,23 +422,13 @@ impl ActuatorPipeline {
     /// The effort of a sampled servo is constant between samples. For a continuous servo, the result has no terms of length
     /// and velocity, because stage 1 adds them (-kp length - kd velocity).
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
-    fn follow<R: Real>(
-        &self,
-        servo: ServoKind,
-        table: &[R::Scalar],
-        actuator: &CompiledActuator<R::Scalar>,
-        u: R,
-        state: [&[R]; 2],
-        [valid, start]: [R::Mask; 2],
-        h: f64,
-        numbers: &mut [R::Scalar],
-    ) -> R {
+    fn follow<R: Real>(&self, input: PipelineInput<'_, R>, u: R, numbers: &mut [R::Scalar]) -> R {
+        let PipelineInput { table, valid, start, h, .. } = input;
         let number = |n: PipelineParameter| get::<R>(table, n as usize);
         let at = self.lag_at() + 2 * usize::from(self.lagged);
         // Lanes in which the servo computes a new effort.
         let mut due = valid;
-        if servo == ServoKind::Sampled {
+        if self.servo == ServoKind::Sampled {
             let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(PipelineParameter::Period));
             // The phase is a sum of time steps, so that the comparison allows for rounding.
             let is_due = phase.ge(period - R::of(1e-6 * h));
@@ -430,7 +439,7 @@ impl ActuatorPipeline {
                 return get(numbers, at + 2);
             }
         }
-        let [length, velocity] = motion(actuator, state);
+        let [length, velocity] = input.motion();
         let (error, kp, most) = (u - length, number(PipelineParameter::Kp), number(PipelineParameter::IntegralLimit));
         let before = R::select(start, R::zero(), get(numbers, at));
         let after = (before + number(PipelineParameter::Ki) * error).clamp(-most, most);
@@ -444,7 +453,7 @@ impl ActuatorPipeline {
             .or(effort.lt(number(PipelineParameter::MinEffort)).and(after.lt(before)));
         let integral = R::select(winds_up, before, after);
         put(numbers, at, due, integral);
-        if servo == ServoKind::Continuous {
+        if self.servo == ServoKind::Continuous {
             return kp * u + integral;
         }
         put(
@@ -464,20 +473,13 @@ impl ActuatorPipeline {
     /// beginning of the step, and `u`. From these the next call computes the output at the end. Terms of the servo that depend on the
     /// motion in this step are not in `u` and not in the result: stage 1 adds them.
     #[inline(always)]
-    fn lag<R: Real>(
-        &self,
-        table: &[R::Scalar],
-        actuator: &CompiledActuator<R::Scalar>,
-        u: R,
-        state: [&[R]; 2],
-        [valid, start]: [R::Mask; 2],
-        numbers: &mut [R::Scalar],
-    ) -> R {
+    fn lag<R: Real>(&self, input: PipelineInput<'_, R>, u: R, numbers: &mut [R::Scalar]) -> R {
+        let PipelineInput { table, valid, start, .. } = input;
         let at = self.lag_at();
         let (decay, mean): (R, R) = (get(table, PipelineParameter::Decay as usize), get(table, PipelineParameter::Mean as usize));
         let effort = get::<R>(numbers, at);
         if self.servo == ServoKind::Continuous {
-            let [length, velocity] = motion(actuator, state);
+            let [length, velocity] = input.motion();
             // Part of the effort that depends on the motion. `u`, and the stored input of the last step, exclude it.
             let pull =
                 get::<R>(table, PipelineParameter::Kp as usize) * length + get::<R>(table, PipelineParameter::Kd as usize) * velocity;

@@ -229,7 +229,10 @@ pub enum Error {
 }
 
 /// Checks that the array `name` has the required length.
-pub(crate) fn check_length(name: &'static str, found: usize, must: usize) -> Result<(), Error> {
+///
+/// # Errors
+/// [`Error::Length`] when it has another length.
+pub fn check_length(name: &'static str, found: usize, must: usize) -> Result<(), Error> {
     if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
 }
 

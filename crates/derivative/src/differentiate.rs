@@ -2,11 +2,11 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use stepper_core::group_step::{GroupStep, GroupVisitor, StatePart, StepSettings};
+use stepper_core::group_step::{GroupStep, GroupVisitor, StatePart, StepSettings, check_length};
 use stepper_core::{ContactLaw, Error, Integrator, Simulation};
 use stepper_real::Real;
 
-use crate::rows::{Derivative, DerivativeQuery, check_length};
+use crate::rows::{Derivative, DerivativeQuery};
 use crate::step_derivative::StepDerivative;
 
 /// Computes the derivatives of a step by the implicit function theorem, in all environments.

@@ -8,11 +8,11 @@
 
 use std::cmp::Ordering;
 
+use stepper_core::group_step::check_length;
 use stepper_core::model::Pair;
 use stepper_core::{Contact, ContactLaw, Error, MAX_FRICTION, Model, Outcome, Parameter, Simulation, Status};
 
 use crate::kink::*;
-use crate::rows::check_length;
 
 /// Flags of kinks for which [`ActiveSet`] lists the active constraints, in the order of these lists.
 const LISTED: [u32; 8] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION, WRAP, ADHESION];

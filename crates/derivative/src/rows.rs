@@ -1,6 +1,5 @@
 //! Arguments and results of the computation of derivatives.
 
-use stepper_core::Error;
 use stepper_core::group_step::StatePart;
 use stepper_solve::newton::{Switch, SwitchDistance};
 
@@ -69,9 +68,4 @@ impl Derivative {
             };
         }
     }
-}
-
-/// Checks that the array `name` has the required length.
-pub(crate) fn check_length(name: &'static str, found: usize, must: usize) -> Result<(), Error> {
-    if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
 }

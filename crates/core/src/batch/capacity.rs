@@ -49,7 +49,7 @@ pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &Compiled
     let mut links_of_tree = vec![0; compiled.ntree];
     compiled.links.iter().for_each(|l| links_of_tree[l.tree] += 1);
     let mut is_ball = vec![true; compiled.nframe()];
-    let long = |g: &usize| compiled.params.rotation_reach(*g) != S::ZERO;
+    let long = |g: &usize| compiled.params.geom(*g).rotation_reach != S::ZERO;
     (0..compiled.geoms.len()).filter(long).for_each(|g| is_ball[compiled.geoms[g].frame] = false);
     let capacity = compiled.links.iter().enumerate().map(|(l, link)| match is_ball[l + 1] {
         _ if links_of_tree[link.tree] > 1 => 4,

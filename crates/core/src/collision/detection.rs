@@ -156,7 +156,7 @@ impl<R: Real> CollisionWorkspace<R> {
     /// balls, and the tree over the static geoms.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
-            self.poses.pos[i] = compiled.params.geom_pos(i);
+            self.poses.pos[i] = compiled.params.geom(i).pos;
             self.poses.update_ball(compiled, i);
         }
         self.statics.update_tree(compiled, &self.poses.pos, &self.poses.mat);
@@ -248,7 +248,7 @@ impl<R: Real> GeomPoses<R> {
     pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
         let zeros = || vec![R::zero(); compiled.geoms.len()];
         Self {
-            pos: (0..compiled.geoms.len()).map(|g| compiled.params.geom_pos(g)).collect(),
+            pos: (0..compiled.geoms.len()).map(|g| compiled.params.geom(g).pos).collect(),
             mat: compiled.geoms.iter().map(|g| splat(g.mat)).collect(),
             search_displacement: zeros(),
             passing_displacement: zeros(),
@@ -265,7 +265,7 @@ impl<R: Real> GeomPoses<R> {
         for &i in &compiled.moving_geoms {
             let g = &compiled.geoms[i];
             let mat = &kinematics.mat[g.frame];
-            self.pos[i] = kinematics.point(g.frame, compiled.params.geom_pos(i));
+            self.pos[i] = kinematics.point(g.frame, compiled.params.geom(i).pos);
             if g.full_orientation {
                 self.mat[i] = mat_mul(mat, &splat(g.mat));
             } else {
@@ -292,7 +292,7 @@ impl<R: Real> GeomPoses<R> {
     #[inline(always)]
     fn update_ball(&mut self, compiled: &LaneModel<R>, i: usize) {
         let displacement = self.search_displacement[i];
-        let radius = if compiled.geoms[i].is_plane { displacement } else { displacement + compiled.params.bounding_radius(i) };
+        let radius = if compiled.geoms[i].is_plane { displacement } else { displacement + compiled.params.geom(i).bounding_radius };
         let [x, y, z] = self.pos[i];
         self.balls[i] = [x, y, z, radius];
     }
@@ -330,12 +330,12 @@ fn displacement_bounds<R: Real>(
         if g.frame <= compiled.links.len() {
             let motion = velocity[g.frame - 1];
             let arm = sub(pos[i], kinematics.origin[compiled.links[g.frame - 1].tree]);
-            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * compiled.params.bounding_radius(i)) * time;
+            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * compiled.params.geom(i).bounding_radius) * time;
         } else {
             let motion = &kinematics.mocap_velocities[g.frame - compiled.links.len() - 1];
             // The bounding radius of a plane is infinite, and 0 * infinity must not become NaN.
             let spin = norm(angular(motion));
-            let swing = R::select(spin.gt(R::zero()), spin * compiled.params.bounding_radius(i), R::zero());
+            let swing = R::select(spin.gt(R::zero()), spin * compiled.params.geom(i).bounding_radius, R::zero());
             out[i] = (norm(velocity_at(motion, sub(pos[i], kinematics.pos[g.frame]))) + swing) * time;
         }
     }
@@ -472,7 +472,7 @@ impl<R: Real> Scene<'_, R> {
             self.motion_at(&self.poses.passing_velocity, a, self.poses.pos[b]),
         );
         let spin = across_symmetry(self.compiled, b, &self.poses.mat[b], sub(motion_of_b[0], motion_of_a[0]));
-        (norm(sub(motion_of_b[1], motion_of_a[1])) + spin * self.compiled.params.bounding_radius(b)) * self.passing_time
+        (norm(sub(motion_of_b[1], motion_of_a[1])) + spin * self.compiled.params.geom(b).bounding_radius) * self.passing_time
     }
 
     /// Velocity of geom `b` relative to geom `a` at the velocity of the searches (`poses.search_velocity`), world axes: angular, rad/s, and

@@ -124,7 +124,7 @@ impl<R: Real> JointPath<'_, R> {
         kernel!(R, || {
             let (compiled, zero) = (self.compiled, R::zero());
             let origin = self.kinematics.origin[compiled.links[link].tree];
-            let bound = compiled.params.bounding_radius(geom);
+            let bound = compiled.params.geom(geom).bounding_radius;
             let mut angle = zero;
             self.for_each_joint(
                 link,
@@ -157,7 +157,7 @@ pub(crate) fn across_symmetry<R: Real>(compiled: &LaneModel<R>, geom: usize, mat
         Symmetry::Ball => R::zero(),
         Symmetry::Axis => norm(cross(column(mat, 2), rotation)),
         Symmetry::Ellipsoid => {
-            let radii = compiled.params.geom_size(geom);
+            let radii = compiled.params.geom(geom).size;
             let mut least = norm(rotation);
             for k in 0..3 {
                 let is_round = radii[(k + 1) % 3].eq(radii[(k + 2) % 3]);

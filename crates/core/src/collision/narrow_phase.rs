@@ -42,10 +42,10 @@ impl<R: Real> Scene<'_, R> {
         kernel!(R, || {
             let ([a, b], poses, params) = (pair.geoms, self.poses, &self.compiled.params);
             let point = match pair.kernel {
-                Kernel::PlaneSphere => plane_sphere(poses.pos[a], column(&poses.mat[a], 2), poses.pos[b], params.geom_size(b)[0]),
+                Kernel::PlaneSphere => plane_sphere(poses.pos[a], column(&poses.mat[a], 2), poses.pos[b], params.geom(b).size[0]),
                 Kernel::PlaneEllipsoid => plane_ellipsoid(poses.pos[a], column(&poses.mat[a], 2), &self.ellipsoid(b)),
-                Kernel::SphereCylinder => sphere_cylinder(poses.pos[a], params.geom_size(a)[0], &self.cylinder(b)),
-                Kernel::SphereEllipsoid => sphere_ellipsoid(poses.pos[a], params.geom_size(a)[0], &self.ellipsoid(b)),
+                Kernel::SphereCylinder => sphere_cylinder(poses.pos[a], params.geom(a).size[0], &self.cylinder(b)),
+                Kernel::SphereEllipsoid => sphere_ellipsoid(poses.pos[a], params.geom(a).size[0], &self.ellipsoid(b)),
                 Kernel::PlaneCapsule => return self.plane_capsule(index, pair, near, contacts),
                 Kernel::PlaneBox => return self.plane_box(index, pair, near, contacts),
                 Kernel::PlaneCylinder => return self.plane_cylinder(index, pair, near, contacts),
@@ -74,7 +74,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn plane_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let half = self.compiled.params.geom_size(b);
+        let half = self.compiled.params.geom(b).size;
         let normal = column(&self.poses.mat[a], 2);
         for corner in 0..8 {
             let point = plane_box(self.poses.pos[a], normal, self.poses.pos[b], &self.poses.mat[b], half, corner);
@@ -112,7 +112,7 @@ impl<R: Real> Scene<'_, R> {
     fn sphere_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let cuboid = self.cuboid(b);
-        let point = sphere_box(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &cuboid);
+        let point = sphere_box(self.poses.pos[a], self.compiled.params.geom(a).size[0], &cuboid);
         let over_face = self.stays_over_face(pair, &point, face_clearance(self.poses.pos[a], &cuboid));
         self.store_point(index, 0, pair, near, over_face, point, contacts);
     }
@@ -139,17 +139,17 @@ impl<R: Real> Scene<'_, R> {
 
     #[inline(always)]
     fn cuboid(&self, geom: usize) -> Cuboid<R> {
-        Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: self.compiled.params.geom_size(geom) }
+        Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: self.compiled.params.geom(geom).size }
     }
 
     #[inline(always)]
     fn ellipsoid(&self, geom: usize) -> Ellipsoid<R> {
-        Ellipsoid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radii: self.compiled.params.geom_size(geom) }
+        Ellipsoid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radii: self.compiled.params.geom(geom).size }
     }
 
     #[inline(always)]
     fn cylinder(&self, geom: usize) -> Cylinder<R> {
-        let [radius, half_length, _] = self.compiled.params.geom_size(geom);
+        let [radius, half_length, _] = self.compiled.params.geom(geom).size;
         Cylinder { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radius, half_length }
     }
 
@@ -189,7 +189,7 @@ impl<R: Real> Scene<'_, R> {
             #[inline(always)]
             |(_, geoms)| self.approach_to_surface(geoms, margin, reach),
         );
-        if let Some(sizes) = Solid::sizes_for_plane([self.solid(a), self.solid(b)], self.compiled.params.geom_size(a)) {
+        if let Some(sizes) = Solid::sizes_for_plane([self.solid(a), self.solid(b)], self.compiled.params.geom(a).size) {
             let moving = self.approach(pair, reach);
             near = near.and_not(self.are_separated(index, pair, near, &moving, sizes, workspace));
             approach = Some(moving);
@@ -228,7 +228,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     pub(crate) fn solid_in(&self, geom: usize, lane: usize) -> Cow<'_, Solid> {
         let solid = self.solid(geom);
-        solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned)
+        solid.sized(of_lane(&self.compiled.params.geom(geom).size, lane)).map_or(Cow::Borrowed(solid), Cow::Owned)
     }
 
     /// Pose of a geom in lane `lane`, world axes.
@@ -242,8 +242,8 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn boxes_are_beyond(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> R::Mask {
         let [a, b] = pair.geoms;
-        let first = BoundingBox::new(self.solid(a), self.compiled.params.geom_size(a));
-        let second = BoundingBox::new(self.solid(b), self.compiled.params.geom_size(b));
+        let first = BoundingBox::new(self.solid(a), self.compiled.params.geom(a).size);
+        let second = BoundingBox::new(self.solid(b), self.compiled.params.geom(b).size);
         let (Some(first), Some(second)) = (first, second) else { return R::Mask::splat(false) };
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         first.is_beyond(&second, apart, [&self.poses.mat[a], &self.poses.mat[b]], reach)
@@ -291,7 +291,7 @@ impl<R: Real> Scene<'_, R> {
         // A contact is halfway between the two geoms, at most half of `reach` from either. It is thus in both bounding balls, enlarged by
         // half of `reach`. The ball below contains the intersection of these two balls.
         let half = R::of(0.5) * reach;
-        let (ra, rb) = (self.compiled.params.bounding_radius(a) + half, self.compiled.params.bounding_radius(b) + half);
+        let (ra, rb) = (self.compiled.params.geom(a).bounding_radius + half, self.compiled.params.geom(b).bounding_radius + half);
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let length = norm(apart).max(R::of(1e-9));
         let from_a = (R::of(0.5) * (length + (ra * ra - rb * rb) / length)).max(R::zero()).min(length);
@@ -315,7 +315,7 @@ impl<R: Real> Scene<'_, R> {
     /// Segment and radius of a geom that is a ball or a capsule.
     #[inline(always)]
     pub(crate) fn segment(&self, geom: usize) -> Segment<R> {
-        let [radius, half_length, _] = self.compiled.params.geom_size(geom);
+        let [radius, half_length, _] = self.compiled.params.geom(geom).size;
         Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
     }
 

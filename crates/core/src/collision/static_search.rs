@@ -8,7 +8,7 @@
 use stepper_geometry::BoundingBox;
 use stepper_real::{Mask, Real, Scalar, kernel};
 
-use crate::compile::{LaneModel, Params, StaticPairs};
+use crate::compile::{GeomParams, LaneModel, StaticPairs};
 use crate::math::lanes::{MAX_LANES, each_of, merge_lanes, with_lane};
 use crate::math::spatial::*;
 
@@ -68,9 +68,9 @@ impl<R: Real> StaticSearch<R> {
         let StaticPairs { fixed, nodes, .. } = &compiled.static_pairs;
         let params = &compiled.params;
         let lanes =
-            |of: fn(&Params<R>, usize) -> R| fixed.iter().flat_map(move |f| (0..R::LANES).map(move |lane| of(params, f.geom).lane(lane)));
-        self.largest = lanes(Params::bounding_radius).fold(R::Scalar::ZERO, |x, y| if y > x { y } else { x });
-        self.thinnest = lanes(Params::inscribed_radius).fold(self.largest, |x, y| if y < x { y } else { x });
+            |of: fn(GeomParams<R>) -> R| fixed.iter().flat_map(move |f| (0..R::LANES).map(move |lane| of(params.geom(f.geom)).lane(lane)));
+        self.largest = lanes(|geom| geom.bounding_radius).fold(R::Scalar::ZERO, |x, y| if y > x { y } else { x });
+        self.thinnest = lanes(|geom| geom.inscribed_radius).fold(self.largest, |x, y| if y < x { y } else { x });
         for (at, node) in nodes.iter().enumerate().rev() {
             self.nodes[at] = match node.leaf() {
                 Some(leaf) => {
@@ -88,7 +88,7 @@ impl<R: Real> StaticSearch<R> {
     /// Lanes in which a geom that moves by `displacement`, m, may have passed through the thinnest static geom.
     #[inline(always)]
     pub(crate) fn may_tunnel(&self, compiled: &LaneModel<R>, geom: usize, displacement: R) -> R::Mask {
-        displacement.gt(R::of(0.5) * (compiled.params.inscribed_radius(geom) + R::splat(self.thinnest)))
+        displacement.gt(R::of(0.5) * (compiled.params.geom(geom).inscribed_radius + R::splat(self.thinnest)))
     }
 
     /// Finds the static pairs whose boxes overlap in the lanes `alive` (bits), and stores them in `pairs`.
@@ -124,7 +124,7 @@ impl<R: Real> StaticSearch<R> {
                 let g = moving[m].geom;
                 let (mut reach, covers_balls) = motion(g);
                 if covers_balls {
-                    reach += compiled.params.bounding_radius(g) + R::splat(self.largest);
+                    reach += compiled.params.geom(g).bounding_radius + R::splat(self.largest);
                 }
                 let own = bounds(compiled, g, pos[g], &mat[g], reach);
                 for k in 0..6 {
@@ -202,7 +202,7 @@ impl<R: Real> StaticSearch<R> {
 #[inline(always)]
 fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>, enlargement: R) -> Bounds<R> {
     let solid = compiled.geoms[geom].solid.as_ref().expect("made for every geom of static pairs");
-    let [centre, half] = BoundingBox::along_world(solid, compiled.params.geom_size(geom), mat).expect("convex");
+    let [centre, half] = BoundingBox::along_world(solid, compiled.params.geom(geom).size, mat).expect("convex");
     let centre = add(pos, centre);
     let sum = |v: V3<R>| v[0].abs() + v[1].abs() + v[2].abs();
     let reach = enlargement + R::of(ROUNDING) * (sum(centre) + sum(half) + enlargement);

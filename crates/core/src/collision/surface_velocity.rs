@@ -34,7 +34,7 @@ pub fn motion<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, cont
         if let Some(own) = surface.own {
             let mat = &kinematics.mat[frame];
             let (along, spin) = (rotate(mat, splat(own[0])), rotate(mat, splat(own[1])));
-            let arm = sub(point.pos, kinematics.point(frame, compiled.params.geom_pos(surface.geom)));
+            let arm = sub(point.pos, kinematics.point(frame, compiled.params.geom(surface.geom).pos));
             let own = add(along, cross(spin, arm));
             let n = point.normal;
             m = add(m, spatial(scale(n, dot(spin, n)), add_scaled(own, n, -dot(own, n))));

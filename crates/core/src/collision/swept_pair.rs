@@ -132,7 +132,7 @@ impl<R: Real> SweptPair<R> {
             turning.lanes = turning.lanes.or(if is_single { sweeps } else { far });
             turning.sweep += R::select(sweeps, sweep, R::zero());
             let centre = compiled.links.get(frame - 1).map_or(kinematics.pos[frame], |link| kinematics.origin[link.tree]);
-            let reach = norm(sub(start.pos[geom], centre)) + compiled.params.bounding_radius(geom);
+            let reach = norm(sub(start.pos[geom], centre)) + compiled.params.geom(geom).bounding_radius;
             turning.curvature += R::select(sweeps, (sweep / time).square() * reach, R::zero());
         }
         turning
@@ -221,7 +221,7 @@ impl<R: Real> SweptPair<R> {
                 self.poses.search_velocity[frame - 1] = select(turning, moved.velocity, field);
             }
         }
-        let reach = norm(arm) + compiled.params.bounding_radius(geom);
+        let reach = norm(arm) + compiled.params.geom(geom).bounding_radius;
         let swing = R::select(norm(angular_velocity).gt(R::zero()), norm(angular_velocity) * reach, R::zero());
         self.poses.search_displacement[geom] = (norm(velocity) + swing) * (path.time + path.time);
     }

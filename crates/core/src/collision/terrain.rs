@@ -54,7 +54,7 @@ impl<R: Real> Scene<'_, R> {
         let rise = dot(up, v) - norm(cross(up, w)) * core;
         let speed = norm(v) + norm(w) * core;
         let least = margin.max(R::zero()) + self.slack;
-        let around = self.compiled.params.bounding_radius(shape)
+        let around = self.compiled.params.geom(shape).bounding_radius
             + self.poses.search_displacement[ground]
             + self.poses.search_displacement[shape]
             + least;
@@ -85,8 +85,8 @@ impl<R: Real> Scene<'_, R> {
         // the two geoms.
         let radius = match &self.compiled.geoms[shape].solid {
             Some(Solid::Convex(ConvexShape::Sphere { .. })) => R::zero(),
-            Some(Solid::Convex(ConvexShape::Capsule { .. })) => self.compiled.params.geom_size(shape)[1],
-            _ => self.compiled.params.bounding_radius(shape) + R::of(0.5) * reach,
+            Some(Solid::Convex(ConvexShape::Capsule { .. })) => self.compiled.params.geom(shape).size[1],
+            _ => self.compiled.params.geom(shape).bounding_radius + R::of(0.5) * reach,
         };
         self.approach_at([surface, shape], self.poses.pos[shape], radius, margin)
     }
@@ -132,7 +132,7 @@ impl<R: Real> Scene<'_, R> {
     /// The core is the centre of a ball, the segment of a capsule, and otherwise the bounding ball.
     #[inline(always)]
     fn reach_below(&self, geom: usize, up: V3<R>) -> (R, R) {
-        let (size, bound) = (self.compiled.params.geom_size(geom), self.compiled.params.bounding_radius(geom));
+        let (size, bound) = (self.compiled.params.geom(geom).size, self.compiled.params.geom(geom).bounding_radius);
         let m = rotate_back(&self.poses.mat[geom], up);
         let Some(Solid::Convex(shape)) = &self.compiled.geoms[geom].solid else { return (bound, bound) };
         match shape {

@@ -197,7 +197,7 @@ impl<R: Real> GeomPoses<R> {
         kernel!(R, || {
             let mut moved = R::Mask::splat(false);
             for &g in &compiled.moving_geoms {
-                moved = moved.or(self.search_displacement[g].gt(compiled.params.inscribed_radius(g)));
+                moved = moved.or(self.search_displacement[g].gt(compiled.params.geom(g).inscribed_radius));
             }
             moved.and(alive).none()
         })
@@ -221,7 +221,7 @@ impl<R: Real> GeomPoses<R> {
         let half = R::of(0.5);
         for &g in &compiled.moving_geoms {
             let displacement = self.passing_displacement[g];
-            let moved = displacement.gt(compiled.params.inscribed_radius(g) * half);
+            let moved = displacement.gt(compiled.params.geom(g).inscribed_radius * half);
             self.moved_far[g] = moved.any();
             any = any.or(moved);
             beyond_search = beyond_search.or(displacement.gt(self.search_displacement[g] + slack * half));
@@ -257,6 +257,6 @@ impl<R: Real> GeomPoses<R> {
             return R::zero();
         }
         let w = across_symmetry(compiled, geom, &self.mat[geom], angular(&self.passing_velocity[g.frame - 1]));
-        w * w * h * h * R::of(0.5) * compiled.params.rotation_reach(geom)
+        w * w * h * h * R::of(0.5) * compiled.params.geom(geom).rotation_reach
     }
 }

@@ -108,7 +108,7 @@ impl<S: Scalar> CompiledModel<S> {
         let params = structure.params_of(model).map(S::from_f64);
         let ModelStructure { geoms, pairs, dynamic_pairs, ntree, .. } = &structure;
         let group = |frame: usize| structure.tree_of(frame).unwrap_or(frame + ntree);
-        let static_pairs = StaticPairs::new(geoms, (pairs, dynamic_pairs.as_ref()), |geom| params.geom_pos(geom).map(S::to_f64), group);
+        let static_pairs = StaticPairs::new(geoms, (pairs, dynamic_pairs.as_ref()), |geom| params.geom(geom).pos.map(S::to_f64), group);
         Self { structure: ModelStructure { static_pairs, ..structure }, params }
     }
 

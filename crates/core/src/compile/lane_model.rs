@@ -64,8 +64,8 @@ impl<R: Real> LaneModel<R> {
     /// Sum of the bounding radii of two geoms, m. If the first geom is a plane, the bounding radius of the second.
     #[inline(always)]
     pub fn reach(&self, [a, b]: [usize; 2]) -> R {
-        let second = self.params.bounding_radius(b);
-        if self.structure.geoms[a].is_plane { second } else { self.params.bounding_radius(a) + second }
+        let second = self.params.geom(b).bounding_radius;
+        if self.structure.geoms[a].is_plane { second } else { self.params.geom(a).bounding_radius + second }
     }
 
     /// Tunnelling distance of a pair of geoms, m: largest relative displacement after which contacts still push the geoms back to the side
@@ -74,6 +74,6 @@ impl<R: Real> LaneModel<R> {
     /// The distance is half the sum of the geoms' inscribed radii; infinite if one of them is a plane.
     #[inline(always)]
     pub fn tunnelling_distance(&self, [a, b]: [usize; 2]) -> R {
-        R::of(0.5) * (self.params.inscribed_radius(a) + self.params.inscribed_radius(b))
+        R::of(0.5) * (self.params.geom(a).inscribed_radius + self.params.geom(b).inscribed_radius)
     }
 }

@@ -227,36 +227,6 @@ impl<T: Copy> Params<T> {
         let [start, end] = self.tables.geoms.map(|at| indices.partition_point(|&index| (index as usize) < at));
         start < end
     }
-
-    /// Origin of geom `geom` of the compiled model in its frame, m.
-    #[inline(always)]
-    pub fn geom_pos(&self, geom: usize) -> [T; 3] {
-        self.geom(geom).pos
-    }
-
-    /// Size of geom `geom` of the compiled model, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid).
-    #[inline(always)]
-    pub fn geom_size(&self, geom: usize) -> [T; 3] {
-        self.geom(geom).size
-    }
-
-    /// Radius of the ball about the origin of geom `geom` that contains the geom, m; infinite for a plane.
-    #[inline(always)]
-    pub fn bounding_radius(&self, geom: usize) -> T {
-        self.geom(geom).bounding_radius
-    }
-
-    /// Inscribed radius of geom `geom`, m, see [`GeomParams`].
-    #[inline(always)]
-    pub fn inscribed_radius(&self, geom: usize) -> T {
-        self.geom(geom).inscribed_radius
-    }
-
-    /// Lever arm with which a rotation displaces the surface of geom `geom`, m; see [`GeomParams`].
-    #[inline(always)]
-    pub fn rotation_reach(&self, geom: usize) -> T {
-        self.geom(geom).rotation_reach
-    }
 }
 
 impl Params<f64> {

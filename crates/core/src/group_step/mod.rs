@@ -25,5 +25,6 @@ pub(crate) use group::GroupFunctions;
 pub use group::{GroupStep, GroupVisitor};
 pub use rule::{ConstraintNames, Gap, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Solve, SolvedStep, StatePart};
 
+pub use crate::error::check_length;
 pub use crate::integrators::evaluate::recomputed::Recomputed;
 pub use crate::options::StepSettings;

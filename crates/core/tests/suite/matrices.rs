@@ -35,7 +35,7 @@ fn vectors_and_matrices_have_the_numbers_of_the_slices() {
 fn a_pose_is_an_isometry() {
     let sim = slope();
     let pose = sim.body_poses_of(0, &StepInputs::default()).unwrap()[1];
-    let up = Isometry3::from(pose) * Vector3::z();
+    let up = pose.isometry() * Vector3::z();
     assert!((up - Vector3::new(0.1_f64.sin(), 0.0, 0.1_f64.cos())).norm() < 1e-15);
     assert_eq!(pose.isometry().translation.vector, Vector3::from(pose.pos));
 }

@@ -49,12 +49,6 @@ impl BodyPose {
     }
 }
 
-impl From<BodyPose> for Isometry3<f64> {
-    fn from(pose: BodyPose) -> Self {
-        pose.isometry()
-    }
-}
-
 impl Contact {
     /// Position of the contact in the world frame, m.
     pub fn point(&self) -> Point3<f64> {

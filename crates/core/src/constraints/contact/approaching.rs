@@ -82,7 +82,7 @@ impl<R: Real> Assembler<'_, R> {
                 for geom in geoms {
                     let frame = compiled.geoms[geom].frame;
                     if (1..=compiled.links.len()).contains(&frame) {
-                        let pos = kinematics.point(frame, compiled.params.geom_pos(geom));
+                        let pos = kinematics.point(frame, compiled.params.geom(geom).pos);
                         let mat = mat_mul(&kinematics.mat[frame], &splat(compiled.geoms[geom].mat));
                         let angle = joints.sweeping_rotation(geom, frame - 1, pos, &mat, closing_time);
                         sweeping = sweeping.or(same.and(angle.gt(R::of(MAX_STRAIGHT_ROTATION))));
@@ -113,7 +113,7 @@ impl<R: Real> Assembler<'_, R> {
                     && R::Mask::from_bits(same).and((gap + approach).lt(R::zero())).any()
                     && ![a, b].into_iter().any(is_conveyor)
                 {
-                    let (half, radius_a, radius_b) = (gap * R::of(0.5), compiled.params.geom_size(a)[0], compiled.params.geom_size(b)[0]);
+                    let (half, radius_a, radius_b) = (gap * R::of(0.5), compiled.params.geom(a).size[0], compiled.params.geom(b).size[0]);
                     let spin_a = angular_velocity(input, compiled.geoms[a].frame);
                     let spin_b = angular_velocity(input, compiled.geoms[b].frame);
                     let spins = add(scale(spin_a, radius_a + half), scale(spin_b, radius_b + half));

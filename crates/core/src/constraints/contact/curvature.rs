@@ -109,7 +109,7 @@ fn rate<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lane
         let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
         let [first, second] = geoms;
         let (a, b) = (field(input, compiled.geoms[first].frame, point.pos), field(input, compiled.geoms[second].frame, point.pos));
-        let (from_a, from_b) = (compiled.params.geom_size(first)[0] + half, compiled.params.geom_size(second)[0] + half);
+        let (from_a, from_b) = (compiled.params.geom(first).size[0] + half, compiled.params.geom(second).size[0] + half);
         // Centres of spheres and capsule ends move with their bodies.
         let centre_a = sub(a.velocity, scale(cross(a.angular_velocity, n), from_a));
         let centre_b = add_scaled(b.velocity, cross(b.angular_velocity, n), from_b);

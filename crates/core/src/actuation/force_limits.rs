@@ -6,6 +6,13 @@ use crate::actuation::affine_force::{ActuatorDynamics, EffectiveInertia};
 use crate::compile::CompiledActuatorDynamics;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
+/// Limits of an actuator with dynamics: which there are, and their parameters.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ForceLimits<'a, R: Real> {
+    pub(crate) dynamics: &'a CompiledActuatorDynamics<R::Scalar>,
+    pub(crate) numbers: &'a ActuatorDynamics<R>,
+}
+
 /// Force of an actuator with dynamics within a step: its affine force, clamped to the force limits and to the torque-speed curve of its
 /// motor.
 ///
@@ -46,9 +53,9 @@ impl<R: Real> BoundedForce<R> {
     ///
     /// [`ActuatorForces::guess_active_bounds`]: crate::actuation::forces::ActuatorForces::guess_active_bounds
     #[inline(always)]
-    pub(super) fn set_bound_for_guess(&mut self, dynamics: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
+    pub(super) fn set_bound_for_guess(&mut self, limits: ForceLimits<'_, R>) {
         let is_explicit = self.affine.1.eq(R::zero());
-        let found = active_bound(dynamics, numbers, self.affine.0, self.before);
+        let found = active_bound(limits, self.affine.0, self.before);
         for (active, found) in self.active.iter_mut().zip(found) {
             *active = found.and(is_explicit);
         }
@@ -59,13 +66,12 @@ impl<R: Real> BoundedForce<R> {
     #[inline(always)]
     pub(super) fn set_bound_at_acceleration(
         &mut self,
-        dynamics: &CompiledActuatorDynamics<R::Scalar>,
-        numbers: &ActuatorDynamics<R>,
+        limits: ForceLimits<'_, R>,
         weights: ImplicitWeights<R>,
         acceleration: R,
     ) -> R::Mask {
         let force = self.affine.0 - self.affine.1 * acceleration;
-        let found = active_bound(dynamics, numbers, force, self.before + weights.damping * acceleration);
+        let found = active_bound(limits, force, self.before + weights.damping * acceleration);
         let mut changed = R::Mask::splat(false);
         for (active, found) in self.active.iter_mut().zip(found) {
             changed = changed.or(found.and_not(*active)).or(active.and_not(found));
@@ -114,12 +120,7 @@ impl<R: Real> BoundedForce<R> {
 /// Active bound of a force at a velocity, as three masks: lanes at a force limit, lanes on the motor's torque-speed curve, and lanes at an
 /// upper bound. In the lanes of the first two masks that are not in the third, the bound is a lower one.
 #[inline(always)]
-fn active_bound<R: Real>(
-    dynamics: &CompiledActuatorDynamics<R::Scalar>,
-    numbers: &ActuatorDynamics<R>,
-    force: R,
-    velocity: R,
-) -> [R::Mask; 3] {
+fn active_bound<R: Real>(ForceLimits { dynamics, numbers }: ForceLimits<'_, R>, force: R, velocity: R) -> [R::Mask; 3] {
     let never = R::Mask::splat(false);
     let ([low, high], mut requested) = (numbers.limits, force);
     let (mut at_limit, mut upper) = (never, never);
@@ -158,12 +159,7 @@ pub(crate) struct LimitedForce<R: Real> {
 
 /// Clamps the force of an actuator, N or N m, to its limits and to the torque-speed curve of its motor at the velocity `velocity`.
 #[inline(always)]
-pub(crate) fn clamp_to_limits<R: Real>(
-    dynamics: &CompiledActuatorDynamics<R::Scalar>,
-    numbers: &ActuatorDynamics<R>,
-    force: R,
-    velocity: R,
-) -> LimitedForce<R> {
-    let active @ [at_limit, on_curve, _] = active_bound(dynamics, numbers, force, velocity);
-    LimitedForce { force: bounded(active, numbers, force, velocity), is_limited: at_limit.or(on_curve) }
+pub(crate) fn clamp_to_limits<R: Real>(limits: ForceLimits<'_, R>, force: R, velocity: R) -> LimitedForce<R> {
+    let active @ [at_limit, on_curve, _] = active_bound(limits, force, velocity);
+    LimitedForce { force: bounded(active, limits.numbers, force, velocity), is_limited: at_limit.or(on_curve) }
 }

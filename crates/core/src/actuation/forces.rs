@@ -52,7 +52,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, EffectiveInertia, Motion, exceeds_range, outside, reaches, within};
-use crate::actuation::force_limits::BoundedForce;
+use crate::actuation::force_limits::{BoundedForce, ForceLimits};
 use crate::compile::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
@@ -312,7 +312,7 @@ impl<R: Real> ActuatorForces<R> {
             effective_inertia,
         );
         if self.active_bounds_unknown {
-            bounded_force.set_bound_for_guess(dynamics, numbers);
+            bounded_force.set_bound_for_guess(ForceLimits { dynamics, numbers });
         }
         let (force, added_inertia) = bounded_force.force(numbers, weights);
         let max_added_inertia = bounded_force.max_added_inertia(numbers, weights);
@@ -345,7 +345,7 @@ impl<R: Real> ActuatorForces<R> {
         let (mut updated, mut changed, mut split) = (None, R::Mask::splat(false), self.unclamped[servo]);
         if let Some(dynamics) = &compiled.actuators[compiled.servos[servo].actuator].dynamics {
             let (mut bounded_force, numbers) = (self.bounded_forces[dynamics.index], &actuator_dynamics[dynamics.index]);
-            changed = bounded_force.set_bound_at_acceleration(dynamics, numbers, weights, dv / h);
+            changed = bounded_force.set_bound_at_acceleration(ForceLimits { dynamics, numbers }, weights, dv / h);
             split = bounded_force.force(numbers, weights).into();
             updated = Some((dynamics.index, bounded_force));
         }

@@ -14,7 +14,6 @@ use crate::compile::actuators::{
 use crate::compile::adhesion::CompiledAdhesion;
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 use crate::compile::equality::{CompiledTendon, EqualityBlock};
-use crate::compile::mechanisms::Mechanisms;
 use crate::compile::merging::Merged;
 use crate::compile::parameters::Params;
 use crate::compile::passive::{CompiledFluid, CompiledSurface, GravityCompensation};
@@ -23,7 +22,7 @@ use crate::compile::sensing::CompiledSensing;
 use crate::compile::softness::CompiledSoftness;
 use crate::compile::static_pairs::StaticPairs;
 use crate::compile::tree::{
-    CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSingleBody, Descendant, Dof, Link,
+    CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSingleBody, Descendant, Dof, Link, Mechanisms,
 };
 
 /// Compiled model: everything that a step reads of a model, in the scalar type of its lanes. Parameters have the type `T`.

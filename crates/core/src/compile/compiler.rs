@@ -6,11 +6,11 @@ use crate::compile::adhesion::CompiledAdhesion;
 use crate::compile::collision::DynamicPairs;
 use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::{frictions, is_scalar, limits};
-use crate::compile::mechanisms::{Mechanisms, tree_of_act, tree_of_scalar_impulse};
+use crate::compile::mechanisms::{tree_of_act, tree_of_scalar_impulse};
 use crate::compile::merging::Merged;
 use crate::compile::sensing::CompiledSensing;
 use crate::compile::static_pairs::StaticPairs;
-use crate::compile::tree::{CompiledJoint, CompiledSingleBody, Link, scalars};
+use crate::compile::tree::{CompiledJoint, CompiledSingleBody, Link, Mechanisms, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive, paths};
 use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{Joint, JointKind, Model};
@@ -46,19 +46,14 @@ impl<S: Scalar> CompiledModel<S> {
         let input = actuators::CompilerInput { model, merged: &merged, frictions: &frictions, paths: &paths };
         let actuators = actuators::CompiledActuators::new(input, specs);
         let lossy = frictions.iter().any(|f| f.driven);
-        let mocap = merging::mocap(model, &merged);
-        let single = ([&limits[..], &ball_limits], &frictions[..]);
-        let tree_of_scalar_impulse = tree_of_scalar_impulse(scalar_impulses, &dofs, single, &equalities, &tendons);
-        let tree_of_act = tree_of_act(model.na(), &dofs, &actuators.actuators);
-        let mechanisms = Mechanisms::new(merged.ntree, &joints, &dofs, &mocap, &equalities, &tendons, &actuators.actuators);
         let structure = ModelStructure {
             nq: model.nq(),
             nv: model.nv(),
             na: model.na(),
             ntree: merged.ntree,
-            mechanisms,
-            tree_of_act,
-            tree_of_scalar_impulse,
+            mechanisms: Mechanisms::default(),
+            tree_of_act: vec![],
+            tree_of_scalar_impulse: vec![],
             wind: scalars(model.medium.wind),
             fluid: passive::fluid(model, &merged),
             compensation: passive::compensation(model, &merged),
@@ -71,7 +66,7 @@ impl<S: Scalar> CompiledModel<S> {
             chain,
             descendants,
             moved_dofs,
-            mocap,
+            mocap: merging::mocap(model, &merged),
             bodies: merging::bodies(model, &merged),
             pair_groups: collision::pair_groups(&geoms, &pairs),
             moving_geoms: (0..geoms.len()).filter(|&g| geoms[g].frame != 0).collect(),
@@ -109,7 +104,9 @@ impl<S: Scalar> CompiledModel<S> {
         let ModelStructure { geoms, pairs, dynamic_pairs, ntree, .. } = &structure;
         let group = |frame: usize| structure.tree_of(frame).unwrap_or(frame + ntree);
         let static_pairs = StaticPairs::new(geoms, (pairs, dynamic_pairs.as_ref()), |geom| params.geom(geom).pos.map(S::to_f64), group);
-        Self { structure: ModelStructure { static_pairs, ..structure }, params }
+        let (tree_of_act, tree_of_scalar_impulse) = (tree_of_act(&structure), tree_of_scalar_impulse(&structure));
+        let mechanisms = Mechanisms::new(&structure);
+        Self { structure: ModelStructure { static_pairs, mechanisms, tree_of_act, tree_of_scalar_impulse, ..structure }, params }
     }
 
     /// Finds the single bodies: links on a free or ball joint that are alone in their kinematic tree.

@@ -1,71 +1,38 @@
 //! Mechanisms: sets of kinematic trees that the model couples.
 
-use std::ops::Range;
-
 use stepper_real::Scalar;
 
-use crate::compile::actuators::{CompiledActuator, MomentKind, VariableMoment};
-use crate::compile::equality::{CompiledTendon, EqualityBlock, EqualityRows};
-use crate::compile::tree::{CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, Dof};
+use crate::compile::actuators::{MomentKind, VariableMoment};
+use crate::compile::compiled_model::ModelStructure;
+use crate::compile::equality::EqualityRows;
+use crate::compile::tree::{CompiledJoint, Dof, MechanismPart, Mechanisms};
 use crate::math::disjoint_sets::DisjointSets;
 use crate::model::JointKind;
 
-/// Mechanisms of a model: sets of kinematic trees that equalities, tendons or actuators couple. Only contacts couple different mechanisms.
-///
-/// A mocap body belongs to the mechanism to which an equality attaches it. Without such an equality it is a mechanism without degrees of
-/// freedom.
-#[derive(Clone, Debug)]
-pub struct Mechanisms {
-    /// Number of mechanisms.
-    pub count: usize,
-    /// Mechanism of each kinematic tree.
-    pub of_tree: Vec<usize>,
-    /// Mechanism of each mocap body.
-    pub of_mocap: Vec<usize>,
-    /// Runs of consecutive degrees of freedom of one mechanism, in order. A mechanism may have several.
-    pub parts: Vec<MechanismPart>,
-}
-
-/// Consecutive degrees of freedom of one mechanism.
-#[derive(Clone, Debug)]
-pub struct MechanismPart {
-    /// Index of the mechanism.
-    pub mechanism: usize,
-    /// Range of the degrees of freedom.
-    pub dofs: Range<usize>,
-    /// Ranges of those degrees of freedom that are rotations.
-    pub rotations: Vec<Range<usize>>,
-}
-
-/// Kinematic tree on which the actuator of each of `na` activations acts; `None` if it acts on no degree of freedom.
-pub(super) fn tree_of_act<S: Scalar>(na: usize, dofs: &[Dof], actuators: &[CompiledActuator<S>]) -> Vec<Option<usize>> {
-    let mut trees = vec![None; na];
-    for actuator in actuators {
+/// Kinematic tree on which the actuator of each activation acts; `None` if it acts on no degree of freedom.
+pub(super) fn tree_of_act<S: Scalar>(structure: &ModelStructure<S>) -> Vec<Option<usize>> {
+    let mut trees = vec![None; structure.na];
+    for actuator in &structure.actuators {
         let dof = match &actuator.variable_moment {
             Some(VariableMoment { kind: MomentKind::Contacts { dof, .. }, .. }) => *dof,
             Some(wrench) => wrench.dofs.first().map(|&(dof, _)| dof),
             None => actuator.moment.first().map(|&(_, dof, _)| dof),
         };
         if let Some(act) = actuator.act {
-            trees[act] = dof.map(|dof| dofs[dof].tree);
+            trees[act] = dof.map(|dof| structure.dofs[dof].tree);
         }
     }
     trees
 }
 
-/// A kinematic tree on which each of `count` scalar constraint rows acts, by the index of its impulse.
-pub(super) fn tree_of_scalar_impulse<S: Scalar>(
-    count: usize,
-    dofs: &[Dof],
-    (limits, frictions): ([&[CompiledLimit]; 2], &[CompiledFriction]),
-    equalities: &[EqualityBlock<S>],
-    tendons: &[CompiledTendon<S>],
-) -> Vec<Option<usize>> {
-    let mut trees = vec![None; count];
-    for (tree, friction) in trees[limits[0].len()..].iter_mut().zip(frictions) {
+/// A kinematic tree on which each scalar constraint row acts, by the index of its impulse.
+pub(super) fn tree_of_scalar_impulse<S: Scalar>(structure: &ModelStructure<S>) -> Vec<Option<usize>> {
+    let ModelStructure { dofs, limits, frictions, ball_limits, equalities, tendons, .. } = structure;
+    let mut trees = vec![None; structure.scalar_impulses];
+    for (tree, friction) in trees[limits.len()..].iter_mut().zip(frictions) {
         *tree = Some(dofs[friction.dof].tree);
     }
-    for limit in limits.into_iter().flatten() {
+    for limit in limits.iter().chain(ball_limits) {
         trees[limit.impulse_index] = Some(dofs[limit.dof].tree);
     }
     let first = |list: &[u32]| list.first().map(|&dof| dofs[dof as usize].tree);
@@ -79,16 +46,9 @@ pub(super) fn tree_of_scalar_impulse<S: Scalar>(
 }
 
 impl Mechanisms {
-    /// Finds the mechanisms of a model with `ntree` kinematic trees. Equalities that are not active count too.
-    pub(super) fn new<S: Scalar>(
-        ntree: usize,
-        joints: &[CompiledJoint<S>],
-        dofs: &[Dof],
-        mocap: &[CompiledMocap<S>],
-        equalities: &[EqualityBlock<S>],
-        tendons: &[CompiledTendon<S>],
-        actuators: &[CompiledActuator<S>],
-    ) -> Self {
+    /// Finds the mechanisms of a model. Equalities that are not active count too.
+    pub(super) fn new<S: Scalar>(structure: &ModelStructure<S>) -> Self {
+        let &ModelStructure { ntree, ref joints, ref dofs, ref mocap, ref equalities, ref tendons, ref actuators, .. } = structure;
         let mut sets = DisjointSets::new(ntree + mocap.len());
         let tree = |dof: usize| dofs[dof].tree;
         for equality in equalities.iter().flat_map(|block| &block.equalities) {

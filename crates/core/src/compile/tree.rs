@@ -1,4 +1,6 @@
-//! Elements of a compiled model: links, joints, degrees of freedom, bodies and limits.
+//! Elements of a compiled model: links, joints, degrees of freedom, mechanisms, bodies and limits.
+
+use std::ops::Range;
 
 use stepper_real::Scalar;
 
@@ -20,9 +22,9 @@ pub struct Link<S> {
     /// Unit quaternion (w, x, y, z) of the rotation `mat`.
     pub quat: [S; 4],
     /// Range of the link's joints in the list of joints.
-    pub joints: std::ops::Range<usize>,
+    pub joints: Range<usize>,
     /// Range of the link's degrees of freedom.
-    pub dofs: std::ops::Range<usize>,
+    pub dofs: Range<usize>,
 }
 
 /// Joint of a link.
@@ -66,7 +68,7 @@ pub struct Dof {
     /// Whether the dof's body is simple (`body_simple`): MuJoCo stores a diagonal mass matrix for such a body.
     pub is_simple: bool,
     /// Range of the descendants of the degree of freedom in the list of descendants.
-    pub descendants: std::ops::Range<usize>,
+    pub descendants: Range<usize>,
 }
 
 /// Descendant of a degree of freedom, in the list of descendants.
@@ -140,6 +142,33 @@ pub struct CompiledFriction {
     pub joint: usize,
     /// Whether an actuator's friction losses are added to this dry friction.
     pub driven: bool,
+}
+
+/// Mechanisms of a model: sets of kinematic trees that equalities, tendons or actuators couple. Only contacts couple different mechanisms.
+///
+/// A mocap body belongs to the mechanism to which an equality attaches it. Without such an equality it is a mechanism without degrees of
+/// freedom.
+#[derive(Clone, Debug, Default)]
+pub struct Mechanisms {
+    /// Number of mechanisms.
+    pub count: usize,
+    /// Mechanism of each kinematic tree.
+    pub of_tree: Vec<usize>,
+    /// Mechanism of each mocap body.
+    pub of_mocap: Vec<usize>,
+    /// Runs of consecutive degrees of freedom of one mechanism, in order. A mechanism may have several.
+    pub parts: Vec<MechanismPart>,
+}
+
+/// Consecutive degrees of freedom of one mechanism.
+#[derive(Clone, Debug)]
+pub struct MechanismPart {
+    /// Index of the mechanism.
+    pub mechanism: usize,
+    /// Range of the degrees of freedom.
+    pub dofs: Range<usize>,
+    /// Ranges of those degrees of freedom that are rotations.
+    pub rotations: Vec<Range<usize>>,
 }
 
 /// Converts numbers from f64 to the scalar type of the lanes.

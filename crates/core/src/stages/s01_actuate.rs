@@ -4,7 +4,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::affine_force::{AffineForce, Motion, exceeds_range, within};
-use crate::actuation::force_limits::clamp_to_limits;
+use crate::actuation::force_limits::{ForceLimits, clamp_to_limits};
 use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos, ServoInput};
 use crate::actuation::muscle::{activation_rate_of_muscle, muscle_force};
 use crate::compile::{ActuatorParams, CompiledActuator, LaneModel, MotorControl};
@@ -35,7 +35,7 @@ pub fn actuate<R: Real>(
                 actuator_forces.force[i] = match &actuator.dynamics {
                     Some(dynamics) => {
                         let (numbers, saturated) = (&at.actuator_dynamics[dynamics.index], &mut actuator_forces.found_saturated[i]);
-                        let limited = clamp_to_limits(dynamics, numbers, force, R::zero());
+                        let limited = clamp_to_limits(ForceLimits { dynamics, numbers }, force, R::zero());
                         *saturated = saturated.or(limited.is_limited);
                         limited.force
                     }
@@ -67,7 +67,7 @@ pub fn actuate<R: Real>(
                 }
                 (None, Some(dynamics)) => {
                     let numbers = &at.actuator_dynamics[dynamics.index];
-                    let limited = clamp_to_limits(dynamics, numbers, affine.force(&motion), motion.velocity);
+                    let limited = clamp_to_limits(ForceLimits { dynamics, numbers }, affine.force(&motion), motion.velocity);
                     (actuator_forces.force[i], actuator_forces.found_saturated[i]) = (limited.force, limited.is_limited);
                 }
                 (_, None) => {
@@ -139,9 +139,10 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
     );
     let mut at_bound = forces.is_at_bound(compiled, actuator);
     if let Some(dynamics) = &own.dynamics {
+        let limits = ForceLimits { dynamics, numbers: &at.actuator_dynamics[dynamics.index] };
         let velocity = forces.project(own, at.v);
         let requested = AffineForce { level, slope, rate }.force(&forces.motion(own, at.q, at.v, at.v));
-        at_bound = at_bound.or(clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], requested, velocity).is_limited);
+        at_bound = at_bound.or(clamp_to_limits(limits, requested, velocity).is_limited);
     }
     [slope, rate].map(
         #[inline(always)]

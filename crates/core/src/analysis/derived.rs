@@ -156,10 +156,19 @@ struct Cached {
 }
 
 impl<R: Real> Derivation<R> {
-    /// Prepares the computation of derived quantities for a group of environments. `s` has the group's state, inputs and last step.
+    /// Prepares the computation of derived quantities for a group of environments. `s` has the group's state, inputs and last step. Mocap
+    /// frames get their poses at the end of the last call of `step`.
     pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         self.cached = Cached::default();
-        self.place_mocap(compiled, s);
+        let one = [R::one(), R::zero(), R::zero(), R::zero()];
+        self.orientation.resize(compiled.nframe(), one);
+        let kinematics = &mut s.evaluation.kinematics;
+        for (mocap, trajectory) in compiled.mocap.iter().zip(&s.inputs.mocap_trajectories) {
+            let [x, y, z, quat @ ..] = trajectory.end();
+            kinematics.pos[mocap.frame] = [x, y, z];
+            kinematics.mat[mocap.frame] = kernel!(R, || quat_to_mat(quat));
+            self.orientation[mocap.frame] = quat;
+        }
     }
 
     /// Computes a quantity for the group that [`Derivation::begin`] received, and writes one row per environment to `out`.
@@ -179,19 +188,6 @@ impl<R: Real> Derivation<R> {
             for (out, &x) in row.iter_mut().zip(self.interleaved[lane..].iter().step_by(R::LANES)) {
                 *out = x;
             }
-        }
-    }
-
-    /// Sets the mocap frames to their poses at the end of the last call of `step`.
-    fn place_mocap(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
-        let one = [R::one(), R::zero(), R::zero(), R::zero()];
-        self.orientation.resize(compiled.nframe(), one);
-        let kinematics = &mut s.evaluation.kinematics;
-        for (mocap, trajectory) in compiled.mocap.iter().zip(&s.inputs.mocap_trajectories) {
-            let [x, y, z, quat @ ..] = trajectory.end();
-            kinematics.pos[mocap.frame] = [x, y, z];
-            kinematics.mat[mocap.frame] = kernel!(R, || quat_to_mat(quat));
-            self.orientation[mocap.frame] = quat;
         }
     }
 

@@ -79,7 +79,7 @@ impl Broad {
             self.visit_without_cell(lane as u64);
         }
         self.found_pairs.sort_unstable();
-        let index = |pair: u64| dynamic_pairs.pair_index((pair >> 32) as usize, pair as u32 as usize) as u32;
+        let index = |pair: u64| dynamic_pairs.table.index((pair >> 32) as usize, pair as u32 as usize) as u32;
         merge_lanes(&self.found_pairs, index, &mut self.pairs);
     }
 

@@ -49,7 +49,7 @@ pub struct CollisionWorkspace<R: Real> {
 fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
     let key = |i: usize| (compiled.pairs[i].geoms[0], compiled.pairs[i].margin);
     let mut runs: Vec<Range<usize>> = vec![];
-    for i in (0..compiled.pairs.len()).filter(|&i| !compiled.static_pairs.is_listed(i)) {
+    for i in (0..compiled.pairs.len()).filter(|&i| !compiled.static_pairs.listed[i]) {
         match runs.last_mut().filter(|run| run.end == i && key(run.start) == key(i)) {
             Some(run) => run.end += 1,
             None => runs.push(i..i + 1),

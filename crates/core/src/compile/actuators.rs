@@ -377,7 +377,7 @@ impl<S: Scalar> CompiledActuators<S> {
                 let frames = touching_frames(input, body);
                 let moves = |&dof: &usize| frames.iter().any(|&frame| input.merged.moves(dof, frame));
                 let dofs = (0..input.model.nv()).filter(moves).map(|dof| (dof, S::ONE));
-                (MomentKind::Contacts { body, dof: input.merged.last_dof(input.merged.frame[body]) }, None, dofs.collect())
+                (MomentKind::Contacts { body, dof: input.merged.last_dof[input.merged.frame[body]] }, None, dofs.collect())
             }
             Transmission::SliderCrank { crank, slider, rod } => {
                 let [crank, slider] = [crank, slider].map(spot);

@@ -73,13 +73,6 @@ pub struct CompiledPair<S> {
     pub spring: Option<Spring<S>>,
 }
 
-impl<S> CompiledPair<S> {
-    /// Whether the first geom is a plane and the second a capsule.
-    pub fn is_plane_and_capsule(&self) -> bool {
-        matches!(self.kernel, Kernel::PlaneCapsule)
-    }
-}
-
 /// Dynamic pairs: pairs that are too numerous for a list. In every step, the broad phase finds those that can touch. The geoms of dynamic
 /// pairs are called members.
 #[derive(Clone, Debug)]
@@ -92,7 +85,7 @@ pub struct DynamicPairs<S> {
     /// Largest sum of bounding radius and margin of a geom in `members`, m, with the sizes of the model.
     pub widest: f64,
     /// Indices of the dynamic pairs in the compiled model.
-    pub(super) table: PairTable,
+    pub(crate) table: PairTable,
     filter: Filter,
     /// Shapes of all geoms, by index of the geom in the model.
     shapes: Vec<Shape>,
@@ -102,7 +95,7 @@ pub struct DynamicPairs<S> {
 
 /// Table whose entries are the dynamic pairs. Each entry has an index in the compiled model, row by row.
 #[derive(Clone, Debug, Default)]
-pub(super) struct PairTable {
+pub(crate) struct PairTable {
     /// Index of the first dynamic pair in the compiled model. Smaller indices belong to the pairs in the compiled model's list of pairs.
     first: usize,
     /// Member of each row, as its index in [`DynamicPairs::members`]. All members have a column.
@@ -123,7 +116,7 @@ impl PairTable {
 
     /// Index in the compiled model of the dynamic pair of the members `i` and `j`, at least one of which moves.
     #[inline(always)]
-    pub(super) fn index(&self, i: usize, j: usize) -> usize {
+    pub(crate) fn index(&self, i: usize, j: usize) -> usize {
         let (low, high) = (i.min(j), i.max(j));
         let (row, column) = if self.row_of[low] == NO_ROW { (high, low) } else { (low, high) };
         self.first + self.row_of[row] as usize * self.row_of.len() + column
@@ -149,12 +142,6 @@ pub struct Member {
 }
 
 impl<S: Scalar> DynamicPairs<S> {
-    /// Index in the compiled model of the dynamic pair that consists of `members[i]` and `members[j]`, at least one of which moves.
-    #[inline(always)]
-    pub fn pair_index(&self, i: usize, j: usize) -> usize {
-        self.table.index(i, j)
-    }
-
     /// The two entries of `members` that form the dynamic pair `index`; `None` if there is no such pair.
     fn members_of(&self, index: usize) -> Option<[&Member; 2]> {
         Some(self.table.members_of(index)?.map(|i| &self.members[i]))

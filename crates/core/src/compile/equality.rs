@@ -240,7 +240,7 @@ impl Compiler<'_> {
     /// Length of tendon `t`. `paths` are the paths of all spatial tendons.
     fn length<S: Scalar>(&self, t: usize, paths: &[CompiledPath<S>]) -> Combination<S> {
         let tendon = &self.model.tendons[t];
-        let path = path_of(self.model, t).map(|path| paths[path].term(path));
+        let path = path_of(self.model, t).map(|path| PathTerm { path, dofs: paths[path].dofs.clone(), arms: paths[path].arms });
         let length = self.combination(&tendon.joints);
         let reference = path.as_ref().map_or(length.reference, |_| S::from_f64(tendon.reference_length(self.model)));
         Combination { path, reference, ..length }
@@ -271,7 +271,7 @@ impl Compiler<'_> {
 
     fn points<S: Scalar>(&self, bodies: [usize; 2], turn: Option<[S; 9]>) -> (EqualityRows<S>, Vec<u32>) {
         let frames = bodies.map(|b| self.merged.frame[b]);
-        let moved_dofs = frames.into_iter().filter_map(|f| self.merged.last_dof(f));
+        let moved_dofs = frames.into_iter().filter_map(|f| self.merged.last_dof[f]);
         let dofs = self.with_ancestors(moved_dofs);
         let paths = self.paths(frames);
         (EqualityRows::Points { frames, bodies, turn, paths }, dofs)

@@ -37,7 +37,7 @@ impl<R: Real> LaneModel<R> {
     fn unlisted_soft_contact(&self, softness: &CompiledSoftness<R::Scalar>, pair: usize) -> SoftContactLaw<R::Scalar> {
         let pair =
             self.dynamic_pairs.as_ref().and_then(|dynamic_pairs| dynamic_pairs.geom_pair(pair)).expect("a contact belongs to a pair");
-        softness.unlisted(&pair)
+        softness.maker.contact(&pair, softness.geom_weights[pair.geoms[0]] + softness.geom_weights[pair.geoms[1]])
     }
 
     /// Inverse mass of the body of a frame, as if it were free, 1/kg; 0 for the world and mocap bodies.

@@ -30,8 +30,9 @@ pub(crate) struct Merged {
     dof_chain: Vec<(usize, usize)>,
     /// Chains of all degrees of freedom, one after the other, see `dof_chain`.
     pub(crate) chain: Vec<u32>,
-    /// For each frame, the result of [`Merged::last_dof`].
-    last_dof_of_frame: Vec<Option<usize>>,
+    /// For each frame, the last of the degrees of freedom that move it, which is the nearest to the frame in the kinematic tree. `None` if
+    /// the frame cannot move.
+    pub(crate) last_dof: Vec<Option<usize>>,
 }
 
 /// Pose of an object (body, geom or site) in the frame to which it is fixed.
@@ -117,7 +118,7 @@ impl Merged {
 
     fn grow_trees(&mut self, model: &Model) {
         let nlink = self.leaders.len();
-        self.last_dof_of_frame = vec![None; 1 + nlink + self.mocap.len()];
+        self.last_dof = vec![None; 1 + nlink + self.mocap.len()];
         for link in 0..nlink {
             let parent = self.parent_frame(model, link);
             let is_root = parent == 0 || parent > nlink;
@@ -125,7 +126,7 @@ impl Merged {
                 self.ntree += 1;
             }
             self.link_tree.push(if is_root { self.ntree - 1 } else { self.link_tree[parent - 1] });
-            let mut last = if is_root { None } else { self.last_dof_of_frame[parent] };
+            let mut last = if is_root { None } else { self.last_dof[parent] };
             for joint in joints_of(model, self.leaders[link]) {
                 for _ in 0..joint.kind.nv() {
                     let dof = self.dof_link.len();
@@ -140,14 +141,8 @@ impl Merged {
                     last = Some(dof);
                 }
             }
-            self.last_dof_of_frame[1 + link] = last;
+            self.last_dof[1 + link] = last;
         }
-    }
-
-    /// Last of the degrees of freedom that move a frame, which is the nearest to the frame in the kinematic tree. `None` if the frame
-    /// cannot move.
-    pub(crate) fn last_dof(&self, frame: usize) -> Option<usize> {
-        self.last_dof_of_frame[frame]
     }
 
     /// Chain of a degree of freedom: the dof itself and its ancestors, towards the root.
@@ -158,7 +153,7 @@ impl Merged {
 
     /// Whether the degree of freedom `dof` moves a frame.
     pub(crate) fn moves(&self, dof: usize, frame: usize) -> bool {
-        self.last_dof(frame).is_some_and(|last| self.chain_of(last).contains(&(dof as u32)))
+        self.last_dof[frame].is_some_and(|last| self.chain_of(last).contains(&(dof as u32)))
     }
 
     /// Index of the mass matrix entry for the degrees of freedom `below` and `above`. `None` if `above` is neither `below` itself nor an
@@ -178,7 +173,7 @@ impl Merged {
             }
             words
         };
-        self.last_dof_of_frame.iter().map(set).collect()
+        self.last_dof.iter().map(set).collect()
     }
 }
 

@@ -108,13 +108,6 @@ pub struct PathTerm {
     pub arms: usize,
 }
 
-impl<S> CompiledPath<S> {
-    /// Term for the path with index `path`.
-    pub(super) fn term(&self, path: usize) -> PathTerm {
-        PathTerm { path, dofs: self.dofs.clone(), arms: self.arms }
-    }
-}
-
 /// Index of the path of tendon `t` among the paths of the model; `None` for a fixed tendon.
 pub(super) fn path_of(model: &Model, t: usize) -> Option<usize> {
     let has_path = |tendon: &&Tendon| !tendon.path.is_empty();

@@ -226,11 +226,3 @@ impl LawMaker {
         SoftContactLaw { normal, friction_damping: normal.damping, condim, anisotropy: scalars(pair.anisotropy), spring: normal.weight }
     }
 }
-
-impl<S: Scalar> CompiledSoftness<S> {
-    /// Constraint law of the contacts of a dynamic pair, which is not in the compiled model's list of pairs.
-    pub(crate) fn unlisted(&self, pair: &Pair) -> SoftContactLaw<S> {
-        let [a, b] = pair.geoms;
-        self.maker.contact(pair, self.geom_weights[a] + self.geom_weights[b])
-    }
-}

@@ -71,7 +71,7 @@ pub struct StaticPairs {
     /// Nodes of the tree of bounding boxes over the static geoms.
     pub nodes: Vec<TreeNode>,
     /// For every pair in the compiled model's list of pairs, whether it is a static pair.
-    listed: Vec<bool>,
+    pub listed: Vec<bool>,
     /// Table of those static pairs that are in the compiled model's list of pairs. Rows are static geoms and columns moving geoms. A value
     /// is the index of the pair, or [`NONE`]. Static geoms without such a pair have no row.
     indices: Vec<u32>,
@@ -158,11 +158,6 @@ impl StaticPairs {
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
         self.fixed.is_empty()
-    }
-
-    /// Whether the pair with the index `pair` in the compiled model's list of pairs is a static pair.
-    pub fn is_listed(&self, pair: usize) -> bool {
-        self.listed[pair]
     }
 
     /// Index in the compiled model of the pair of `fixed` and the moving geom `self.moving[moving]`. `None` if they are neither a listed

@@ -33,10 +33,6 @@ impl Contact {
         let [n, a, b] = self.axes;
         add_scaled(add_scaled(scale(n, x[0]), a, x[1]), b, x[2])
     }
-
-    fn world_force(&self) -> [f64; 3] {
-        self.world(self.force)
-    }
 }
 
 /// Volume of a site: position in the world, m, orientation, and size, m.
@@ -88,7 +84,7 @@ impl SensedContacts {
                     continue;
                 }
                 let sign = if second { 1.0 } else { -1.0 };
-                let push = scale(contact.world_force(), sign);
+                let push = scale(contact.world(contact.force), sign);
                 t = add(t, scale(contact.world(contact.torque), sign));
                 f = add(f, push);
                 t = add(t, cross(sub(contact.pos, point), push));
@@ -109,7 +105,7 @@ pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>
     for lane in 0..R::LANES {
         for slot in 0..contacts.count[lane] {
             let contact = Contact::of(compiled, contacts, h, slot, lane);
-            let (push, twist) = (contact.world_force(), contact.world(contact.torque));
+            let (push, twist) = (contact.world(contact.force), contact.world(contact.torque));
             for (body, sign) in contact.bodies.into_iter().zip([-1.0, 1.0]) {
                 let torque = add(twist, cross(sub(contact.pos, of_lane(&centres[body], lane)), push));
                 for k in 0..3 {
@@ -130,7 +126,7 @@ fn net_force(all: impl Iterator<Item = Contact> + Clone) -> Contact {
     let mut nearest = f64::INFINITY;
     for contact in all.clone() {
         let size = dot(contact.force, contact.force).sqrt();
-        force = add(force, contact.world_force());
+        force = add(force, contact.world(contact.force));
         weighted = add_scaled(weighted, contact.pos, size);
         plain = add(plain, contact.pos);
         weight += size;
@@ -138,7 +134,7 @@ fn net_force(all: impl Iterator<Item = Contact> + Clone) -> Contact {
         nearest = if contact.distance < nearest { contact.distance } else { nearest };
     }
     let pos = if weight > 0.0 { scale(weighted, 1.0 / weight) } else { scale(plain, 1.0 / count) };
-    let torque = all.fold([0.0; 3], |sum, c| add(add(sum, c.world(c.torque)), cross(sub(c.pos, pos), c.world_force())));
+    let torque = all.fold([0.0; 3], |sum, c| add(add(sum, c.world(c.torque)), cross(sub(c.pos, pos), c.world(c.force))));
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     Contact { geoms: [0; 2], bodies: [0; 2], distance: nearest, pos, axes, force, torque }
 }

@@ -4,7 +4,6 @@ use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
 use crate::batch::capacity::{bytes_per_env, check_memory};
 use crate::batch::environments::{Batch, compile, make_groups};
 use crate::batch::parameter_overrides::ParameterOverrides;
-use crate::batch::randomization::Differences;
 use crate::batch::worker::LaneScalar;
 use crate::error::Error;
 use crate::model::Model;
@@ -63,11 +62,6 @@ impl<S: LaneScalar> Batch<S> {
         if let Some(pipelines) = &mut self.pipelines {
             pipelines.set_parameters(specs, envs, self.settings.timestep);
         }
-    }
-
-    /// Sets per-environment parameters in the environments `envs`: for each, the parameters that differ from the model's.
-    pub(super) fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]) {
-        self.overrides.store_differences(&self.compiled.params, self.groups.len(), self.lanes, envs, differences);
     }
 
     /// Restores the model's parameters in all environments.

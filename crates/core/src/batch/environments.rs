@@ -203,14 +203,8 @@ impl<S: LaneScalar> Batch<S> {
         WorstRow::of_code(group.worst[lane], model, &self.compiled)
     }
 
-    /// Contacts of the last step: the two geoms of each, as indices in the model, and the stored contact.
-    pub(super) fn contacts(&self, env: usize) -> Vec<ContactOfGeoms> {
-        let (group, lane) = self.lane(env);
-        self.contacts_of(group, lane)
-    }
-
     /// Contacts that are stored in a lane of a group: the two geoms of each, as indices in the model, and the stored contact.
-    pub(super) fn contacts_of(&self, group: &Group<S>, lane: usize) -> Vec<ContactOfGeoms> {
+    pub(super) fn contacts_of(&self, (group, lane): (&Group<S>, usize)) -> Vec<ContactOfGeoms> {
         let geoms = |c: StoredContact| {
             self.compiled.pair_geoms(c.id.pair()).expect("a pair index of this compiled model").map(|g| self.compiled.geoms[g].index)
         };

@@ -33,7 +33,8 @@ const PAYLOAD: usize = CHECK + 32;
 pub struct SavedState {
     model: [u8; 32],
     precision: Precision,
-    payload: Vec<u8>,
+    /// Payload: environments and controls in force, in postcard's encoding.
+    pub(crate) payload: Vec<u8>,
 }
 
 impl SavedState {
@@ -49,11 +50,6 @@ impl SavedState {
     /// Scalar type of the simulation that saved the state.
     pub fn precision(&self) -> Precision {
         self.precision
-    }
-
-    /// Payload: environments and controls in force, in postcard's encoding.
-    pub(crate) fn payload(&self) -> &[u8] {
-        &self.payload
     }
 
     /// Length of the result of [`SavedState::to_bytes`], bytes.

@@ -186,7 +186,7 @@ mod tests {
     /// first.
     fn touching(sim: &Simulation, capacity: usize, change: impl Fn(&mut Group<f64>)) -> SavedState {
         let state = sim.save_state();
-        let mut saved = postcard::from_bytes::<SavedGroups<f64>>(state.payload()).unwrap();
+        let mut saved = postcard::from_bytes::<SavedGroups<f64>>(&state.payload).unwrap();
         for group in &mut saved.groups {
             let (lanes, entries) = (group.lanes, capacity * group.lanes);
             group.contact_ids.resize(entries, 0);

@@ -123,7 +123,7 @@ impl<S: LaneScalar> Batch<S> {
         }
         let contacts = |&env: &usize| {
             let (group, lane) = self.lane(env);
-            self.contacts_of(copies[env / self.lanes].as_ref().unwrap_or(group), lane)
+            self.contacts_of((copies[env / self.lanes].as_ref().unwrap_or(group), lane))
         };
         Ok(envs.iter().map(contacts).collect())
     }

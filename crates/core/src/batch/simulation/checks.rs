@@ -33,8 +33,8 @@ impl Simulation {
     /// [`Error::Quaternion`] for a quaternion of zeros, with its joint.
     pub(super) fn check_field(&self, field: Field, env: usize, values: &[f64]) -> Result<Vec<f64>, Error> {
         self.check_env(env)?;
-        self.check_width(field, values.len())?;
         let name = field.name();
+        check_length(name, values.len(), field.width(&self.model))?;
         self.check_numbers(values, |i| (format!("{name}[{i}]"), env))?;
         let mut values = values.to_vec();
         if field == Field::Qpos {
@@ -71,10 +71,6 @@ impl Simulation {
             true => Ok(()),
             false => Err(Error::ArrayPrecision { name, found: array.precision(), must: self.precision }),
         }
-    }
-
-    pub(super) fn check_width(&self, field: Field, found: usize) -> Result<(), Error> {
-        check_length(field.name(), found, field.width(&self.model))
     }
 
     pub(super) fn check_time(&self, env: usize, time: f64) -> Result<f64, Error> {

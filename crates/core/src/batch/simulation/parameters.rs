@@ -81,7 +81,9 @@ impl Simulation {
         }
         let differences = self.parameter_differences(&assigned, envs)?;
         self.randomization.store_fields(&self.model, self.num_envs, &assigned, envs);
-        with_batch!(self.engine_mut(), batch => batch.override_parameters(envs, &differences));
+        with_batch!(self.engine_mut(), batch => {
+            batch.overrides.store_differences(&batch.compiled.params, batch.groups.len(), batch.lanes, envs, &differences);
+        });
         Ok(())
     }
 

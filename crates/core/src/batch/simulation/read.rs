@@ -9,6 +9,7 @@ use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::simulation::{Error, Simulation};
 use crate::batch::state::ContactOfGeoms;
 use crate::batch::worst_row::WorstRow;
+use crate::error::check_length;
 use crate::math::spatial::contact_frame;
 use crate::model::write_whole;
 use crate::stages::s10_record::Status;
@@ -58,7 +59,7 @@ impl Simulation {
     /// then.
     pub fn get(&self, field: Field, env: usize, out: &mut [f64]) -> Result<(), Error> {
         self.check_env(env)?;
-        self.check_width(field, out.len())?;
+        check_length(field.name(), out.len(), field.width(&self.model))?;
         with_batch!(&self.engine, batch => batch.read(field, env, out));
         Ok(())
     }
@@ -200,7 +201,7 @@ impl Simulation {
     #[track_caller]
     pub fn contacts(&self, env: usize) -> Vec<Contact> {
         self.assert_env(env);
-        with_batch!(&self.engine, batch => batch.contacts(env)).into_iter().map(|stored| self.contact(stored)).collect()
+        with_batch!(&self.engine, batch => batch.contacts_of(batch.lane(env))).into_iter().map(|stored| self.contact(stored)).collect()
     }
 
     /// Contacts of each of the environments `envs`, as [`Simulation::contacts`]. If a state was set since the last step, its contacts are

@@ -71,8 +71,7 @@ impl Simulation {
         if state.precision() != self.precision {
             return Err(Error::StatePrecision { found: state.precision(), must: self.precision });
         }
-        let (ctrl, eq_active) =
-            with_batch!(self.engine_mut(), batch => batch.restore(state.payload(), envs)).map_err(Error::StateMisfit)?;
+        let (ctrl, eq_active) = with_batch!(self.engine_mut(), batch => batch.restore(&state.payload, envs)).map_err(Error::StateMisfit)?;
         let nu = self.model.nu();
         for &env in envs {
             let from = if ctrl.len() == nu { 0 } else { env };

@@ -177,17 +177,10 @@ impl AppliedInputs {
     /// Completes the inputs `given` of a call with the inputs in force. `part` selects, from an array of inputs in force, the rows that the
     /// call needs.
     fn complete_with<'a>(&'a self, given: &StepInputs<'a>, part: impl Fn(&'a [f64]) -> &'a [f64]) -> StepInputs<'a> {
-        let [qfrc, xfrc, mocap_pos, mocap_quat, eq_active] = &self.arrays;
-        let or = |given: &'a [f64], held: &'a [f64]| if given.is_empty() { part(held) } else { given };
-        StepInputs {
-            ctrl: given.ctrl,
-            qfrc: or(given.qfrc, qfrc),
-            xfrc: or(given.xfrc, xfrc),
-            mocap_pos: or(given.mocap_pos, mocap_pos),
-            mocap_quat: or(given.mocap_quat, mocap_quat),
-            eq_active: or(given.eq_active, eq_active),
-            mask: given.mask,
-        }
+        let applied = given.applied();
+        let [qfrc, xfrc, mocap_pos, mocap_quat, eq_active] =
+            std::array::from_fn(|k| if applied[k].is_empty() { part(&self.arrays[k]) } else { applied[k] });
+        StepInputs { qfrc, xfrc, mocap_pos, mocap_quat, eq_active, ..*given }
     }
 
     /// Memory of the arrays, bytes.

@@ -203,7 +203,11 @@ impl Simulation {
     /// Calls `look` while one additional worker exists, to measure the memory of its workspace. Each thread allocates such a workspace at
     /// its first step.
     pub fn with_worker(&self, mut look: impl FnMut()) {
-        with_batch!(&self.engine, batch => batch.with_worker(&mut look));
+        with_batch!(&self.engine, batch => {
+            let worker = batch.workers.make_worker(&batch.worker_spec());
+            look();
+            drop(worker);
+        });
     }
 
     /// Mutable batch of the simulation. The call invalidates cached readings.

@@ -185,13 +185,6 @@ impl<S: LaneScalar> Batch<S> {
         nstep.saturating_mul(self.num_envs * self.compiled.nv.max(1)) <= BRIEF
     }
 
-    /// Calls `callback` while one additional worker exists, so that the caller can measure the memory of a worker.
-    pub(super) fn with_worker(&self, callback: &mut dyn FnMut()) {
-        let worker = self.workers.make_worker(&self.worker_spec());
-        callback();
-        drop(worker);
-    }
-
     pub(super) fn call<'a>(&'a self, inputs: &StepInputs<'a>, schedule: Schedule, part: Part) -> Call<'a, S> {
         Call {
             compiled: &self.compiled,

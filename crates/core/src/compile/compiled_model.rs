@@ -87,9 +87,6 @@ pub struct ModelStructure<S: Scalar> {
     pub joints: Vec<CompiledJoint<S>>,
     /// Degrees of freedom.
     pub dofs: Vec<Dof>,
-    /// Chains of all degrees of freedom: `chain[dof.chain..][..dof.depth]` is the dof and its ancestors, towards the root. Entry k of this
-    /// list belongs to entry k of the mass matrix.
-    pub chain: Vec<u32>,
     /// Descendants of all degrees of freedom (dofs) in one list. The range `dof.descendants` has all dofs below this dof in its kinematic
     /// tree, from the last to the first.
     pub descendants: Vec<Descendant>,
@@ -254,7 +251,7 @@ impl<S: Scalar> ModelStructure<S> {
     #[inline(always)]
     pub fn chain_of(&self, dof: usize) -> &[u32] {
         let d = &self.dofs[dof];
-        &self.chain[d.chain..d.chain + d.depth]
+        &self.merged.chain[d.chain..d.chain + d.depth]
     }
 
     /// Descendants of a degree of freedom: all dofs below it in its kinematic tree, from the last to the first.

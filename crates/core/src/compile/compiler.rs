@@ -25,7 +25,6 @@ impl<S: Scalar> CompiledModel<S> {
     pub fn with_actuator_specs(model: &Model, specs: &[Option<ActuatorSpec>]) -> Self {
         let merged = Merged::new(model);
         let (dofs, descendants) = merging::dofs(model, &merged);
-        let chain = merged.chain.clone();
         let frictions = frictions(model, specs, &merged);
         let limits_of = |first: usize, is_of_kind: fn(&Joint) -> bool| limits(model, &merged, first, is_of_kind);
         let limits = limits_of(0, is_scalar);
@@ -63,7 +62,6 @@ impl<S: Scalar> CompiledModel<S> {
             links,
             joints,
             dofs,
-            chain,
             descendants,
             moved_dofs,
             mocap: merging::mocap(model, &merged),

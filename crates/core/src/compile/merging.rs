@@ -28,7 +28,7 @@ pub(crate) struct Merged {
     /// For each degree of freedom (dof), start and length of its part of the list `chain`. The part contains the dof itself and its
     /// ancestors.
     dof_chain: Vec<(usize, usize)>,
-    /// Chains of all degrees of freedom, one after the other, see `dof_chain`.
+    /// Chains of all degrees of freedom, one after the other, see `dof_chain`. Entry k of this list belongs to entry k of the mass matrix.
     pub(crate) chain: Vec<u32>,
     /// For each frame, the last of the degrees of freedom that move it, which is the nearest to the frame in the kinematic tree. `None` if
     /// the frame cannot move.

@@ -28,7 +28,7 @@ impl<R: Real> MassMatrix<R> {
     /// Allocates the mass matrix of a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         Self {
-            entries: vec![R::zero(); compiled.chain.len()],
+            entries: vec![R::zero(); compiled.merged.chain.len()],
             inv_d: vec![R::zero(); compiled.nv],
             sqrt_inv_d: vec![R::zero(); compiled.nv],
             sqrt_d: vec![R::zero(); compiled.nv],

@@ -64,7 +64,7 @@ impl<R: Real> SoftSystem<R> {
             in_turn: (R::LANES > 1 && compiled.ntree > 1).then(|| Box::new(LaneSolver::new(&softness.order))),
             order: VisitOrder::new(visited),
             acceleration: zeros(),
-            mass: vec![R::zero(); compiled.chain.len()],
+            mass: vec![R::zero(); compiled.merged.chain.len()],
             terms: Vec::with_capacity(compiled.nv),
         }
     }

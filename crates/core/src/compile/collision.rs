@@ -73,6 +73,13 @@ pub struct CompiledPair<S> {
     pub spring: Option<Spring<S>>,
 }
 
+impl<S> CompiledPair<S> {
+    /// Whether the first geom is a plane and the second a capsule.
+    pub fn is_plane_and_capsule(&self) -> bool {
+        matches!(self.kernel, Kernel::PlaneCapsule)
+    }
+}
+
 /// Dynamic pairs: pairs that are too numerous for a list. In every step, the broad phase finds those that can touch. The geoms of dynamic
 /// pairs are called members.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
-use crate::compile::{Kernel, LaneModel};
+use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
@@ -15,7 +15,7 @@ pub(super) fn align_tangents<R: Real>(compiled: &LaneModel<R>, kinematics: &Kine
             let (mut axis, mut aligned) = (zero(), R::Mask::splat(false));
             for (pair, lanes) in contacts.pairs(k, contacts.lanes_of(k)) {
                 let pair = compiled.pair(pair);
-                if matches!(pair.kernel, Kernel::PlaneCapsule) {
+                if pair.is_plane_and_capsule() {
                     let (there, geom) = (R::Mask::from_bits(lanes), &compiled.geoms[pair.geoms[1]]);
                     let own = rotate(&kinematics.mat[geom.frame], column(&splat(geom.mat), 2));
                     axis = select(there, own, axis);

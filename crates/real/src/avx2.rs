@@ -9,7 +9,7 @@
 use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, inline_functions, lane_access, operators, vectorize};
 use crate::real::Real;
-use crate::registers::{each_register, register_lanes};
+use crate::registers::{each_register, register_lanes, register_mask};
 use core::arch::x86_64::{
     __m256i as Integers, _CMP_EQ_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm256_and_si256 as and_int, _mm256_cmpeq_epi32 as equal_int,
     _mm256_set1_epi32 as set1_int,
@@ -33,6 +33,7 @@ macro_rules! avx2_lanes {
                 fn round_even(self) -> Self = each_register!($name, $registers, |I| round::<NEAREST_EVEN>(self.0[I]));
             }
         }
+        register_mask!($name, $n, $mask, registers $registers of $bytes bytes);
     };
 }
 

@@ -1,35 +1,26 @@
-//! Lanes in x86 registers with masks as vectors of compare results, for the SSE2 and the AVX2 lanes.
+//! Lanes in x86 registers, for all instruction sets, and masks as vectors of compare results, for the SSE2 and the AVX2 lanes.
 
 /// Value whose registers are results of an expression, one per register. `$i` is the index of the register.
 macro_rules! each_register {
-    ($make:ident, 1, |$i:ident| $e:expr) => {{
+    ($make:ident, 1, |$i:ident| $e:expr) => {
+        each_register!(@ $make, [0], |$i| $e)
+    };
+    ($make:ident, 2, |$i:ident| $e:expr) => {
+        each_register!(@ $make, [0, 1], |$i| $e)
+    };
+    (@ $make:ident, [$($index:literal),+], |$i:ident| $e:expr) => {{
         // SAFETY: the contract of the module with the lane type.
         unsafe {
-            $make([{
-                const $i: usize = 0;
+            $make([$({
+                const $i: usize = $index;
                 $e
-            }])
-        }
-    }};
-    ($make:ident, 2, |$i:ident| $e:expr) => {{
-        // SAFETY: the contract of the module with the lane type.
-        unsafe {
-            $make([
-                {
-                    const $i: usize = 0;
-                    $e
-                },
-                {
-                    const $i: usize = 1;
-                    $e
-                },
-            ])
+            }),+])
         }
     }};
 }
 
-/// Definition of a lane type of one precision and its mask, from the methods of `impl Real` that differ between instruction sets. The
-/// intrinsics of the precision must be in scope under the short names used below.
+/// Definition of a lane type of one precision, from the methods of `impl Real` that differ between instruction sets. The intrinsics of the
+/// precision must be in scope under the short names used below.
 macro_rules! register_lanes {
     ($name:ident, $scalar:ident, $n:literal, $mask:ident, registers $registers:tt of $bytes:literal bytes,
      mantissa $mantissa:literal, bias $bias:literal, $($method:tt)*) => {
@@ -37,11 +28,6 @@ macro_rules! register_lanes {
         #[derive(Clone, Copy)]
         #[repr(C, align($bytes))]
         pub struct $name([Raw; $registers]);
-
-        #[doc = concat!("One truth value for each lane of [`", stringify!($name), "`].")]
-        #[derive(Clone, Copy, Debug)]
-        #[repr(C, align($bytes))]
-        pub struct $mask([Raw; $registers]);
 
         /// Lanes in one register.
         const WIDTH: usize = $n / $registers;
@@ -102,6 +88,16 @@ macro_rules! register_lanes {
                 (mantissa, each_register!($name, $registers, |I| sub(or(exponent.0[I], set1(ONE_BITS)), set1(ONE_BITS + $bias))))
             }
         }
+    };
+}
+
+/// Definition of a mask as vectors of compare results, for a lane type that [`register_lanes!`] defines in the same module.
+macro_rules! register_mask {
+    ($name:ident, $n:literal, $mask:ident, registers $registers:tt of $bytes:literal bytes) => {
+        #[doc = concat!("One truth value for each lane of [`", stringify!($name), "`].")]
+        #[derive(Clone, Copy, Debug)]
+        #[repr(C, align($bytes))]
+        pub struct $mask([Raw; $registers]);
 
         impl Mask for $mask {
             #[inline(always)]
@@ -145,4 +141,4 @@ macro_rules! register_lanes {
     };
 }
 
-pub(crate) use {each_register, register_lanes};
+pub(crate) use {each_register, register_lanes, register_mask};

@@ -9,7 +9,7 @@ use core::arch::x86_64::{__m128i as Integers, _mm_and_si128 as and_int, _mm_cmpe
 use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, inline_functions, lane_access, operators, vectorize};
 use crate::real::Real;
-use crate::registers::{each_register, register_lanes};
+use crate::registers::{each_register, register_lanes, register_mask};
 
 /// Definition of a lane type of one precision and its mask.
 macro_rules! sse2_lanes {
@@ -36,6 +36,7 @@ macro_rules! sse2_lanes {
                 Self::select(magnitude.lt(integers), rounded, self)
             }
         }
+        register_mask!($name, $n, $mask, registers 2 of 32 bytes);
     };
 }
 

@@ -6,12 +6,16 @@ const LEVELS: [&str; 3] = ["avx512", "avx2", "baseline"];
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-env-changed=STEPPER_ONE_LEVEL");
-    println!("cargo::rustc-check-cfg=cfg(one_level, values(\"avx512\", \"avx2\", \"baseline\"))");
+    println!("cargo::rustc-check-cfg=cfg(has_level, values(\"avx512\", \"avx2\", \"baseline\"))");
     let level = std::env::var("STEPPER_ONE_LEVEL").unwrap_or_default();
     let level = if level == "native" { native() } else { &level };
-    if !level.is_empty() {
-        assert!(LEVELS.contains(&level), "STEPPER_ONE_LEVEL is {level}: expected avx512, avx2, baseline or native");
-        println!("cargo::rustc-cfg=one_level=\"{level}\"");
+    assert!(level.is_empty() || LEVELS.contains(&level), "STEPPER_ONE_LEVEL is {level}: expected avx512, avx2, baseline or native");
+    let is_x86_64 = std::env::var("CARGO_CFG_TARGET_ARCH").is_ok_and(|name| name == "x86_64");
+    let has_feature = |name: &str| is_x86_64 && std::env::var_os(format!("CARGO_FEATURE_{}", name.to_uppercase())).is_some();
+    for name in LEVELS {
+        if (level.is_empty() || level == name) && (name == "baseline" || has_feature(name)) {
+            println!("cargo::rustc-cfg=has_level=\"{name}\"");
+        }
     }
 }
 

@@ -22,7 +22,7 @@ const NEAREST_EVEN: i32 = 0x08;
 macro_rules! avx2_lanes {
     ($name:ident, $scalar:ident, $n:literal, $mask:ident, $registers:tt of $bytes:literal bytes, $mantissa:literal, $bias:literal) => {
         register_lanes! {
-            $name, $scalar, $n, $mask, registers $registers of $bytes bytes, mantissa $mantissa, bias $bias,
+            $name, $scalar, $n, $mask, registers $registers as #[repr(C, align($bytes))] [Raw; $registers], mantissa $mantissa, bias $bias,
             type Single = crate::single_lane::single!($scalar);
             vectorize!("avx2");
             inline_functions! {

@@ -9,7 +9,7 @@
 use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, inline_functions, lane_access, operators, vectorize};
 use crate::real::Real;
-use crate::registers::{each_register, register_lanes};
+use crate::registers::{Whole, each_register, register_lanes};
 use core::arch::x86_64::{_CMP_EQ_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
 /// Rounding mode of an intrinsic: to the nearest integer, half to even, without scaling and without an inexact exception.
@@ -19,7 +19,7 @@ const NEAREST_EVEN: i32 = 0x08;
 macro_rules! avx512_lanes {
     ($name:ident, $scalar:ident, $n:literal, $mask:ident, $bits:ident, $mantissa:literal, $bias:literal) => {
         register_lanes! {
-            $name, $scalar, $n, $mask, registers 1 of 64 bytes, mantissa $mantissa, bias $bias,
+            $name, $scalar, $n, $mask, registers whole as #[repr(transparent)] Whole<Raw>, mantissa $mantissa, bias $bias,
             type Single = crate::single_lane::single!($scalar);
             vectorize!("avx512f,avx512dq,avx512vl");
             inline_functions! {
@@ -27,8 +27,8 @@ macro_rules! avx512_lanes {
                 fn lt(self, o: Self) -> $mask = $mask(unsafe { cmp::<_CMP_LT_OQ>(self.0[0], o.0[0]) });
                 fn le(self, o: Self) -> $mask = $mask(unsafe { cmp::<_CMP_LE_OQ>(self.0[0], o.0[0]) });
                 fn eq(self, o: Self) -> $mask = $mask(unsafe { cmp::<_CMP_EQ_OQ>(self.0[0], o.0[0]) });
-                fn select(m: $mask, a: Self, b: Self) -> Self = each_register!($name, 1, |I| blend(m.0, b.0[I], a.0[I]));
-                fn round_even(self) -> Self = each_register!($name, 1, |I| round::<NEAREST_EVEN>(self.0[I]));
+                fn select(m: $mask, a: Self, b: Self) -> Self = each_register!($name, whole, |I| blend(m.0, b.0[I], a.0[I]));
+                fn round_even(self) -> Self = each_register!($name, whole, |I| round::<NEAREST_EVEN>(self.0[I]));
             }
         }
 

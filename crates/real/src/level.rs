@@ -1,7 +1,6 @@
 //! CPU levels: detection of the machine's instructions, selection of a level, and calls with its lane types.
 
 use core::fmt;
-use core::str::FromStr;
 use std::sync::OnceLock;
 
 #[cfg(target_arch = "x86_64")]
@@ -53,7 +52,8 @@ impl Level {
 
     /// Level with this name, if this machine and build support it.
     fn if_available(word: &str) -> Result<Level, LevelError> {
-        let level: Level = word.parse()?;
+        let found = Level::ALL.into_iter().find(|level| level.name().eq_ignore_ascii_case(word.trim()));
+        let level = found.ok_or_else(|| LevelError::Unknown(word.to_owned()))?;
         if level.is_available() { Ok(level) } else { Err(LevelError::Unavailable(level)) }
     }
 
@@ -66,39 +66,25 @@ impl Level {
         }
     }
 
-    // Whether the build contains the level and the CPU has the features that `Real::vectorize` enables for it.
-    #[cfg(target_arch = "x86_64")]
+    /// Whether the build contains the level and the CPU has the features that `Real::vectorize` enables for it.
     fn detect(self) -> bool {
         match self {
-            Level::Baseline => !cfg!(any(one_level = "avx512", one_level = "avx2")),
-            Level::Avx2 => {
-                cfg!(all(feature = "avx2", not(any(one_level = "avx512", one_level = "baseline")))) && is_x86_feature_detected!("avx2")
-            }
+            Level::Baseline => cfg!(has_level = "baseline"),
+            #[cfg(has_level = "avx2")]
+            Level::Avx2 => is_x86_feature_detected!("avx2"),
+            #[cfg(has_level = "avx512")]
             Level::Avx512 => {
-                cfg!(all(feature = "avx512", not(any(one_level = "avx2", one_level = "baseline"))))
-                    && is_x86_feature_detected!("avx512f")
-                    && is_x86_feature_detected!("avx512dq")
-                    && is_x86_feature_detected!("avx512vl")
+                is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") && is_x86_feature_detected!("avx512vl")
             }
+            #[allow(unreachable_patterns, reason = "a build may lack levels")]
+            _ => false,
         }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    fn detect(self) -> bool {
-        self == Level::Baseline
     }
 }
 
 impl fmt::Display for Level {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
-    }
-}
-
-impl FromStr for Level {
-    type Err = LevelError;
-    fn from_str(word: &str) -> Result<Self, LevelError> {
-        let found = Level::ALL.into_iter().find(|level| level.name().eq_ignore_ascii_case(word.trim()));
-        found.ok_or_else(|| LevelError::Unknown(word.to_owned()))
     }
 }
 
@@ -189,19 +175,19 @@ macro_rules! at_level {
         let level: $crate::Level = $level;
         assert!(level.is_available(), "CPU level {level} is not available on this machine and build");
         match level {
-            $crate::Level::Avx512 => $crate::__if_avx512!({
+            $crate::Level::Avx512 => $crate::code_of::avx512!({
                 struct Checked;
                 // SAFETY: the check is above.
                 unsafe impl $crate::HasAvx512 for Checked {}
                 $run::<<Checked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
             }),
-            $crate::Level::Avx2 => $crate::__if_avx2!({
+            $crate::Level::Avx2 => $crate::code_of::avx2!({
                 struct Checked;
                 // SAFETY: the check is above.
                 unsafe impl $crate::HasAvx2 for Checked {}
                 $run::<<Checked as $crate::Avx2>::$lanes $(, $($extra),+)?>($($arg),*)
             }),
-            $crate::Level::Baseline => $crate::__if_baseline!($run::<$crate::baseline::$lanes $(, $($extra),+)?>($($arg),*)),
+            $crate::Level::Baseline => $crate::code_of::baseline!($run::<$crate::baseline::$lanes $(, $($extra),+)?>($($arg),*)),
         }
     }};
 }
@@ -258,61 +244,42 @@ impl<T: HasAvx512> Avx512 for T {
     type F32Lanes = crate::avx512::F32x16;
 }
 
-// A `cfg` inside `at_level!` would test the features of the calling crate. The following macros test the features of this crate.
-#[cfg(not(any(one_level = "avx512", one_level = "avx2")))]
+/// Code of a level that this build has.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! __if_baseline {
+macro_rules! __run {
     ($($run:tt)*) => { $($run)* };
 }
-#[cfg(any(one_level = "avx512", one_level = "avx2"))]
+/// Code of a level that this build lacks.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! __if_baseline {
+macro_rules! __never {
     ($($run:tt)*) => {
         unreachable!("a level that this build lacks is never available")
     };
 }
-#[cfg(all(target_arch = "x86_64", feature = "avx2", not(any(one_level = "avx512", one_level = "baseline"))))]
+
+/// Macros for the code of each level. A `cfg` inside `at_level!` would test the features of the calling crate. The build script of this
+/// crate sets `has_level` for each level of the build.
 #[doc(hidden)]
-#[macro_export]
-macro_rules! __if_avx2 {
-    ($($run:tt)*) => { $($run)* };
-}
-#[cfg(not(all(target_arch = "x86_64", feature = "avx2", not(any(one_level = "avx512", one_level = "baseline")))))]
-#[doc(hidden)]
-#[macro_export]
-macro_rules! __if_avx2 {
-    ($($run:tt)*) => {
-        unreachable!("a level that this build lacks is never available")
-    };
-}
-#[cfg(all(target_arch = "x86_64", feature = "avx512", not(any(one_level = "avx2", one_level = "baseline"))))]
-#[doc(hidden)]
-#[macro_export]
-macro_rules! __if_avx512 {
-    ($($run:tt)*) => { $($run)* };
-}
-#[cfg(not(all(target_arch = "x86_64", feature = "avx512", not(any(one_level = "avx2", one_level = "baseline")))))]
-#[doc(hidden)]
-#[macro_export]
-macro_rules! __if_avx512 {
-    ($($run:tt)*) => {
-        unreachable!("a level that this build lacks is never available")
-    };
+pub mod code_of {
+    #[cfg(not(has_level = "avx2"))]
+    pub use crate::__never as avx2;
+    #[cfg(not(has_level = "avx512"))]
+    pub use crate::__never as avx512;
+    #[cfg(not(has_level = "baseline"))]
+    pub use crate::__never as baseline;
+    #[cfg(has_level = "avx2")]
+    pub use crate::__run as avx2;
+    #[cfg(has_level = "avx512")]
+    pub use crate::__run as avx512;
+    #[cfg(has_level = "baseline")]
+    pub use crate::__run as baseline;
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn names_parse_back() {
-        for level in Level::ALL {
-            assert_eq!(level.to_string().parse(), Ok(level));
-        }
-        assert_eq!(" AVX2\n".parse(), Ok(Level::Avx2));
-    }
 
     #[test]
     fn an_unknown_word_is_an_error_that_says_what_is_expected() {
@@ -325,9 +292,11 @@ mod tests {
     #[test]
     fn a_missing_level_is_an_error_that_names_what_there_is() {
         for level in Level::ALL {
-            match Level::if_available(level.name()) {
-                Ok(found) => assert!(found == level && level.is_available()),
-                Err(error) => assert!(error == LevelError::Unavailable(level) && error.to_string().contains("baseline")),
+            for word in [level.to_string(), format!(" {}\n", level.name().to_uppercase())] {
+                match Level::if_available(&word) {
+                    Ok(found) => assert!(found == level && level.is_available()),
+                    Err(error) => assert!(error == LevelError::Unavailable(level) && error.to_string().contains("baseline")),
+                }
             }
         }
     }

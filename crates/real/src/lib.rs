@@ -61,7 +61,7 @@ mod sse2;
 pub use baseline::{F32Lanes, F64Lanes, F64x1};
 #[cfg(target_arch = "x86_64")]
 pub use level::{Avx2, Avx512, HasAvx2, HasAvx512};
-pub use level::{Level, LevelError};
+pub use level::{Level, LevelError, code_of};
 pub use mask::Mask;
 pub use real::Real;
 pub use scalar::Scalar;

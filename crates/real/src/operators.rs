@@ -63,17 +63,12 @@ macro_rules! as_lanes {
                 // SAFETY: both types have the same size, and all bit patterns are valid numbers.
                 unsafe { core::mem::transmute(self) }
             }
-            /// Value with these lanes.
-            #[inline(always)]
-            pub fn from_array(lanes: [$scalar; $n]) -> Self {
-                // SAFETY: both types have the same size, and all bit patterns are valid numbers.
-                unsafe { core::mem::transmute(lanes) }
-            }
         }
         impl Default for $t {
             #[inline(always)]
             fn default() -> Self {
-                Self::from_array([0.0; $n])
+                // SAFETY: all bit patterns are valid numbers. Those of zeros are zeros.
+                unsafe { core::mem::zeroed() }
             }
         }
         impl core::fmt::Debug for $t {

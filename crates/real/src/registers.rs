@@ -1,36 +1,48 @@
 //! Lanes in x86 registers, for all instruction sets, and masks as vectors of compare results, for the SSE2 and the AVX2 lanes.
 
+/// Array of one register, which the compiler treats as the register itself. With an array it vectorises loops over single lanes less well.
+#[derive(Clone, Copy)]
+#[repr(transparent)]
+pub struct Whole<T>(pub T);
+
+impl<T> core::ops::Index<usize> for Whole<T> {
+    type Output = T;
+    #[inline(always)]
+    fn index(&self, _: usize) -> &T {
+        &self.0
+    }
+}
+
 /// Value whose registers are results of an expression, one per register. `$i` is the index of the register.
 macro_rules! each_register {
+    ($make:ident, whole, |$i:ident| $e:expr) => {
+        $make(crate::registers::Whole(each_register!(@ 0, |$i| $e)))
+    };
     ($make:ident, 1, |$i:ident| $e:expr) => {
-        each_register!(@ $make, [0], |$i| $e)
+        $make([each_register!(@ 0, |$i| $e)])
     };
     ($make:ident, 2, |$i:ident| $e:expr) => {
-        each_register!(@ $make, [0, 1], |$i| $e)
+        $make([each_register!(@ 0, |$i| $e), each_register!(@ 1, |$i| $e)])
     };
-    (@ $make:ident, [$($index:literal),+], |$i:ident| $e:expr) => {{
+    (@ $index:literal, |$i:ident| $e:expr) => {{
+        const $i: usize = $index;
         // SAFETY: the contract of the module with the lane type.
-        unsafe {
-            $make([$({
-                const $i: usize = $index;
-                $e
-            }),+])
-        }
+        unsafe { $e }
     }};
 }
 
 /// Definition of a lane type of one precision, from the methods of `impl Real` that differ between instruction sets. The intrinsics of the
 /// precision must be in scope under the short names used below.
 macro_rules! register_lanes {
-    ($name:ident, $scalar:ident, $n:literal, $mask:ident, registers $registers:tt of $bytes:literal bytes,
+    ($name:ident, $scalar:ident, $n:literal, $mask:ident, registers $registers:tt as #[$repr:meta] $storage:ty,
      mantissa $mantissa:literal, bias $bias:literal, $($method:tt)*) => {
         #[doc = concat!("Vector of ", $n, " `", stringify!($scalar), "` lanes.")]
         #[derive(Clone, Copy)]
-        #[repr(C, align($bytes))]
-        pub struct $name([Raw; $registers]);
+        #[$repr]
+        pub struct $name($storage);
 
         /// Lanes in one register.
-        const WIDTH: usize = $n / $registers;
+        const WIDTH: usize = $n * size_of::<Raw>() / size_of::<$name>();
 
         as_lanes!($name, $scalar, $n);
 
@@ -56,9 +68,9 @@ macro_rules! register_lanes {
             #[inline(always)]
             fn store(self, s: &mut [$scalar]) {
                 let s = &mut s[..$n];
-                for (i, &register) in self.0.iter().enumerate() {
+                for i in 0..$n / WIDTH {
                     // SAFETY: the contract of the module with the lane type. The register is written within `s`.
-                    unsafe { storeu(s.as_mut_ptr().add(i * WIDTH), register) }
+                    unsafe { storeu(s.as_mut_ptr().add(i * WIDTH), self.0[i]) }
                 }
             }
             inline_functions! {

@@ -15,7 +15,7 @@ use crate::registers::{each_register, register_lanes, register_mask};
 macro_rules! sse2_lanes {
     ($name:ident, $scalar:ident, $n:literal, $mask:ident, $mantissa:literal, $bias:literal) => {
         register_lanes! {
-            $name, $scalar, $n, $mask, registers 2 of 32 bytes, mantissa $mantissa, bias $bias,
+            $name, $scalar, $n, $mask, registers 2 as #[repr(C, align(32))] [Raw; 2], mantissa $mantissa, bias $bias,
             type Single = $scalar;
             vectorize!();
             inline_functions! {

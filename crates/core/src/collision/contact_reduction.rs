@@ -102,7 +102,7 @@ impl ContactReduction {
             }
         }
         if redundant {
-            contacts.retain(l, |k, _| self.kept[k]);
+            contacts.retain(l, |_, k, _| self.kept[k]);
         }
     }
 

@@ -194,12 +194,12 @@ impl<R: Real> Contacts<R> {
         k
     }
 
-    /// Removes the contacts of lane `l` for which `keeps` returns false. Its arguments are the slot and the identity of a contact. The
-    /// order of the remaining contacts does not change.
-    pub(crate) fn retain(&mut self, l: usize, mut keeps: impl FnMut(usize, ContactId) -> bool) {
+    /// Removes the contacts of lane `l` for which `keeps` returns false. Its arguments are the slot, the slot's index and the identity of a
+    /// contact. The order of the remaining contacts does not change.
+    pub(crate) fn retain(&mut self, l: usize, mut keeps: impl FnMut(&Slot<R>, usize, ContactId) -> bool) {
         let mut to = 0;
         for from in 0..self.count[l] {
-            if !keeps(from, self.ids[from][l]) {
+            if !keeps(&self.data[from], from, self.ids[from][l]) {
                 continue;
             }
             if to < from {
@@ -226,17 +226,10 @@ impl<R: Real> Contacts<R> {
     #[cold]
     pub(crate) fn keep_touching(&mut self, lanes: R::Mask, most: R) {
         for l in each_of(lanes.bits()) {
-            let mut kept = 0;
-            for k in 0..self.count[l] {
-                if self.data[k].point.distance.lane(l) <= most.lane(l) {
-                    self.data[k].point.distance.set_lane(l, R::Scalar::ZERO);
-                    if kept < k {
-                        self.move_contact(l, k, kept);
-                    }
-                    kept += 1;
-                }
+            self.retain(l, |slot, _, _| slot.point.distance.lane(l) <= most.lane(l));
+            for slot in &mut self.data[..self.count[l]] {
+                slot.point.distance.set_lane(l, R::Scalar::ZERO);
             }
-            self.count[l] = kept;
         }
     }
 

@@ -97,9 +97,7 @@ impl SeparationCache {
 
     /// Removes the entries of all lanes.
     pub(crate) fn clear(&mut self) {
-        if !self.is_unused() {
-            (0..self.count.len()).for_each(|lane| self.forget(lane));
-        }
+        self.count.fill(0);
     }
 
     /// Removes the entries of lane `lane`.

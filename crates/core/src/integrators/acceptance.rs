@@ -178,7 +178,7 @@ fn keep_marked<R: Real>(
             restore(impulse, R::zero());
         }
     }
-    evaluation.contacts.retain(lane, |slot, id| {
+    evaluation.contacts.retain(lane, |_, slot, id| {
         let geoms = compiled.pair_geoms(id.pair()).expect("a pair index of this compiled model");
         let mut trees = geoms.into_iter().filter_map(|geom| compiled.tree_of(compiled.geoms[geom].frame));
         !trees.any(&mut is_marked) && !problem.is_deferred(slot, lane)

@@ -319,7 +319,7 @@ impl<R: Real> ConstraintProblem<R> {
     pub(crate) fn remove_deferred(&self, contacts: &mut Contacts<R>, lanes: R::Mask) {
         let lanes = self.deferred_lanes(lanes);
         for lane in each_of(lanes.bits()) {
-            contacts.retain(lane, |slot, _| !self.is_deferred(slot, lane));
+            contacts.retain(lane, |_, slot, _| !self.is_deferred(slot, lane));
         }
     }
 }

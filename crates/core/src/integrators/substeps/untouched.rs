@@ -101,7 +101,7 @@ pub(super) fn step_untouched<R: Real>(
         compiled.mechanisms_of(geoms).all(|m| keeps_step(m).bits() >> lane & 1 == 1)
     };
     for lane in each_of(lanes.bits()) {
-        total.state.contacts.retain(lane, |_, id| !is_untouched(id, lane));
+        total.state.contacts.retain(lane, |_, _, id| !is_untouched(id, lane));
     }
     let there = &s.state.contacts;
     total.state.contacts.add_missing(there, lanes.bits(), |k, lane| is_untouched(there.ids[k][lane], lane));

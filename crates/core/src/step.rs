@@ -42,7 +42,7 @@ pub fn step<R: Real>(
             s.poison();
         }
         // The narrow phase starts from the separating planes that it found in the last step.
-        s.evaluation.collision.begin_step();
+        s.evaluation.collision.narrow_phase.begin_step();
         // 1 actuate, first part: the actuator pipelines (delay, lag ...) convert the user's controls.
         span!(probe, ActuatorPipelines, || {
             if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {

@@ -7,18 +7,17 @@ use crate::manifold::{Manifold, Point, UNNAMED};
 use crate::pair::Pair;
 use crate::round::{CLOSE, nearest_of_triangle};
 use crate::separation::{NEAR_FACE, SIDEWAYS};
+use crate::surface::Surface;
 use crate::vectors::V;
 
 /// Ball and a triangle of a surface. All positions are in the frame of the surface, m.
 pub(super) struct Ball<'a> {
     /// Triangle of the surface, with its neighbours.
-    pub(super) facet: &'a Facet,
+    pub(super) facet: &'a Facet<'a>,
     /// Pair of shapes: the triangle first, the ball second.
     pub(super) pair: &'a Pair<'a>,
     /// Signed distance of the ball's centre above the plane of the triangle, m.
     pub(super) height: f64,
-    /// Radius of the ball, m.
-    pub(super) radius: f64,
     /// Largest distance at which a contact is added, m.
     pub(super) max_distance: f64,
 }
@@ -38,36 +37,23 @@ pub(super) enum TriangleTest {
 /// `normal` is the unit normal of the triangle, `centre` the centre of the ball, m, and `height` the distance of the centre above the
 /// plane, m.
 pub(super) fn ball_over(normal: V, centre: V, height: f64, radius: f64) -> Point {
-    Point {
-        pos: add_scaled(centre, normal, -0.5 * (height + radius)),
-        normal,
-        distance: height - radius,
-        feature: 0,
-        stays_over_face: false,
-    }
+    Point::new(add_scaled(centre, normal, -0.5 * (height + radius)), normal, height - radius, 0)
 }
 
 impl Ball<'_> {
     /// Adds the contact of the ball and the triangle to `out`, if there is one.
-    ///
-    /// `is_below` is given for a height field, and returns whether a point is below the field. `is_nearest` returns whether no neighbouring
-    /// triangle is closer to the ball. It gets the corner, edge or face of the triangle that is closest to the ball. It also gets a corner
-    /// of this part, and the unit direction from the part to the ball.
-    pub(super) fn touch(
-        &self,
-        is_below: Option<impl Fn(V) -> bool>,
-        is_nearest: impl FnOnce(&Outline, V, V) -> bool,
-        out: &mut Manifold,
-    ) -> TriangleTest {
-        let Self { facet, pair, height, radius, max_distance } = *self;
-        let (normal, centre) = (facet.normal, pair.pos);
+    pub(super) fn touch(&self, out: &mut Manifold) -> TriangleTest {
+        let Self { facet, pair, height, max_distance } = *self;
+        let (normal, centre, radius) = (facet.normal, pair.pos, pair.b.radius());
         let beyond = self.beyond_edges();
         let behind = dot(normal, pair.apart) <= 0.0;
         if behind {
-            let Some(is_below) = is_below else { return if height <= 0.0 { TriangleTest::Complete } else { TriangleTest::Unclear } };
+            let Surface::Grid(grid) = facet.surface else {
+                return if height <= 0.0 { TriangleTest::Complete } else { TriangleTest::Unclear };
+            };
             self.add_over(&beyond, out);
-            if !is_below(centre) {
-                out.points.retain(|p| p.distance >= 0.0 || is_below(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
+            if !grid.is_below(centre) {
+                out.points.retain(|p| p.distance >= 0.0 || grid.is_below(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
             }
             return TriangleTest::Complete;
         }
@@ -97,15 +83,9 @@ impl Ball<'_> {
         }
         let own = own.map(|x| x + 0.0);
         let (at, corner) = facet.furthest(own);
-        if cos > 0.0 && !matches!(at, Outline::Inside) && is_nearest(&at, corner, own) {
+        if cos > 0.0 && !matches!(at, Outline::Inside) && facet.is_nearest(&at, corner, own) {
             let distance = separation - radius;
-            out.points.push(Point {
-                pos: add_scaled(nearest, own, 0.5 * distance),
-                normal: own,
-                distance,
-                feature: UNNAMED,
-                stays_over_face: false,
-            });
+            out.points.push(Point::new(add_scaled(nearest, own, 0.5 * distance), own, distance, UNNAMED));
             return TriangleTest::Complete;
         }
         self.add_over(&beyond, out);
@@ -129,8 +109,8 @@ impl Ball<'_> {
     /// `beyond` has the distance of the centre outside each edge, m. If the centre is behind the plane, it may be outside an edge by up to
     /// its depth times the edge's number in [`Facet::rises`].
     fn add_over(&self, beyond: &V, out: &mut Manifold) {
-        let Self { facet, pair, height, radius, max_distance, .. } = *self;
-        let (depth, tolerance) = (-height, pair.tolerance);
+        let Self { facet, pair, height, max_distance } = *self;
+        let (depth, radius, tolerance) = (-height, pair.b.radius(), pair.tolerance);
         let is_over = beyond.iter().all(|&x| x <= tolerance);
         let is_behind = || depth > 0.0 && beyond.iter().zip(facet.rises()).all(|(&x, rise)| x <= rise * depth);
         if height - radius <= max_distance && (is_over || is_behind()) {

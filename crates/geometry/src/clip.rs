@@ -155,11 +155,10 @@ fn clip(reference: &ProjectedFeature, other: &ProjectedFeature, tolerance: f64, 
             if (op <= tolerance) != (oq <= tolerance) {
                 // An end within the tolerance is on the line.
                 let t = (op / (op - oq)).clamp(0.0, 1.0);
-                let at = |a: f64, b: f64| a + (b - a) * t;
                 // Where the polygon leaves the half plane, the next edge is an edge of the reference. Where it enters, the next edge is an
                 // edge of the polygon.
                 let edge = if op <= tolerance { name } else { p.edge };
-                work.next.push(Corner { x: at(p.x, q.x), y: at(p.y, q.y), h: at(p.h, q.h), id: crossing(p.edge, name), edge });
+                work.next.push(between(&p, &q, t, crossing(p.edge, name), edge));
             }
         }
         std::mem::swap(&mut work.polygon, &mut work.next);
@@ -179,42 +178,35 @@ fn polygon_disc(polygon: &ProjectedFeature, disc: &ProjectedFeature, tolerance: 
     for c in disc.corners.iter().filter(|c| in_polygon(polygon, c, tolerance)) {
         out.push(Shared { x: c.x, y: c.y, h: order(polygon.height(c.x, c.y), c.h), id: c.id | REFERENCE });
     }
-    for c in polygon.corners.iter().filter(|c| in_disc(disc, c, -tolerance)) {
-        out.push(Shared { x: c.x, y: c.y, h: order(c.h, disc.height(c.x, c.y)), id: c.id });
-    }
     let n = polygon.corners.len();
-    for k in 0..n {
-        let (p, q) = (polygon.corners[k], polygon.corners[(k + 1) % n]);
-        for (end, t) in crossings(&p, &q, disc).into_iter().enumerate() {
-            if t > 0.0 && t < 1.0 {
-                let at = |a: f64, b: f64| a + (b - a) * t;
-                let (x, y) = (at(p.x, q.x), at(p.y, q.y));
-                out.push(Shared { x, y, h: order(at(p.h, q.h), disc.height(x, y)), id: crossing(p.edge, EDGES + end as u32) });
-            }
-        }
+    let inside = polygon.corners.iter().copied().filter(|c| in_disc(disc, c, -tolerance));
+    let on_rim = (0..n).flat_map(|k| rim_crossings(polygon.corners[k], polygon.corners[(k + 1) % n], disc));
+    for c in inside.chain(on_rim) {
+        out.push(Shared { x: c.x, y: c.y, h: order(c.h, disc.height(c.x, c.y)), id: c.id });
     }
 }
 
-/// Places at which the line from `p` to `q` enters and leaves a disc, as fractions of the distance from `p` to `q`; NaN without a crossing.
-fn crossings(p: &Corner, q: &Corner, disc: &ProjectedFeature) -> [f64; 2] {
+/// Corner at the fraction `t` of the edge from `p` to `q`, with this identifier and this edge to the next corner.
+fn between(p: &Corner, q: &Corner, t: f64, id: u32, edge: u32) -> Corner {
+    let at = |a: f64, b: f64| a + (b - a) * t;
+    Corner { x: at(p.x, q.x), y: at(p.y, q.y), h: at(p.h, q.h), id, edge }
+}
+
+/// Corners where the edge from `p` to `q` enters and leaves a disc.
+fn rim_crossings(p: Corner, q: Corner, disc: &ProjectedFeature) -> impl Iterator<Item = Corner> {
     let (dx, dy) = (q.x - p.x, q.y - p.y);
     let (x, y) = (p.x - disc.centre[0], p.y - disc.centre[1]);
     let (a, b, c) = (dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - disc.radius * disc.radius);
+    // The root is NaN without a crossing.
     let root = (b * b - a * c).sqrt();
-    [(-b - root) / a, (-b + root) / a]
+    let within = [(-b - root) / a, (-b + root) / a].into_iter().zip(EDGES..).filter(|(t, _)| *t > 0.0 && *t < 1.0);
+    within.map(move |(t, name)| between(&p, &q, t, crossing(p.edge, name), 0))
 }
 
 /// Ends of the part of a projected segment that is inside a disc, which is the reference feature.
 fn chord(disc: &ProjectedFeature, segment: &ProjectedFeature, tolerance: f64, out: &mut Vec<Shared>) {
-    let [p, q] = [segment.corners[0], segment.corners[1]];
     out.extend(segment.corners.iter().filter(|c| in_disc(disc, c, tolerance)).map(|c| on_both(disc, c)));
-    for (end, t) in crossings(&p, &q, disc).into_iter().enumerate() {
-        if t > 0.0 && t < 1.0 {
-            let at = |a: f64, b: f64| a + (b - a) * t;
-            let c = Corner { x: at(p.x, q.x), y: at(p.y, q.y), h: at(p.h, q.h), id: crossing(p.edge, EDGES + end as u32), edge: 0 };
-            out.push(on_both(disc, &c));
-        }
-    }
+    out.extend(rim_crossings(segment.corners[0], segment.corners[1], disc).map(|c| on_both(disc, &c)));
 }
 
 /// Corners of the intersection of two discs.

@@ -3,6 +3,7 @@
 use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::round::ends;
+use crate::surface::Surface;
 use crate::vectors::{V, furthest};
 
 /// Slope below which a neighbouring triangle counts as coplanar: height of its third corner below the plane, relative to the corner's
@@ -13,7 +14,11 @@ pub(super) const FLAT: f64 = 1e-6;
 pub(super) const PARALLEL: f64 = 1e-12;
 
 /// Triangle of a surface, with its neighbours, in the frame of the surface. Edge k starts at corner k.
-pub(super) struct Facet {
+pub(super) struct Facet<'a> {
+    /// Surface to which the triangle belongs.
+    pub(super) surface: &'a Surface,
+    /// Index of the triangle in the surface.
+    index: u32,
     /// Corners of the triangle, m, counter-clockwise seen from outside.
     pub(super) corners: [V; 3],
     /// Outward unit normal of the triangle.
@@ -35,16 +40,16 @@ pub(super) enum Outline {
     Corner(usize),
 }
 
-impl Facet {
-    /// Triangle with the given corners, m, and unit normal. `across[k]` is the third corner of the neighbour across edge k, m; `None`
-    /// without a neighbour.
-    pub(super) fn new(corners: [V; 3], normal: V, across: [Option<V>; 3]) -> Self {
+impl<'a> Facet<'a> {
+    /// Triangle `index` of a surface, with these corners, m, and this unit normal.
+    pub(super) fn new(surface: &'a Surface, index: u32, corners: [V; 3], normal: V) -> Self {
+        let across = surface.across(index);
         let falls = |d: V| {
             let fall = -dot(normal, d);
             fall > 0.0 && fall * fall > FLAT * FLAT * dot(d, d)
         };
         let bulges = std::array::from_fn(|k| across[k].is_none_or(|p| falls(sub(p, corners[k]))));
-        Self { corners, normal, across, bulges }
+        Self { surface, index, corners, normal, across, bulges }
     }
 
     /// Tangent of the angle by which the neighbour across each edge rises above the triangle's plane. It is at most 1, and 0 for a
@@ -88,6 +93,23 @@ impl Facet {
         (outline, p)
     }
 
+    /// Whether no neighbour at a part of the triangle is closer to a shape in the direction `d` than the part itself.
+    ///
+    /// `at` is the part, `p` a point of it, m, and `d` a unit vector. The function tests the vertices next to the part that belong to
+    /// neighbouring triangles. All directions along the surface that start at the part, except those along the triangle itself, are between
+    /// the directions to these vertices.
+    pub(super) fn is_nearest(&self, at: &Outline, p: V, d: V) -> bool {
+        let is_farther = |w: V| {
+            let u = sub(w, p);
+            dot(d, u) <= FLAT * norm(u)
+        };
+        match at {
+            Outline::Inside => true,
+            Outline::Edge(k) => self.across[*k].is_none_or(is_farther),
+            Outline::Corner(k) => self.surface.all_around(self.index, *k, is_farther),
+        }
+    }
+
     /// Whether a shape may be above or below the triangle, in the direction of the triangle's normal. True means that it is possible.
     ///
     /// For a ball, the position of its centre counts; for a capsule, the position of its axis. Other shapes always give true.
@@ -107,4 +129,36 @@ impl Facet {
             })
         })
     }
+}
+
+/// Whether a point above a triangle remains above this triangle, or above neighbours that do not fall away from its plane. The point moves
+/// by up to `sideways`, m, parallel to the plane.
+///
+/// The triangle is the one with the index `t` of the surface, with these corners, m, and this unit normal.
+pub(super) fn stays_over(surface: &Surface, t: u32, corners: &[V; 3], normal: V, point: V, sideways: f64) -> bool {
+    let mut facet = None;
+    let foot = add_scaled(point, normal, -dot(normal, sub(point, corners[0])));
+    (0..3).all(|k| {
+        let [a, b] = [corners[k], corners[(k + 1) % 3]];
+        let edge = sub(b, a);
+        let outwards = cross(edge, normal);
+        let inside = -dot(outwards, sub(foot, a));
+        if inside > 0.0 && inside * inside > sideways * sideways * dot(edge, edge) {
+            return true;
+        }
+        // Beyond the neighbour's other edges there may be lower triangles. An overhanging neighbour is not on the other side of the
+        // shared edge.
+        let facet = facet.get_or_insert_with(|| Facet::new(surface, t, *corners, normal));
+        let is_far_from_others = |third: V| {
+            let third = add_scaled(third, normal, -dot(normal, sub(third, a)));
+            dot(outwards, sub(third, a)) > 0.0 && from_segment(foot, a, third).min(from_segment(foot, third, b)) > sideways
+        };
+        !facet.bulges[k] && facet.across[k].is_some_and(is_far_from_others)
+    })
+}
+
+/// Distance of the point `x` from the segment between `a` and `b`, m.
+pub(super) fn from_segment(x: V, a: V, b: V) -> f64 {
+    let (edge, arm) = (sub(b, a), sub(x, a));
+    norm(add_scaled(arm, edge, -(dot(arm, edge) / dot(edge, edge)).clamp(0.0, 1.0)))
 }

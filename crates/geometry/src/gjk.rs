@@ -11,7 +11,7 @@ use crate::vectors::{V, neg};
 
 /// Simplex of up to four vertices of the Minkowski difference A - B, which contains the point of A - B that is nearest to the origin.
 #[derive(Clone, Copy, Debug, Default)]
-struct Simplex {
+pub(super) struct Simplex {
     /// Vertices of the simplex. Only the first `count` are used.
     vertex: [Vertex; 4],
     /// Barycentric coordinates of the point of the simplex that is nearest to the origin.
@@ -25,8 +25,9 @@ struct Simplex {
 pub(super) struct Nearest {
     /// Nearest point, m: the vector from the closest point of B to the closest point of A. It is 0 if the sets overlap.
     v: V,
-    /// Simplex that contains the point of A - B nearest to the origin.
-    simplex: Simplex,
+    /// Smallest simplex that contains the point of A - B nearest to the origin. If the origin is inside A - B, it is a tetrahedron around
+    /// it.
+    pub(super) simplex: Simplex,
 }
 
 /// Largest number of GJK iterations.
@@ -126,12 +127,6 @@ impl Nearest {
         (0..3).map(|k| self.simplex.weight[k] * twice / norm(edges[k])).fold(f64::INFINITY, f64::min)
     }
 
-    /// Vertices of the smallest simplex that contains the nearest point. If the origin is inside the Minkowski difference A - B, they are a
-    /// tetrahedron around it.
-    pub(super) fn vertices(&self) -> &[Vertex] {
-        self.simplex.vertices()
-    }
-
     /// Distance of the two sets, m.
     pub(super) fn length(&self) -> f64 {
         norm(self.v)
@@ -159,7 +154,7 @@ impl Nearest {
 
 impl Simplex {
     /// Vertices of the simplex that are in use.
-    fn vertices(&self) -> &[Vertex] {
+    pub(super) fn vertices(&self) -> &[Vertex] {
         &self.vertex[..self.count]
     }
 

@@ -70,7 +70,7 @@ pub struct Hull {
     /// Vertices that are farthest along +x, -x, +y, -y, +z and -z.
     extreme: [usize; 6],
     /// Smallest and largest coordinates of the vertices along each axis, m.
-    extent: [V; 2],
+    pub(super) extent: [V; 2],
     /// Centre of the hull's volume, m.
     centre: V,
     /// Radius of the smallest ball around the hull's centre that contains the hull, m.
@@ -149,11 +149,6 @@ impl Hull {
     /// Smallest distance of the hull's centre from a face, m.
     pub fn inscribed_radius(&self) -> f64 {
         self.least.max(0.0)
-    }
-
-    /// Smallest and largest coordinates of the hull's vertices along each axis, m.
-    pub(super) fn extent(&self) -> [V; 2] {
-        self.extent
     }
 
     /// Smallest q >= 0, m, for which the ball of radius q + e around p - q m contains all vertices.

@@ -12,10 +12,10 @@
 //! // The cube floats 1 mm above the table. Contacts are found up to a distance of 1 cm.
 //! let poses = [[0.0; 3], [0.2, 0.0, 0.601]].map(|pos| Pose { pos, mat: upright });
 //! let mut narrow = Narrow::default();
-//! let (points, _) = narrow.collide([&table, &cube], poses, 0.01.into());
+//! let found = narrow.collide([&table, &cube], poses, 0.01);
 //!
-//! assert_eq!(points.len(), 4); // the corners of the lower face
-//! for point in points {
+//! assert_eq!(found.points.len(), 4); // the corners of the lower face
+//! for point in &found.points {
 //!     assert_eq!(point.normal, [0.0, 0.0, 1.0]); // from the first solid to the second
 //!     assert!((point.distance - 0.001).abs() < 1e-15); // m
 //! }
@@ -24,7 +24,7 @@
 //!
 //! | to do | see |
 //! |---|---|
-//! | contact points of two solids | [`Narrow::collide`], [`collide`], [`collide_surface`] |
+//! | contact points of two solids | [`Narrow::collide`] |
 //! | distance and normal of two convex shapes | [`distance`] |
 //! | contacts of two simple shapes in every lane of a SIMD type | [`pairs`] |
 //! | tests over lanes that two solids are too far apart to touch | [`BoundingBox`], [`SeparatingPlanes`] |
@@ -79,10 +79,8 @@ mod ball;
 mod blocks;
 mod bounding_box;
 mod boxes;
-mod cached_normal;
-mod clearance;
 mod clip;
-mod distance;
+mod collide;
 mod expand;
 mod facet;
 mod facing;
@@ -106,25 +104,24 @@ mod separation;
 mod shape;
 mod solid;
 mod surface;
+mod surface_contacts;
 mod vectors;
 mod warm_start;
-mod workspace;
 mod wrap;
 
 pub use approach::Approach;
 pub use bounding_box::BoundingBox;
-pub use cached_normal::CachedNormal;
-pub use distance::distance;
+pub use collide::distance;
 pub use hull::{Face, Hull, HullError};
 pub use manifold::{MAX_POINTS, Manifold, Point};
-pub use narrow::{Narrow, collide};
+pub use narrow::Narrow;
 pub use passing::SolidMotion;
 pub use ray::RaySurface;
-pub use search_limits::SearchLimits;
+pub use search_limits::{CachedNormal, SearchLimits};
 pub use separating_plane::{SeparatingPlane, SeparatingPlanes};
 pub use shape::ConvexShape;
 pub use solid::Solid;
-pub use surface::{DiscHeights, Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
+pub use surface::{DiscHeights, Grid, MeshSurface, Surface};
+pub use surface_contacts::MAX_SURFACE_POINTS;
 pub use vectors::Pose;
-pub use workspace::Workspace;
 pub use wrap::{Obstacle, Wrap};

@@ -20,6 +20,20 @@ pub fn array_of<T: Copy, const N: usize>(f: impl Fn(usize) -> T) -> [T; N] {
     array
 }
 
+/// Array with the entries of an inlined closure: `array!(|k| a[k] * b[k])`, see [`array_of`].
+///
+/// [`array_of`]: crate::linear_algebra::array_of
+#[macro_export]
+macro_rules! array {
+    (|$k:ident| $entry:expr) => {
+        $crate::linear_algebra::array_of(
+            #[inline(always)]
+            |$k| $entry,
+        )
+    };
+}
+pub use crate::array;
+
 /// Defines functions of vectors from an expression for each entry.
 macro_rules! entrywise {
     ($($(#[$doc:meta])* $f:ident($($a:ident: $t:ty),+) = |$i:ident| $entry:expr;)+) => {$(
@@ -84,6 +98,14 @@ pub fn cross<R: Real>(a: V3<R>, b: V3<R>) -> V3<R> {
 #[inline(always)]
 pub fn norm<R: Real>(a: V3<R>) -> R {
     dot(a, a).sqrt()
+}
+
+/// Unit vector along `v`, length of `v`, and lanes in which the length is not 0. The vector is `instead` in the other lanes.
+#[inline(always)]
+pub fn direction<R: Real>(v: V3<R>, instead: V3<R>) -> (V3<R>, R, R::Mask) {
+    let length = norm(v);
+    let some = length.gt(R::zero());
+    (select(some, scale(v, R::one() / R::select(some, length, R::one())), instead), length, some)
 }
 
 /// Product M a: the vector `a` of a frame, in world axes, if the columns of M are the frame's axes in the world.

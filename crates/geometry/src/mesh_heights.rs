@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::linear_algebra::*;
-use crate::vectors::V;
+use crate::vectors::{V, extent};
 
 /// Largest average number of cells that the bounding box of a triangle overlaps. It bounds the time of the construction.
 const MAX_CELLS_MET: usize = 8;
@@ -30,11 +30,8 @@ pub(crate) struct MeshHeights {
 impl MeshHeights {
     /// Grid of largest heights, from the bounding boxes of the mesh's triangles: the smallest and largest coordinates of each triangle, m.
     pub(crate) fn new(boxes: &[[V; 2]]) -> Self {
-        let corner = |pick: fn(f64, f64) -> f64, end: usize| {
-            boxes.iter().map(|b| b[end]).reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default()
-        };
-        let low = corner(f64::min, 0);
-        let side = sub(corner(f64::max, 1), low);
+        let [low, high] = extent(boxes.iter().flatten().copied());
+        let side = sub(high, low);
         let shortest = (0..3).min_by(|&a, &b| side[a].total_cmp(&side[b])).unwrap_or(2);
         let axes = [(shortest + 1) % 3, (shortest + 2) % 3];
         let mut heights = Self { axes, low: axes.map(|k| low[k]), cells_per_metre: 0.0, cells: [1; 2], highest: vec![] };

@@ -3,7 +3,7 @@
 use crate::linear_algebra::*;
 use crate::polyhedron::Polyhedron;
 use crate::shape::ConvexShape;
-use crate::vectors::{Pose, V, along_axis, from_columns, neg};
+use crate::vectors::{Pose, V, along_axis, extent, from_columns, neg};
 
 /// Distance below which two features of shapes count as equal in double precision, relative to the size of the pair (sum of bounding
 /// radii).
@@ -107,7 +107,7 @@ impl<'a> Pair<'a> {
     /// `ends` are the ends of the second shape's axis, if it is a ball or capsule.
     pub(super) fn extent_b(&self, ends: Option<&[V]>) -> [V; 2] {
         if let Some(ends) = ends {
-            return [f64::min, f64::max].map(|pick| array_of(|k| ends.iter().map(|end| end[k]).reduce(pick).unwrap_or_default()));
+            return extent(ends.iter().copied());
         }
         [-1.0, 1.0].map(|sign| array_of(|k| self.support_b(along_axis(k, sign))[k]))
     }

@@ -19,18 +19,20 @@
 //! always do for a height field, which is solid down to its base. For a mesh they do if the normal of the deepest contact opposes the
 //! displacement.
 
+use std::iter;
+
+use arrayvec::ArrayVec;
+
 use crate::expand::Polytope;
 use crate::linear_algebra::*;
-use crate::manifold::Manifold;
 use crate::narrow::Narrow;
 use crate::pair::Pair;
 use crate::ray::crossings;
 use crate::separation;
 use crate::shape::ConvexShape;
 use crate::solid::Solid;
-use crate::surface::{Surface, collide_surface};
+use crate::surface::Surface;
 use crate::vectors::{Pose, V, from_columns, neg};
-use crate::workspace::Workspace;
 
 /// Smallest displacement between two collision tests along a path, relative to the thickness (see the module).
 const MIN_ADVANCE: f64 = 0.25;
@@ -151,93 +153,95 @@ impl Narrow {
     /// Whether two solids may pass through each other between the times `from` and `to`, s. The result is always false for a half space.
     ///
     /// `thickness` is the relative displacement below which neither can pass the other, m.
-    pub fn may_pass(&mut self, solids: [&Solid; 2], motions: [SolidMotion; 2], [from, to]: [f64; 2], thickness: f64) -> bool {
+    pub fn may_pass(&mut self, solids: [&Solid; 2], motions: [SolidMotion; 2], times: [f64; 2], thickness: f64) -> bool {
         match solids {
-            [Solid::Convex(a), Solid::Convex(b)] => convex_pass([a, b], &motions, [from, to], thickness, &mut self.workspace.polytope),
-            [Solid::Surface(surface), Solid::Convex(shape)] => self.may_pass_surface(surface, shape, &motions, [from, to], thickness),
+            [Solid::Convex(a), Solid::Convex(b)] => ConvexPair { shapes: [a, b], motions, times, thickness }.passes(&mut self.polytope),
+            [Solid::Surface(surface), Solid::Convex(shape)] => self.may_pass_surface(surface, shape, &motions, times, thickness),
             [Solid::Convex(shape), Solid::Surface(surface)] => {
-                self.may_pass_surface(surface, shape, &[motions[1], motions[0]], [from, to], thickness)
+                self.may_pass_surface(surface, shape, &[motions[1], motions[0]], times, thickness)
             }
             _ => false,
         }
     }
 }
 
-/// Separation of two convex shapes at time `t`, m, and the unit vector along it from the first to the second, in world axes. NaN if a pose
-/// is not finite.
-fn separation_at([a, b]: [&ConvexShape; 2], motions: &[SolidMotion; 2], t: f64, polytope: &mut Polytope) -> (f64, V) {
-    let [first, second] = [motions[0].at(t), motions[1].at(t)];
-    let pair = Pair::new(a, &first, b, &second);
-    if !pair.is_finite() {
-        return (f64::NAN, [0.0; 3]);
-    }
-    let found = separation::nearest(&pair, &f64::INFINITY.into(), polytope).found;
-    (found.separation - pair.rounding_radii(), rotate(&first.mat, found.normal))
+/// Two moving convex shapes, for the test whether they pass through each other.
+#[derive(Clone, Copy)]
+struct ConvexPair<'a> {
+    /// Shapes of the pair.
+    shapes: [&'a ConvexShape; 2],
+    /// Motions of the two shapes.
+    motions: [SolidMotion; 2],
+    /// Begin and end of the tested motion, s.
+    times: [f64; 2],
+    /// Relative displacement below which neither shape can pass the other, m.
+    thickness: f64,
 }
 
-/// Whether two convex shapes pass through each other between the times `from` and `to`, s. `thickness` is the relative displacement below
-/// which neither can pass the other, m.
-fn convex_pass(
-    shapes: [&ConvexShape; 2],
-    motions: &[SolidMotion; 2],
-    [from, to]: [f64; 2],
-    thickness: f64,
-    polytope: &mut Polytope,
-) -> bool {
-    let (distance, start) = separation_at(shapes, motions, from, polytope);
-    let (last, end) = separation_at(shapes, motions, to, polytope);
-    if distance.is_nan() || last.is_nan() {
-        return false;
-    }
-    let threshold = -COLLISION_OVERLAP * thickness;
-    if distance <= threshold || last <= threshold {
-        // Normals in the frame of the larger shape.
-        let larger = usize::from(shapes[0].bound() <= shapes[1].bound());
-        let [start, end] = [(start, from), (end, to)].map(|(n, t)| rotate_back(&motions[larger].at(t).mat, n));
-        return dot(start, end) < 0.0 || (distance > threshold && is_past_middle(shapes, motions.map(|m| m.at(to)), start));
-    }
-    let sweeps = |k: usize| motions[k].sweep(shapes[k]) * (to - from) > REVOLVED_ROTATION;
-    if sweeps(0) || sweeps(1) {
-        let solids = [0, 1].map(|k| if sweeps(k) { motions[k].revolved(shapes[k]) } else { (shapes[k].clone(), motions[k]) });
-        let [(a, first), (b, second)] = &solids;
-        if !collide_between([a, b], &[*first, *second], [from, to], thickness, polytope) {
-            return false;
+impl ConvexPair<'_> {
+    /// Separation of the shapes at time `t`, m, and the unit vector along it from the first to the second, in world axes. NaN if a pose is
+    /// not finite.
+    fn separation_at(&self, t: f64, polytope: &mut Polytope) -> (f64, V) {
+        let ([a, b], [first, second]) = (self.shapes, self.motions.map(|motion| motion.at(t)));
+        let pair = Pair::new(a, &first, b, &second);
+        if !pair.is_finite() {
+            return (f64::NAN, [0.0; 3]);
         }
+        separation::signed_distance(&pair, &first, polytope)
     }
-    collide_between(shapes, motions, [from, to], thickness, polytope)
-}
 
-/// Whether two convex shapes collide between the times `from` and `to`, s, by conservative advancement. `thickness` is the relative
-/// displacement below which neither can pass the other, m.
-fn collide_between(
-    [a, b]: [&ConvexShape; 2],
-    motions: &[SolidMotion; 2],
-    [from, to]: [f64; 2],
-    thickness: f64,
-    polytope: &mut Polytope,
-) -> bool {
-    let threshold = -COLLISION_OVERLAP * thickness;
-    let spin = norm(sub(motions[1].angular, motions[0].angular));
-    let speed = norm(relative_velocity(motions)) + spin * b.bound();
-    // Both shapes rotate during the motion, so that the relative velocity changes.
-    let displacement = (to - from) * motions.iter().map(|s| norm(s.root_velocity) + norm(s.linear)).sum::<f64>();
-    let speed = speed + 2.0 * displacement * (norm(motions[0].angular) + norm(motions[1].angular));
-    let mut t = from;
-    for _ in 0..MAX_ADVANCES {
-        let (distance, n) = separation_at([a, b], motions, t, polytope);
-        if distance <= threshold {
-            return true;
-        }
-        let ([first, swing], [second, other_swing]) = (motions[0].speed_along(a, n), motions[1].speed_along(b, n));
-        let approach = first - second + swing + other_swing;
-        // NaN if nothing moves.
-        let least = MIN_ADVANCE * thickness / speed;
-        t += if approach > 0.0 { ((distance - threshold) / approach).max(least) } else { f64::INFINITY };
-        if t >= to || t.is_nan() {
+    /// Whether the shapes pass through each other.
+    fn passes(&self, polytope: &mut Polytope) -> bool {
+        let Self { shapes, motions, times: [from, to], thickness } = *self;
+        let (distance, start) = self.separation_at(from, polytope);
+        let (last, end) = self.separation_at(to, polytope);
+        if distance.is_nan() || last.is_nan() {
             return false;
         }
+        let threshold = -COLLISION_OVERLAP * thickness;
+        if distance <= threshold || last <= threshold {
+            // Normals in the frame of the larger shape.
+            let larger = usize::from(shapes[0].bound() <= shapes[1].bound());
+            let [start, end] = [(start, from), (end, to)].map(|(n, t)| rotate_back(&motions[larger].at(t).mat, n));
+            return dot(start, end) < 0.0 || (distance > threshold && is_past_middle(shapes, motions.map(|m| m.at(to)), start));
+        }
+        let sweeps = |k: usize| motions[k].sweep(shapes[k]) * (to - from) > REVOLVED_ROTATION;
+        if sweeps(0) || sweeps(1) {
+            let solids = [0, 1].map(|k| if sweeps(k) { motions[k].revolved(shapes[k]) } else { (shapes[k].clone(), motions[k]) });
+            let [(a, first), (b, second)] = &solids;
+            if !(ConvexPair { shapes: [a, b], motions: [*first, *second], ..*self }).collides(polytope) {
+                return false;
+            }
+        }
+        self.collides(polytope)
     }
-    true
+
+    /// Whether the shapes collide, by conservative advancement.
+    fn collides(&self, polytope: &mut Polytope) -> bool {
+        let Self { shapes: [a, b], motions, times: [from, to], thickness } = self;
+        let threshold = -COLLISION_OVERLAP * thickness;
+        let spin = norm(sub(motions[1].angular, motions[0].angular));
+        let speed = norm(relative_velocity(motions)) + spin * b.bound();
+        // Both shapes rotate during the motion, so that the relative velocity changes.
+        let displacement = (to - from) * motions.iter().map(|s| norm(s.root_velocity) + norm(s.linear)).sum::<f64>();
+        let speed = speed + 2.0 * displacement * (norm(motions[0].angular) + norm(motions[1].angular));
+        let mut t = *from;
+        for _ in 0..MAX_ADVANCES {
+            let (distance, n) = self.separation_at(t, polytope);
+            if distance <= threshold {
+                return true;
+            }
+            let ([first, swing], [second, other_swing]) = (motions[0].speed_along(a, n), motions[1].speed_along(b, n));
+            let approach = first - second + swing + other_swing;
+            // NaN if nothing moves.
+            let least = MIN_ADVANCE * thickness / speed;
+            t += if approach > 0.0 { ((distance - threshold) / approach).max(least) } else { f64::INFINITY };
+            if t >= *to || t.is_nan() {
+                return false;
+            }
+        }
+        true
+    }
 }
 
 /// Whether two overlapping shapes are separated by a shorter translation of the second one against the direction `towards` than along it.
@@ -256,35 +260,29 @@ fn relative_velocity([a, b]: &[SolidMotion; 2]) -> V {
     sub(b.velocity(), add(a.velocity(), cross(a.angular, sub(b.pose.pos, a.pose.pos))))
 }
 
-/// Path of a shape in the frame of a surface, divided into straight parts.
-struct RelativePath {
-    /// Poses of the shape at the ends of the path's straight parts. The first `parts` + 1 are used.
-    poses: [Pose; MAX_PARTS + 1],
-    /// Number of straight parts of the path.
-    parts: usize,
-}
+/// Path of a shape in the frame of a surface: poses of the shape at the ends of the path's straight parts.
+struct RelativePath(ArrayVec<Pose, { MAX_PARTS + 1 }>);
 
 impl RelativePath {
     /// Path of a shape relative to a surface between the times `from` and `to`, s. `motions` are those of the surface and of the shape, in
     /// this order. `angle` is an upper bound of the relative rotation, rad.
     fn new(motions: &[SolidMotion; 2], [from, to]: [f64; 2], angle: f64) -> Self {
         let parts = ((angle / MAX_PART_ANGLE).ceil().max(1.0) as usize).min(MAX_PARTS);
-        let mut poses = [motions[1].pose; MAX_PARTS + 1];
-        for (k, pose) in poses[..=parts].iter_mut().enumerate() {
+        let pose = |k: usize| {
             let t = from + (to - from) * k as f64 / parts as f64;
             let [ground, body] = [motions[0].at(t), motions[1].at(t)];
             let mat = from_columns([0, 1, 2].map(|k| rotate_back(&ground.mat, column(&body.mat, k))));
-            *pose = Pose { pos: rotate_back(&ground.mat, sub(body.pos, ground.pos)), mat };
-        }
-        Self { poses, parts }
+            Pose { pos: rotate_back(&ground.mat, sub(body.pos, ground.pos)), mat }
+        };
+        Self((0..=parts).map(pose).collect())
     }
 
     /// Number of times that the point `p` of the shape crosses the surface, and displacement of the point in the frame of the surface, m.
     /// After one crossing the point is behind the surface; after more it has passed through. A point that starts inside a height field
     /// has no crossings.
     fn crossings(&self, surface: &Surface, p: V) -> (usize, V) {
-        let place = |k: usize| add(self.poses[k].pos, rotate(&self.poses[k].mat, p));
-        let start = place(0);
+        let mut places = self.0.iter().map(|pose| add(pose.pos, rotate(&pose.mat, p)));
+        let start = places.next().unwrap_or(p);
         if let Surface::Grid(grid) = surface
             && grid.is_inside(start)
         {
@@ -292,8 +290,7 @@ impl RelativePath {
             return (0, [0.0; 3]);
         }
         let (mut here, mut count) = (start, 0);
-        for k in 1..=self.parts {
-            let next = place(k);
+        for next in places {
             count += crossings(surface, here, next);
             here = next;
         }
@@ -318,16 +315,10 @@ impl Narrow {
         let length = norm(relative_velocity(motions)) * (to - from) + angle * shape.bound();
         let offset_points = if length > PASS_THROUGH_RATIO * thickness { 6 } else { 0 };
         let path = RelativePath::new(motions, [from, to], angle);
-        let (inner_points, number) = inner_points(shape);
-        for &point in &inner_points[..number] {
+        for point in inner_points(shape) {
             match path.crossings(surface, point) {
                 (2.., _) => return true,
-                (1, displacement) if matches!(surface, Surface::Mesh(_)) => {
-                    let Self { workspace, found } = self;
-                    if !is_pushed_back(surface, shape, motions.map(|s| s.at(to)), displacement, found, workspace) {
-                        return true;
-                    }
-                }
+                (1, displacement) if !self.is_pushed_back(surface, shape, motions.map(|s| s.at(to)), displacement) => return true,
                 _ => {}
             }
             for k in 0..offset_points {
@@ -340,46 +331,31 @@ impl Narrow {
         }
         false
     }
-}
 
-/// Whether contact forces push a shape back through a mesh: the deepest contact opposes its `displacement`, given in the frame of the mesh.
-fn is_pushed_back(
-    surface: &Surface,
-    shape: &ConvexShape,
-    [ground, body]: [Pose; 2],
-    displacement: V,
-    out: &mut Manifold,
-    workspace: &mut Workspace,
-) -> bool {
-    collide_surface(surface, &ground, shape, &body, 0.0, out, workspace);
-    let displacement = rotate(&ground.mat, displacement);
-    let deepest = out.points.iter().min_by(|p, q| p.distance.total_cmp(&q.distance));
-    deepest.is_some_and(|p| dot(p.normal, displacement) < 0.0)
-}
-
-/// Points deep inside a shape, in its frame, m, and the number n of points. The first n entries of the array are used. The points are
-/// along the axis of a long shape, and halfway to the corners of a box.
-fn inner_points(shape: &ConvexShape) -> ([V; 9], usize) {
-    let mut points = [[0.0; 3]; 9];
-    let along = |points: &mut [V; 9], half: f64| {
-        for (k, point) in points.iter_mut().take(5).enumerate() {
-            point[2] = half * (k as f64 * 0.5 - 1.0);
+    /// Whether contact forces push a shape back through a surface. They always do for a height field. For a mesh they do if the deepest
+    /// contact opposes the shape's `displacement`, given in the frame of the mesh.
+    fn is_pushed_back(&mut self, surface: &Surface, shape: &ConvexShape, [ground, body]: [Pose; 2], displacement: V) -> bool {
+        if matches!(surface, Surface::Grid(_)) {
+            return true;
         }
-        5
-    };
-    let number = match *shape {
-        ConvexShape::Capsule { half_length, .. } => along(&mut points, half_length),
-        ConvexShape::Cylinder { radius, half_length } if half_length > radius => along(&mut points, half_length - radius),
+        self.found.clear();
+        self.collide_surface(surface, &ground, shape, &body, &0.0.into());
+        let displacement = rotate(&ground.mat, displacement);
+        let deepest = self.found.points.iter().min_by(|p, q| p.distance.total_cmp(&q.distance));
+        deepest.is_some_and(|p| dot(p.normal, displacement) < 0.0)
+    }
+}
+
+/// Points deep inside a shape, in its frame, m. They are along the axis of a long shape, and halfway to the corners of a box.
+fn inner_points(shape: &ConvexShape) -> ArrayVec<V, 9> {
+    let along = |half: f64| (0..5).map(|k| [0.0, 0.0, half * (f64::from(k) * 0.5 - 1.0)]).collect();
+    match *shape {
+        ConvexShape::Capsule { half_length, .. } => along(half_length),
+        ConvexShape::Cylinder { radius, half_length } if half_length > radius => along(half_length - radius),
         ConvexShape::Box { half } => {
-            for (k, point) in points[1..].iter_mut().enumerate() {
-                *point = std::array::from_fn(|i| half[i] * if k >> i & 1 == 0 { 0.5 } else { -0.5 });
-            }
-            9
+            let towards = |corner: usize| array_of(|i| half[i] * if corner >> i & 1 == 0 { 0.5 } else { -0.5 });
+            iter::once([0.0; 3]).chain((0..8).map(towards)).collect()
         }
-        _ => {
-            points[0] = shape.centre();
-            1
-        }
-    };
-    (points, number)
+        _ => iter::once(shape.centre()).collect(),
+    }
 }

@@ -15,7 +15,7 @@ use parry3d_f64::query::Ray;
 use crate::hull::Hull;
 use crate::linear_algebra::*;
 use crate::surface::{Grid, Surface, bounds};
-use crate::vectors::{Pose, V, widest};
+use crate::vectors::{Pose, V, extent, widest};
 
 /// Enlargement of the triangles' bounding boxes, relative to the largest coordinate of the mesh. Rounding then does not exclude a triangle
 /// that a ray touches.
@@ -57,7 +57,7 @@ impl RaySurface {
     /// Height field, which is solid down to its base.
     pub fn field(grid: Grid) -> Self {
         let [x, y] = grid.half;
-        let ball = ball_about(&[[-x, -y, -grid.base], [x, y, grid.highest().max(-grid.base)]]);
+        let ball = ball_about(&[[-x, -y, -grid.base], [x, y, grid.highest.max(-grid.base)]]);
         Self { form: Form::Field(grid), ball }
     }
 
@@ -97,7 +97,7 @@ pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
     }
     match surface {
         Surface::Grid(grid) => {
-            let high = grid.highest();
+            let high = grid.highest;
             if p[2] > high && q[2] > high {
                 return 0;
             }
@@ -133,8 +133,7 @@ fn first_met(tree: &Bvh, from: V, d: V, most: f64, triangle: impl Fn(u32) -> [V;
 
 /// Centre and radius of the ball around the bounding box of points, m.
 fn ball_about(points: &[V]) -> (V, f64) {
-    let around = bounds(points);
-    let [low, high] = [around.mins, around.maxs].map(|p| [p.x, p.y, p.z]);
+    let [low, high] = extent(points.iter().copied());
     let centre = scale(add(low, high), 0.5);
     (centre, norm(sub(high, centre)))
 }
@@ -184,7 +183,7 @@ impl Sheared {
 /// Distance from `o` along the unit vector `d` to a height field in its frame, m; infinite without a hit.
 fn over_field(grid: &Grid, o: V, d: V) -> f64 {
     // Part of the ray inside the bounding box of the field.
-    let box_ends = [[-grid.half[0], grid.half[0]], [-grid.half[1], grid.half[1]], [-grid.base, grid.highest()]];
+    let box_ends = [[-grid.half[0], grid.half[0]], [-grid.half[1], grid.half[1]], [-grid.base, grid.highest]];
     let (mut enter, mut leave) = (0.0, f64::INFINITY);
     for (k, [low, high]) in box_ends.into_iter().enumerate() {
         if d[k] == 0.0 {

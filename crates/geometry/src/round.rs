@@ -1,6 +1,8 @@
 //! Closest points of a triangle and a ball or capsule, in closed form. The general search (`separation.rs`) has the same results and takes
 //! longer.
 
+use arrayvec::ArrayVec;
+
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
 use crate::pair::Pair;
@@ -11,25 +13,17 @@ use crate::vectors::V;
 /// pair. The direction between the closest points is then inexact.
 pub(super) const CLOSE: f64 = 1e-6;
 
-/// Ends of the axis of a ball or capsule, m, and their number: the centre of a ball, or both ends of a capsule's segment.
-pub(super) struct Ends([V; 2], usize);
-
-impl std::ops::Deref for Ends {
-    type Target = [V];
-
-    fn deref(&self) -> &[V] {
-        &self.0[..self.1]
-    }
-}
+/// Ends of the axis of a ball or capsule, m: the centre of a ball, or both ends of a capsule's segment.
+pub(super) type Ends = ArrayVec<V, 2>;
 
 /// Centre of a ball or both ends of a capsule's segment, in the frame of the first shape, m; `None` for other shapes. The ball or capsule
 /// is the second shape.
 pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
     match *pair.b {
-        ConvexShape::Sphere { .. } => Some(Ends([pair.pos; 2], 1)),
+        ConvexShape::Sphere { .. } => Some(Ends::from_iter([pair.pos])),
         ConvexShape::Capsule { half_length, .. } => {
             let arm = scale(column(&pair.mat, 2), half_length);
-            Some(Ends([sub(pair.pos, arm), add(pair.pos, arm)], 2))
+            Some(Ends::from([sub(pair.pos, arm), add(pair.pos, arm)]))
         }
         _ => None,
     }
@@ -63,10 +57,9 @@ pub(super) fn is_over(corners: &[V; 3], normal: V, p: V) -> bool {
 /// `None` for other shapes, and if the triangle touches or nearly touches the centre or segment.
 pub(super) fn nearest(pair: &Pair<'_>) -> Option<Facing> {
     let ConvexShape::Triangle(corners) = pair.a else { return None };
-    let [x, y] = match pair.b {
-        ConvexShape::Sphere { .. } => [nearest_of_triangle(corners, pair.pos), pair.pos],
-        ConvexShape::Capsule { .. } => nearest_of_segment(corners, ends(pair)?.0)?,
-        _ => return None,
+    let [x, y] = match ends(pair)?[..] {
+        [p, q] => nearest_of_segment(corners, [p, q])?,
+        _ => [nearest_of_triangle(corners, pair.pos), pair.pos],
     };
     let apart = sub(y, x);
     let separation = norm(apart);

@@ -1,11 +1,8 @@
 //! Limits of the search for contacts of two solids, and the normal from which it starts.
 
 use crate::approach::Approach;
-use crate::cached_normal::CachedNormal;
-use crate::facing::{Facing, Separation};
-use crate::manifold::Reach;
+use crate::facing::Separation;
 use crate::pair::Pair;
-use crate::separating_plane::SeparatingPlane;
 use crate::vectors::V;
 
 /// Limits of the search for contacts of two solids, and the normal from which it starts.
@@ -13,7 +10,10 @@ use crate::vectors::V;
 pub struct SearchLimits {
     /// Largest distance of the surfaces at which a contact is added, m.
     pub max_distance: f64,
-    /// Distance below which surfaces count as touching, m. Far points never replace the points of touching surfaces.
+    /// Distance below which a contact point touches, m. If no point is as near, the nearest ones count instead.
+    ///
+    /// Points that touch are reduced without regard to farther ones. The touching points of a manifold are therefore the same for every
+    /// `max_distance`, and for every speed of the shapes.
     pub touching: f64,
     /// Contact normal of the pair in the previous step, from which the search starts. This normal saves time, and changes the
     /// result by rounding errors at most.
@@ -25,11 +25,6 @@ pub struct SearchLimits {
 }
 
 impl SearchLimits {
-    /// Distances of the contact points.
-    pub(super) fn reach(&self) -> Reach {
-        Reach { max_distance: self.max_distance, touching: self.touching }
-    }
-
     /// Whether the separation `found` proves that the pair has no contact within `self.max_distance` that can push within the step.
     pub(super) fn excludes(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         self.excludes_gap(found.normal, found.separation - pair.rounding_radii(), pair.size)
@@ -47,12 +42,6 @@ impl SearchLimits {
         let gap = found.separation - pair.rounding_radii();
         self.excludes(pair, found) || self.approach.is_some_and(|a| a.excludes_normal(found.normal, gap, pair.size))
     }
-
-    /// Normal, features and separating plane of two polyhedra, for the next step.
-    pub(super) fn separating_plane(&self, pair: &Pair<'_>, facing: &Facing) -> SeparatingPlane {
-        let Separation { normal, separation, .. } = facing.found;
-        SeparatingPlane::new(pair, facing, self.approach.map_or(0.0, |a| a.spare_gap(normal, separation, pair.size)))
-    }
 }
 
 impl From<f64> for SearchLimits {
@@ -60,5 +49,22 @@ impl From<f64> for SearchLimits {
     /// distance count as touching.
     fn from(max_distance: f64) -> Self {
         Self { max_distance, touching: max_distance, cached: None, approach: None, epsilon: f64::EPSILON }
+    }
+}
+
+/// Contact normal of two polyhedra in the previous step, from which the next search starts. This normal saves time, and changes the result
+/// by rounding errors at most.
+#[derive(Clone, Copy, Debug)]
+pub struct CachedNormal {
+    /// Unit normal from the first polyhedron to the second, in the frame of the first.
+    pub(super) normal: V,
+    /// Edge of each polyhedron to which the normal was perpendicular, as the indices of its two vertices. If both indices are equal, the
+    /// normal was found at this vertex. `None` if only the normal is known.
+    pub(super) edges: Option<[[u32; 2]; 2]>,
+}
+
+impl From<V> for CachedNormal {
+    fn from(normal: V) -> Self {
+        Self { normal, edges: None }
     }
 }

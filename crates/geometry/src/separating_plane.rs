@@ -23,11 +23,11 @@ use serde::{Deserialize, Serialize};
 use stepper_real::{Real, Scalar};
 
 use crate::approach::Approach;
-use crate::cached_normal::CachedNormal;
 use crate::facing::Facing;
 use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::polyhedron::Polyhedron;
+use crate::search_limits::CachedNormal;
 use crate::shape::ConvexShape;
 use crate::vectors::neg;
 

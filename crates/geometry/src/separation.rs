@@ -30,7 +30,7 @@ use crate::pair::Pair;
 use crate::round;
 use crate::search_limits::SearchLimits;
 use crate::shape::ConvexShape;
-use crate::vectors::{V, neg, unit_or};
+use crate::vectors::{Pose, V, neg, unit_or};
 use crate::warm_start::{facet, is_certain, largest_separation_near};
 
 /// Distance of two polytopes, relative to the size of the pair, above which the direction between their closest points is exact.
@@ -64,6 +64,13 @@ pub(super) fn nearest(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Pol
     facing
 }
 
+/// Signed distance of two shapes, m, and the unit normal from the first to the second in the world frame. `pose_a` is the pose of the first
+/// shape.
+pub(super) fn signed_distance(pair: &Pair<'_>, pose_a: &Pose, polytope: &mut Polytope) -> (f64, V) {
+    let found = nearest(pair, &f64::INFINITY.into(), polytope).found;
+    (found.separation - pair.rounding_radii(), rotate(&pose_a.mat, found.normal))
+}
+
 /// Largest separation of two shapes without their rounding radii, computed without a cached normal.
 pub(super) fn search(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Polytope) -> Facing {
     let distance = limits.max_distance + pair.rounding_radii();
@@ -80,7 +87,7 @@ fn of_polytopes(pair: &Pair<'_>, max_distance: f64, polytope: &mut Polytope) -> 
         return first.separation(normal);
     }
     // The GJK simplex is a tetrahedron, if the origin is inside the difference.
-    polytope.nearest_facet(pair, first.vertices()).unwrap_or_else(|| of_overlap(pair, &first, polytope))
+    polytope.nearest_facet(pair, first.simplex.vertices()).unwrap_or_else(|| of_overlap(pair, &first, polytope))
 }
 
 /// Largest separation of two shapes of which at least one is round. If they are certainly farther apart than `max_distance`, m, the search
@@ -106,7 +113,7 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
         return found;
     }
     // With the vertices of a small facet, the polytope would have narrow faces.
-    polytope.enclose(pair, first.vertices(), if from_outline > WIDE * pair.size { near.vertices() } else { &[] });
+    polytope.enclose(pair, first.simplex.vertices(), if from_outline > WIDE * pair.size { near.simplex.vertices() } else { &[] });
     for _ in 0..CLIMBS {
         let Some(normal) = polytope.shallower(pair, -found.separation, least) else { break };
         found = climb(pair, Candidate { normal, separation: pair.separation(normal) }).0;

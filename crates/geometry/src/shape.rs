@@ -47,6 +47,9 @@ pub enum ConvexShape {
     Triangle([V; 3]),
 }
 
+/// Ball without a radius, whose frame is that of another solid.
+pub(super) static POINT: ConvexShape = ConvexShape::Sphere { radius: 0.0 };
+
 impl ConvexShape {
     /// Rounding radius, m: the shape consists of all points within this distance of its core. It is 0 for shapes other than balls and
     /// capsules.

@@ -7,6 +7,9 @@ use crate::linear_algebra::*;
 /// Vector in f64.
 pub(crate) type V = V3<f64>;
 
+/// Identity matrix.
+pub(super) const IDENTITY: M3<f64> = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+
 /// Pose of a shape in the world frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose {
@@ -28,8 +31,7 @@ impl Pose {
             return Self { pos, mat };
         }
         let gram = mat_mul_transposed(&mat, &mat);
-        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        let half: M3<f64> = array_of(|i| 1.5 * identity[i] - 0.5 * gram[i]);
+        let half: M3<f64> = array_of(|i| 1.5 * IDENTITY[i] - 0.5 * gram[i]);
         Self { pos, mat: mat_mul(&half, &mat) }
     }
 }
@@ -45,6 +47,11 @@ pub(super) fn furthest(points: &[V], d: V) -> usize {
         }
     }
     best
+}
+
+/// Smallest and largest coordinates of points, m; zeros without points.
+pub(super) fn extent(points: impl Iterator<Item = V> + Clone) -> [V; 2] {
+    [f64::min, f64::max].map(|pick: fn(f64, f64) -> f64| points.clone().reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default())
 }
 
 /// Unit vector x / |x|, or `fallback` if x is 0.

@@ -12,13 +12,12 @@
 //! inside A - B. With this centre at depth H below the facet and at distance L sideways from p, the conditions are 2 d < H and d (1 + 2 L /
 //! H) < min(m, r).
 
-use crate::cached_normal::CachedNormal;
 use crate::facing::{Facing, GAP, Separation};
 use crate::gjk;
 use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::polyhedron::Polyhedron;
-use crate::search_limits::SearchLimits;
+use crate::search_limits::{CachedNormal, SearchLimits};
 use crate::vectors::{V, neg};
 
 /// Factor for rounding in the condition with which [`is_certain`] accepts a facet.

@@ -55,9 +55,11 @@ impl<R: Real> Obstacle<R> {
     pub fn wrap(&self, ends: [V3<R>; 2], side: Option<V3<R>>) -> Wrap<R> {
         let (first, second) = (self.local(ends[0]), self.local(ends[1]));
         let apart = norm(first).ge(R::of(SMALLEST)).and(norm(second).ge(R::of(SMALLEST)));
-        let axes = if self.is_cylinder { axes_of_cylinder() } else { axes_of_sphere(first, second) };
+        let (zero, one) = (R::zero(), R::one());
+        // The plane of a path around a cylinder has its x and y axes.
+        let axes = if self.is_cylinder { [[one, zero, zero], [zero, one, zero]] } else { axes_of_sphere(first, second) };
         let planar = [flat(&axes, first), flat(&axes, second)];
-        let (mut touches, mut points, mut arc) = (R::Mask::splat(false), [[R::zero(); 2]; 2], R::zero());
+        let (mut touches, mut points, mut arc) = (R::Mask::splat(false), [[zero; 2]; 2], zero);
         let inside = match side {
             Some(side) => {
                 let side = self.local(side);
@@ -76,7 +78,7 @@ impl<R: Real> Obstacle<R> {
             let (touches_inside, point) = wrap_inside(planar, self.radius, inside);
             touches = touches.and_not(inside).or(touches_inside.and(inside));
             points = [select(inside, point, points[0]), select(inside, point, points[1])];
-            arc = R::select(inside, R::zero(), arc);
+            arc = R::select(inside, zero, arc);
         }
         // Not `map`: kernels call it for arrays of vectors.
         let mut contacts = [in_space(&axes, points[0]), in_space(&axes, points[1])];
@@ -112,13 +114,6 @@ fn flat<R: Real>(axes: &[V3<R>; 2], point: V3<R>) -> V2<R> {
     [dot(point, axes[0]), dot(point, axes[1])]
 }
 
-/// Axes of the plane of a path around a cylinder: x and y.
-#[inline(always)]
-fn axes_of_cylinder<R: Real>() -> [V3<R>; 2] {
-    let (zero, one) = (R::zero(), R::one());
-    [[one, zero, zero], [zero, one, zero]]
-}
-
 /// Axes of the plane of a path around a sphere, through the points `first` and `second`. If both are in one direction, the plane is
 /// arbitrary.
 #[inline(always)]
@@ -134,10 +129,8 @@ fn axes_of_sphere<R: Real>(first: V3<R>, second: V3<R>) -> [V3<R>; 2] {
         let y_is_largest = y.gt(x).and(y.gt(z));
         let z_is_largest = z.gt(x).and(z.gt(y));
         let x_is_largest = y_is_largest.or(z_is_largest).not();
-        let helper = [x_is_largest, y_is_largest, z_is_largest].map(
-            #[inline(always)]
-            |is_largest| R::select(is_largest, R::zero(), R::one()),
-        );
+        let is_largest = [x_is_largest, y_is_largest, z_is_largest];
+        let helper = array!(|k| R::select(is_largest[k], R::zero(), R::one()));
         let other = cross(axis, helper);
         normal = select(parallel, scale(other, R::one() / norm(other)), normal);
     }
@@ -170,20 +163,35 @@ fn cross2<R: Real>(a: V2<R>, b: V2<R>) -> R {
     a[0] * b[1] - a[1] * b[0]
 }
 
+/// Squared distance of two points, m^2, and the place on their line that is nearest to the origin. The place is 0 at the first point and 1
+/// at the second.
+#[inline(always)]
+fn nearest_on_line<R: Real>(first: V2<R>, second: V2<R>) -> (R, R) {
+    let along = sub(second, first);
+    let squared_length = dot2(along, along);
+    (squared_length, -dot2(along, first) / squared_length.max(R::of(SMALLEST)))
+}
+
+/// Point at which a tangent through the point `end` touches a circle about the origin. `signed_radius` is the radius of the circle; its
+/// sign selects one of the two tangents.
+#[inline(always)]
+fn tangent_point<R: Real>(end: V2<R>, signed_radius: R) -> V2<R> {
+    let (squared_length, squared_radius) = (dot2(end, end), signed_radius * signed_radius);
+    let turn = signed_radius * (squared_length - squared_radius).max(R::zero()).sqrt();
+    [(end[0] * squared_radius + turn * end[1]) / squared_length, (end[1] * squared_radius - turn * end[0]) / squared_length]
+}
+
 /// Path around the outside of a circle about the origin. `side` is the direction of the side point from the centre.
 ///
 /// The string turns the shorter way around the circle. If the direction opposite to the side point is between the two ends, the string
 /// turns the longer way, and touches the circle even if its straight line is clear of the circle.
 #[inline(always)]
 fn wrap_outside<R: Real>([first, second]: [V2<R>; 2], side: Option<V2<R>>, radius: R) -> PlanarWrap<R> {
-    let (squared_first, squared_second, squared_radius) = (dot2(first, first), dot2(second, second), radius * radius);
-    let is_outside = squared_first.ge(squared_radius).and(squared_second.ge(squared_radius)).and(radius.ge(R::of(SMALLEST)));
-    let along = [second[0] - first[0], second[1] - first[1]];
-    let squared_length = dot2(along, along);
+    let squared_radius = radius * radius;
+    let is_outside = dot2(first, first).ge(squared_radius).and(dot2(second, second).ge(squared_radius)).and(radius.ge(R::of(SMALLEST)));
+    let (squared_length, nearest) = nearest_on_line(first, second);
     // Point of the straight path that is nearest to the centre.
-    let nearest = -dot2(along, first) / squared_length.max(R::of(SMALLEST));
-    let nearest = nearest.max(R::zero()).min(R::one());
-    let point = [nearest * along[0] + first[0], nearest * along[1] + first[1]];
+    let point = add_scaled(first, sub(second, first), nearest.max(R::zero()).min(R::one()));
     let (zero, turn) = (R::zero(), cross2(first, second));
     let mut long_way = R::Mask::splat(false);
     if let Some(side) = side {
@@ -192,19 +200,8 @@ fn wrap_outside<R: Real>([first, second]: [V2<R>; 2], side: Option<V2<R>>, radiu
     let touches = is_outside.and(squared_length.ge(R::of(SMALLEST))).and(long_way.or(dot2(point, point).le(squared_radius)));
     let counter_clockwise = turn.gt(zero).and_not(long_way).or(long_way.and_not(turn.gt(zero)));
     // Tangents through both ends, for this sense of rotation.
-    let sign = R::select(counter_clockwise, -radius, radius);
-    let turn_first = sign * (squared_first - squared_radius).max(zero).sqrt();
-    let turn_second = sign * (squared_second - squared_radius).max(zero).sqrt();
-    let points = [
-        [
-            (first[0] * squared_radius + turn_first * first[1]) / squared_first,
-            (first[1] * squared_radius - turn_first * first[0]) / squared_first,
-        ],
-        [
-            (second[0] * squared_radius - turn_second * second[1]) / squared_second,
-            (second[1] * squared_radius + turn_second * second[0]) / squared_second,
-        ],
-    ];
+    let signed_radius = R::select(counter_clockwise, -radius, radius);
+    let points = [tangent_point(first, signed_radius), tangent_point(second, -signed_radius)];
     let turn = cross2(points[0], points[1]);
     let angle = turn.abs().atan2(dot2(points[0], points[1]));
     let is_reflex = turn.lt(zero).and(counter_clockwise).or(turn.gt(zero).and_not(counter_clockwise));
@@ -245,16 +242,13 @@ fn tolerances<R: Real>() -> [R; 2] {
 fn wrap_inside<R: Real>([first, second]: [V2<R>; 2], radius: R, lanes: R::Mask) -> (R::Mask, V2<R>) {
     let smallest = R::of(SMALLEST);
     let lengths = [norm2(first), norm2(second)];
-    let along = [second[0] - first[0], second[1] - first[1]];
-    let squared_length = dot2(along, along);
+    let (squared_length, nearest) = nearest_on_line(first, second);
     let mut touches = lengths[0].gt(radius).and(lengths[1].gt(radius)).and(radius.ge(smallest));
-    let nearest = -dot2(along, first) / squared_length.max(smallest);
-    let point = [first[0] + along[0] * nearest, first[1] + along[1] * nearest];
+    let point = add_scaled(first, sub(second, first), nearest);
     let between = squared_length.gt(smallest).and(nearest.gt(R::zero())).and(nearest.lt(R::one()));
     touches = touches.and_not(between.and(norm2(point).le(radius)));
     // Where Newton's method fails, the string touches in the middle.
-    let middle = unit([R::of(0.5) * (first[0] + second[0]), R::of(0.5) * (first[1] + second[1])]);
-    let middle = [middle[0] * radius, middle[1] * radius];
+    let middle = scale(unit(scale(add(first, second), R::of(0.5))), radius);
     let (a, b) = (radius / lengths[0].max(smallest), radius / lengths[1].max(smallest));
     let cosine =
         (lengths[0] * lengths[0] + lengths[1] * lengths[1] - squared_length) / (R::of(2.0) * lengths[0] * lengths[1]).max(smallest);
@@ -279,7 +273,7 @@ fn wrap_inside<R: Real>([first, second]: [V2<R>; 2], radius: R, lanes: R::Mask) 
         solved = solved.and_not(active.and(f.gt(tolerance)));
     }
     solved = solved.and(f.abs().le(tolerance));
-    let counter_clockwise = (first[0] * second[1] - first[1] * second[0]).gt(R::zero());
+    let counter_clockwise = cross2(first, second).gt(R::zero());
     let from = unit(select(counter_clockwise, first, second));
     let turn = asin(z) - R::select(counter_clockwise, asin(a * z), asin(b * z));
     let (sin, cos) = turn.sin_cos();

@@ -3,7 +3,7 @@
 /// Array of one register, which the compiler treats as the register itself. With an array it vectorises loops over single lanes less well.
 #[derive(Clone, Copy)]
 #[repr(transparent)]
-pub struct Whole<T>(pub T);
+pub(crate) struct Whole<T>(pub(crate) T);
 
 impl<T> core::ops::Index<usize> for Whole<T> {
     type Output = T;

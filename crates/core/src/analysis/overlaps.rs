@@ -42,7 +42,7 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let compiled = CompiledModel::<f64>::new(model);
     let kinematics = kinematics_at(&compiled, &model.qpos0, compiled.mocap.iter().map(|m| (m.pos, m.quat)));
     let mut collision = CollisionWorkspace::new(&compiled);
-    collision.begin_step();
+    collision.narrow_phase.begin_step();
     let rest = vec![0.0; compiled.nv];
     let alive = <f64 as Real>::Mask::splat(true);
     let mut capacity = compiled.contact_points.min(FIRST_CAPACITY);

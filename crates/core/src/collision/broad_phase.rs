@@ -70,7 +70,7 @@ impl Broad {
                 let centre = of_lane(&pos[g], lane);
                 let reach = (compiled.params.geom(g).bounding_radius.lane(lane).to_f64() + member.margin)
                     + (displacement[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
-                // The sum of two radii is slightly larger than in `Scene::can_touch`, also in single precision.
+                // The sum of two radii is slightly larger than in `GeomPoses::balls_touch`, also in single precision.
                 let rounding = 1e-6 * (reach + centre.iter().map(|x| x.abs()).sum::<f64>());
                 Ball { centre, radius: reach + rounding, member: i }
             }));

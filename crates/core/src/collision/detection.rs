@@ -108,9 +108,7 @@ impl NarrowWorkspace {
 
     /// Begins a step: exchanges `last_planes` and `new_planes`. The planes that the last step stored are then in `last_planes`.
     pub(crate) fn begin_step(&mut self) {
-        if !self.last_planes.is_unused() {
-            std::mem::swap(&mut self.last_planes, &mut self.new_planes);
-        }
+        std::mem::swap(&mut self.last_planes, &mut self.new_planes);
     }
 }
 
@@ -139,11 +137,6 @@ impl<R: Real> CollisionWorkspace<R> {
         if !separation_cache.is_unused() {
             std::mem::swap(&mut self.narrow_phase.new_planes, separation_cache);
         }
-    }
-
-    /// Begins a step: the searches of this step start from the separating planes that the last step stored.
-    pub(crate) fn begin_step(&mut self) {
-        self.narrow_phase.begin_step();
     }
 
     /// Removes all separating planes, so that no search depends on an earlier one.
@@ -200,7 +193,7 @@ impl<R: Real> CollisionWorkspace<R> {
 
     /// Merges the listed pairs that the search for static pairs ([`CollisionWorkspace::find_static`]) found into `near`.
     pub(crate) fn add_static(&mut self, compiled: &LaneModel<R>) {
-        let listed = self.statics.listed_pairs(compiled.pairs.len());
+        let (listed, _) = self.statics.listed_and_dynamic(compiled.pairs.len());
         merge(listed, &mut self.near, self.near_count);
         self.near_count += listed.len();
     }
@@ -213,7 +206,7 @@ impl<R: Real> CollisionWorkspace<R> {
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             let Self { poses, slack, broad, statics, .. } = self;
             broad.find(compiled, dynamic_pairs, alive.bits(), &poses.pos, displacements(poses), *slack);
-            broad.add(statics.dynamic_pairs(compiled.pairs.len()));
+            broad.add(statics.listed_and_dynamic(compiled.pairs.len()).1);
         }
     }
 
@@ -299,9 +292,10 @@ impl<R: Real> GeomPoses<R> {
 
     /// Lanes in which the bounding balls of a pair overlap, when they are enlarged by the pair's margin and `slack`, m.
     #[inline(always)]
-    fn balls_touch(&self, pair: &CompiledPair<R::Scalar>, slack: R) -> R::Mask {
-        let [[ax, ay, az, a], [bx, by, bz, b]] = pair.geoms.map(|g| self.balls[g]);
-        let (apart, reach) = (sub([bx, by, bz], [ax, ay, az]), a + slack + R::splat(pair.margin) + b);
+    pub(crate) fn balls_touch(&self, pair: &CompiledPair<R::Scalar>, slack: R) -> R::Mask {
+        let [a, b] = pair.geoms;
+        let apart = sub(self.pos[b], self.pos[a]);
+        let reach = self.balls[a][3] + self.balls[b][3] + R::splat(pair.margin) + slack;
         dot(apart, apart).lt(reach * reach)
     }
 
@@ -397,15 +391,6 @@ impl<R: Real> Scene<'_, R> {
         lanes
     }
 
-    /// Lanes in which the two geoms of a dynamic pair can touch within two steps, by their bounding balls.
-    #[inline(always)]
-    pub(crate) fn can_touch(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
-        let [a, b] = pair.geoms;
-        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
-        let reach = self.poses.balls[a][3] + self.poses.balls[b][3] + R::splat(pair.margin) + self.slack;
-        dot(apart, apart).lt(reach * reach)
-    }
-
     /// Lanes of `near` in which the contacts of a pair are unreliable, because one geom may have passed through the other (tunnelled) since
     /// the beginning of the step.
     ///
@@ -467,19 +452,16 @@ impl<R: Real> Scene<'_, R> {
     /// geom may be a plane, whose displacement has no bound.
     #[inline(always)]
     fn relative_displacement(&self, a: usize, b: usize) -> R {
-        let (motion_of_b, motion_of_a) = (
-            self.motion_at(&self.poses.passing_velocity, b, self.poses.pos[b]),
-            self.motion_at(&self.poses.passing_velocity, a, self.poses.pos[b]),
-        );
-        let spin = across_symmetry(self.compiled, b, &self.poses.mat[b], sub(motion_of_b[0], motion_of_a[0]));
-        (norm(sub(motion_of_b[1], motion_of_a[1])) + spin * self.compiled.params.geom(b).bounding_radius) * self.passing_time
+        let [angular_velocity, velocity] = self.relative_motion(&self.poses.passing_velocity, [a, b], self.poses.pos[b]);
+        let spin = across_symmetry(self.compiled, b, &self.poses.mat[b], angular_velocity);
+        (norm(velocity) + spin * self.compiled.params.geom(b).bounding_radius) * self.passing_time
     }
 
-    /// Velocity of geom `b` relative to geom `a` at the velocity of the searches (`poses.search_velocity`), world axes: angular, rad/s, and
-    /// linear at the point `p`, m/s.
+    /// Velocity of geom `b` relative to geom `a`, world axes: angular, rad/s, and linear at the point `p`, m/s. `links` has the spatial
+    /// velocities of the links, such as those of the searches (`poses.search_velocity`).
     #[inline(always)]
-    pub(crate) fn relative_motion(&self, [a, b]: [usize; 2], p: V3<R>) -> [V3<R>; 2] {
-        let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.search_velocity, a, p), self.motion_at(&self.poses.search_velocity, b, p));
+    pub(crate) fn relative_motion(&self, links: &[V6<R>], [a, b]: [usize; 2], p: V3<R>) -> [V3<R>; 2] {
+        let ([wa, va], [wb, vb]) = (self.motion_at(links, a, p), self.motion_at(links, b, p));
         [sub(wb, wa), sub(vb, va)]
     }
 

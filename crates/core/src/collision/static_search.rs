@@ -182,19 +182,10 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Listed pairs that the search found. `listed` is the number of listed pairs of the model; dynamic pairs have larger indices.
-    pub(crate) fn listed_pairs(&self, listed: usize) -> &[(u32, u32)] {
-        &self.pairs[..self.count_listed(listed)]
-    }
-
-    /// Dynamic pairs that the search found. `listed` is the number of listed pairs of the model; dynamic pairs have larger indices.
-    pub(crate) fn dynamic_pairs(&self, listed: usize) -> &[(u32, u32)] {
-        &self.pairs[self.count_listed(listed)..]
-    }
-
-    /// Number of listed pairs that the search found.
-    fn count_listed(&self, listed: usize) -> usize {
-        self.pairs.partition_point(|pair| (pair.0 as usize) < listed)
+    /// Listed pairs and dynamic pairs that the search found. `listed` is the number of listed pairs of the model; dynamic pairs have larger
+    /// indices.
+    pub(crate) fn listed_and_dynamic(&self, listed: usize) -> (&[(u32, u32)], &[(u32, u32)]) {
+        self.pairs.split_at(self.pairs.partition_point(|pair| (pair.0 as usize) < listed))
     }
 }
 

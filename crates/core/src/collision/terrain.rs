@@ -50,7 +50,7 @@ impl<R: Real> Scene<'_, R> {
         let at = rotate_back(mat, sub(centre, self.poses.pos[ground]));
         let (depth, core) = self.reach_below(shape, up);
 
-        let [w, v] = self.relative_motion(geoms, centre);
+        let [w, v] = self.relative_motion(&self.poses.search_velocity, geoms, centre);
         let rise = dot(up, v) - norm(cross(up, w)) * core;
         let speed = norm(v) + norm(w) * core;
         let least = margin.max(R::zero()) + self.slack;

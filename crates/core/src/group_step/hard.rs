@@ -152,7 +152,7 @@ impl<R: Real> HardNominal<R> {
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
         match recomputed {
             Recomputed::Configuration => {
-                evaluation.collision.begin_step();
+                evaluation.collision.narrow_phase.begin_step();
                 // The response counts only in lanes that no impact divides.
                 evaluation.substep = Substep { ignores_impacts: R::Mask::splat(true), ..Substep::whole(options) };
                 locate(input, evaluation, free, NoProbe);

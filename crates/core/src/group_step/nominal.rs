@@ -152,7 +152,7 @@ impl<R: Real> Nominal<R> {
             }
             Law::Mujoco(solution) => {
                 if recomputed == Recomputed::Configuration {
-                    s.evaluation.collision.begin_step();
+                    s.evaluation.collision.narrow_phase.begin_step();
                 }
                 mujoco::respond_step(compiled, settings, s, solution, recomputed);
                 recomputed

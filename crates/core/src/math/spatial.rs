@@ -7,17 +7,6 @@ use stepper_real::Real;
 
 pub use stepper_geometry::linear_algebra::*;
 
-/// Array with the entries of an inlined closure: `array!(|k| a[k] * b[k])`, see [`array_of`].
-macro_rules! array {
-    (|$k:ident| $entry:expr) => {
-        $crate::math::spatial::array_of(
-            #[inline(always)]
-            |$k| $entry,
-        )
-    };
-}
-pub(crate) use array;
-
 /// Spatial motion (angular velocity, velocity at the reference point) or spatial force (moment about the reference point, force), in world
 /// axes.
 pub type V6<R> = [R; 6];

@@ -118,11 +118,12 @@ fn find_contacts<R: Real>(
             let pair = &compiled.pairs[index as usize];
             any = any.or(scene.collide(index as usize, pair, R::Mask::from_bits(lanes), narrow_phase, contacts, unreliable));
         }
-        // The broad phase has tested dynamic pairs by slightly enlarged bounding balls or by boxes. `can_touch` tests the balls themselves.
+        // The broad phase has tested dynamic pairs by slightly enlarged bounding balls or by boxes. `balls_touch` tests the balls
+        // themselves.
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             for &(index, lanes) in &broad.pairs {
                 let Some(pair) = dynamic_pairs.pair(index as usize) else { continue };
-                let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
+                let lanes = R::Mask::from_bits(lanes).and(scene.poses.balls_touch(&pair, slack));
                 if lanes.any() {
                     any = any.or(scene.collide(index as usize, &pair, lanes, narrow_phase, contacts, unreliable));
                 }

@@ -13,7 +13,7 @@ use stepper_core::internals::stages::s03_detect::detect;
 use stepper_core::model::{BodyBuilder, GeomBuilder, HeightField, JointBuilder, Model, WORLD};
 use stepper_core::{Field, Integrator, Level, Options, Precision, Simulation, Solver};
 use stepper_geometry::linear_algebra::*;
-use stepper_geometry::{ConvexShape, Grid, Manifold, Pose, SearchLimits, Surface, Workspace, collide_surface};
+use stepper_geometry::{ConvexShape, Grid, Narrow, Pose, SearchLimits, Solid, Surface};
 
 const STEP: f64 = 0.01;
 const POINTS: usize = 9;
@@ -131,13 +131,13 @@ proptest! {
         let (_, contacts) = detected(&sim, 0.0);
 
         // Reference: direct test of all triangles, up to the distance that any point of the shape can move in two steps.
-        let grid = Surface::Grid(Grid::new([POINTS; 2], [1.0; 2], elevation, 0.5));
+        let grid = Solid::Surface(Surface::Grid(Grid::new([POINTS; 2], [1.0; 2], elevation, 0.5)).into());
         let slack = 1e-6;
         let prediction = margin + (norm(v) + norm(w) * bound) * 2.0 * STEP + slack;
-        let mut found = Manifold::default();
         // Which points stand for two surfaces depends on whether the surfaces count as touching.
         let limits = SearchLimits { touching: margin + slack, ..SearchLimits::from(prediction) };
-        collide_surface(&grid, &Pose { pos: origin, mat: tilt }, &shape, &pose, limits, &mut found, &mut Workspace::default());
+        let mut narrow = Narrow::default();
+        let found = narrow.collide([&grid, &Solid::Convex(shape)], [Pose { pos: origin, mat: tilt }, pose], limits);
         let limit = |pos: V3<f64>, normal: V3<f64>| (-dot(normal, add(v, cross(w, sub(pos, pose.pos))))).max(0.0) * 2.0 * STEP + slack;
         let room: Vec<f64> = found.points.iter().map(|p| limit(p.pos, p.normal) - (p.distance - margin)).collect();
         prop_assume!(room.iter().all(|x| x.abs() > 1e-9));

@@ -45,10 +45,7 @@ impl<R: Real> Cuboid<R> {
     /// Vector from the closest point of the box to `x`, m; 0 if `x` is inside. The result and `x` are in the frame of the box.
     #[inline(always)]
     fn beyond(&self, x: V3<R>) -> V3<R> {
-        array_of(
-            #[inline(always)]
-            |i| x[i] - x[i].clamp(-self.half[i], self.half[i]),
-        )
+        array!(|i| x[i] - x[i].clamp(-self.half[i], self.half[i]))
     }
 
     /// Contact in the world frame. `touch` has the closest points without the rounding radius `radius` of the shape, m.
@@ -81,14 +78,6 @@ fn unit<R: Real>(i: usize, sign: R) -> V3<R> {
     u
 }
 
-/// Unit vector along `v`, length of `v`, and lanes in which the length is not 0. The vector is `instead` in the other lanes.
-#[inline(always)]
-fn direction<R: Real>(v: V3<R>, instead: V3<R>) -> (V3<R>, R, R::Mask) {
-    let length = norm(v);
-    let some = length.gt(R::zero());
-    (select(some, scale(v, R::one() / R::select(some, length, R::one())), instead), length, some)
-}
-
 /// Contact of a ball and a box. `centre` and `radius` are those of the ball, m.
 #[inline(always)]
 pub fn sphere_box<R: Real>(centre: V3<R>, radius: R, cuboid: &Cuboid<R>) -> ContactPoint<R> {
@@ -114,7 +103,7 @@ pub fn face_clearance<R: Real>(point: V3<R>, cuboid: &Cuboid<R>) -> R {
 /// part.
 #[inline(always)]
 pub fn capsule_box<R: Real>(capsule: &Segment<R>, cuboid: &Cuboid<R>) -> ([ContactPoint<R>; 2], [R::Mask; 2]) {
-    let line = Line { p: cuboid.inside(capsule.centre), d: rotate_back(&cuboid.mat, capsule.axis), half: capsule.half_length };
+    let line = Segment { centre: cuboid.inside(capsule.centre), axis: rotate_back(&cuboid.mat, capsule.axis), ..*capsule };
     let t = line.closest(cuboid);
     let x = line.at(t);
     let (u, length, _) = direction(cuboid.beyond(x), zero());
@@ -142,29 +131,15 @@ fn choose<R: Real>(lanes: R::Mask, a: &ContactPoint<R>, b: &ContactPoint<R>) -> 
     }
 }
 
-/// Axis of a capsule in the frame of a box: the points p + t d with |t| <= half.
-struct Line<R> {
-    /// Centre of the capsule's axis, m.
-    p: V3<R>,
-    /// Unit vector along the capsule's axis.
-    d: V3<R>,
-    /// Half the length of the capsule's axis, m.
-    half: R,
-}
-
-impl<R: Real> Line<R> {
-    /// Point of the capsule's axis at the parameter `t`, m.
-    #[inline(always)]
-    fn at(&self, t: R) -> V3<R> {
-        add_scaled(self.p, self.d, t)
-    }
-
+/// Functions of a capsule in the frame of a box. Its axis consists of the points p + t d with |t| <= half_length, where p is the centre and
+/// d the unit vector of the axis.
+impl<R: Real> Segment<R> {
     /// Largest distance from the box that rounding can give a capsule's axis that just enters it, m.
     #[inline(always)]
     fn rounding(&self, cuboid: &Cuboid<R>) -> R {
-        let [p, half] = [self.p, cuboid.half];
+        let [p, half] = [self.centre, cuboid.half];
         let sizes = p[0].abs() + p[1].abs() + p[2].abs() + (half[0].abs() + half[1].abs() + half[2].abs());
-        (sizes + self.half) * R::splat(R::Scalar::EPSILON) * R::of(64.0)
+        (sizes + self.half_length) * R::splat(R::Scalar::EPSILON) * R::of(64.0)
     }
 
     /// Parameters at which the capsule's axis enters and leaves the slab of axis `k`: the points whose coordinate k is within the box.
@@ -172,7 +147,7 @@ impl<R: Real> Line<R> {
     /// An axis parallel to the slab is inside for all parameters or for none.
     #[inline(always)]
     fn slab(&self, cuboid: &Cuboid<R>, k: usize) -> [R; 2] {
-        let (p, d, s) = (self.p[k], self.d[k], cuboid.half[k]);
+        let (p, d, s) = (self.centre[k], self.axis[k], cuboid.half[k]);
         let along = d.abs().lt(R::of(1e-12));
         let d = R::select(along, R::one(), d);
         let (a, b) = ((-s - p) / d, (s - p) / d);
@@ -184,20 +159,20 @@ impl<R: Real> Line<R> {
     /// Half the derivative of the squared distance between box and capsule axis with respect to the parameter `t`, m.
     #[inline(always)]
     fn slope(&self, cuboid: &Cuboid<R>, t: R) -> R {
-        dot(self.d, cuboid.beyond(self.at(t)))
+        dot(self.axis, cuboid.beyond(self.at(t)))
     }
 
     /// Parameter of the point of the capsule's axis that is closest to the box. If an interval is equally close, the result is one of its
     /// ends.
     #[inline(always)]
     fn closest(&self, cuboid: &Cuboid<R>) -> R {
-        let (mut lo, mut hi) = (-self.half, self.half);
+        let (mut lo, mut hi) = (-self.half_length, self.half_length);
         let (mut below, mut above) = (self.slope(cuboid, lo), self.slope(cuboid, hi));
         let level = -self.rounding(cuboid);
         let (falls, rises) = (below.lt(level), above.ge(level));
         for k in 0..3 {
             for t in self.slab(cuboid, k) {
-                let t = t.clamp(-self.half, self.half);
+                let t = t.clamp(-self.half_length, self.half_length);
                 let g = self.slope(cuboid, t);
                 let left = g.lt(level);
                 let (nearer_lo, nearer_hi) = (left.and(t.gt(lo)), t.lt(hi).and_not(left));
@@ -209,7 +184,7 @@ impl<R: Real> Line<R> {
         }
         let inner = falls.and(rises);
         let t = (lo - (hi - lo) * below / R::select(inner, above - below, R::one())).min(hi);
-        R::select(inner, t, R::select(falls, self.half, -self.half))
+        R::select(inner, t, R::select(falls, self.half_length, -self.half_length))
     }
 
     /// Shortest translation of a capsule's axis out of the box, if it enters: parameter of the deepest point, and the closest points there.
@@ -217,11 +192,11 @@ impl<R: Real> Line<R> {
     fn way_out(&self, cuboid: &Cuboid<R>) -> (R, Touch<R>) {
         let (mut gap, mut u, mut t) = (R::of(f64::NEG_INFINITY), zero(), R::zero());
         for i in 0..3 {
-            let this = self.p[i].abs() - self.d[i].abs() * self.half - cuboid.half[i];
+            let this = self.centre[i].abs() - self.axis[i].abs() * self.half_length - cuboid.half[i];
             let shorter = this.gt(gap);
-            let out = unit(i, self.p[i]);
+            let out = unit(i, self.centre[i]);
             let ([a, b], [c, d]) = (self.slab(cuboid, (i + 1) % 3), self.slab(cuboid, (i + 2) % 3));
-            let deepest = R::select(dot(out, self.d).gt(R::zero()), a.max(c).max(-self.half), b.min(d).min(self.half));
+            let deepest = R::select(dot(out, self.axis).gt(R::zero()), a.max(c).max(-self.half_length), b.min(d).min(self.half_length));
             gap = R::select(shorter, this, gap);
             u = select(shorter, out, u);
             t = R::select(shorter, deepest, t);
@@ -229,18 +204,18 @@ impl<R: Real> Line<R> {
         for i in 0..3 {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
             let mut axis = zero();
-            (axis[j], axis[k]) = (self.d[k], -self.d[j]);
+            (axis[j], axis[k]) = (self.axis[k], -self.axis[j]);
             let square = dot(axis, axis);
             let crossing = square.gt(R::of(1e-12));
             let square = R::select(crossing, square, R::one());
             let axis = scale(axis, R::one() / square.sqrt());
-            let side = dot(self.p, axis);
+            let side = dot(self.centre, axis);
             let this = side.abs() - (cuboid.half[j] * axis[j].abs() + cuboid.half[k] * axis[k].abs());
             // A face is preferred to an edge of equal depth.
             let shorter = crossing.and((gap * R::of(1.0 - 1e-9)).lt(this));
             let out = scale(axis, R::one().copysign(side));
-            let corner = |m: usize| cuboid.half[m].copysign(out[m]) - self.p[m];
-            let crossed = ((self.d[j] * corner(j) + self.d[k] * corner(k)) / square).clamp(-self.half, self.half);
+            let corner = |m: usize| cuboid.half[m].copysign(out[m]) - self.centre[m];
+            let crossed = ((self.axis[j] * corner(j) + self.axis[k] * corner(k)) / square).clamp(-self.half_length, self.half_length);
             gap = R::select(shorter, this, gap);
             u = select(shorter, out, u);
             t = R::select(shorter, crossed, t);
@@ -256,7 +231,7 @@ impl<R: Real> Line<R> {
     fn other_end(&self, cuboid: &Cuboid<R>, t: R, near: &Touch<R>, outside: R::Mask) -> (R, Touch<R>, R::Mask) {
         let u = [near.u[0].abs(), near.u[1].abs(), near.u[2].abs()];
         let most = u[0].max(u[1]).max(u[2]);
-        let (mut lo, mut hi) = (-self.half, self.half);
+        let (mut lo, mut hi) = (-self.half_length, self.half_length);
         let mut face = zero();
         let mut chosen = R::Mask::splat(false);
         for k in 0..3 {
@@ -271,7 +246,7 @@ impl<R: Real> Line<R> {
         }
         let low = (t - lo).ge(hi - t);
         let t_far = R::select(low, lo, hi);
-        let two = lo.lt(hi).and((t_far - t).abs().gt(self.half * R::of(1e-6)));
+        let two = lo.lt(hi).and((t_far - t).abs().gt(self.half_length * R::of(1e-6)));
         let t_far = R::select(two, t_far, t);
         let x = self.at(t_far);
         let (out, length, _) = direction(cuboid.beyond(x), face);

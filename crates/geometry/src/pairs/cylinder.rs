@@ -1,10 +1,9 @@
-//! Contacts of cylinders with a half space and with a ball.
+//! Points of cylinders that can touch a half space, and contacts of cylinders with a ball.
 
 use stepper_real::Real;
 
 use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
-use crate::pairs::plane_sphere;
 
 /// Cylinder around its z axis.
 #[derive(Clone, Copy, Debug)]
@@ -40,25 +39,15 @@ pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>)
     let some = length.gt(R::of(1e-6));
     let lowest = select(some, scale(down, R::one() / R::select(some, length, R::one())), column(&cylinder.mat, 0));
     let (lowest, side) = (scale(lowest, cylinder.radius), scale(cross(axis, lowest), cylinder.radius));
-    array_of(
-        #[inline(always)]
-        |k| {
-            let cap = add_scaled(cylinder.centre, axis, if k < 4 { cylinder.half_length } else { -cylinder.half_length });
-            match k % 4 {
-                0 => add(cap, lowest),
-                1 => add(cap, side),
-                2 => sub(cap, lowest),
-                _ => sub(cap, side),
-            }
-        },
-    )
-}
-
-/// Contact of a half space and a point, such as a point of a cylinder's rim. `origin` is a point of the half space's boundary, m, and
-/// `normal` its outward unit normal.
-#[inline(always)]
-pub fn plane_point<R: Real>(origin: V3<R>, normal: V3<R>, point: V3<R>) -> ContactPoint<R> {
-    plane_sphere(origin, normal, point, R::zero())
+    array!(|k| {
+        let cap = add_scaled(cylinder.centre, axis, if k < 4 { cylinder.half_length } else { -cylinder.half_length });
+        match k % 4 {
+            0 => add(cap, lowest),
+            1 => add(cap, side),
+            2 => sub(cap, lowest),
+            _ => sub(cap, side),
+        }
+    })
 }
 
 /// Contact of a ball and a cylinder. `centre` and `radius` are those of the ball, m.

@@ -11,7 +11,7 @@ mod segments;
 
 pub use crate::pairs::boxes::{Cuboid, capsule_box, face_clearance, sphere_box};
 pub use crate::pairs::contact_point::{ContactPoint, DISTANCE_ROUNDINGS};
-pub use crate::pairs::cylinder::{Cylinder, cylinder_rims, plane_point, sphere_cylinder};
+pub use crate::pairs::cylinder::{Cylinder, cylinder_rims, sphere_cylinder};
 pub use crate::pairs::ellipsoid::{Ellipsoid, plane_ellipsoid, sphere_ellipsoid};
 pub use crate::pairs::plane::{plane_box, plane_sphere};
 pub use crate::pairs::segments::{Segment, segments};

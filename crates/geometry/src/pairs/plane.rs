@@ -5,7 +5,8 @@ use stepper_real::Real;
 use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
 
-/// Contact of a half space and a ball. `origin` is a point of the boundary, m, and `normal` the outward unit normal.
+/// Contact of a half space and a ball, or a point such as one of a cylinder's rim if `radius` is 0. `origin` is a point of the boundary, m,
+/// and `normal` the outward unit normal.
 #[inline(always)]
 pub fn plane_sphere<R: Real>(origin: V3<R>, normal: V3<R>, centre: V3<R>, radius: R) -> ContactPoint<R> {
     let distance = dot(normal, sub(centre, origin)) - radius;

@@ -21,7 +21,7 @@ pub struct Segment<R> {
 impl<R: Real> Segment<R> {
     /// Point of the segment at the signed distance `x` from its centre, m.
     #[inline(always)]
-    fn at(&self, x: R) -> V3<R> {
+    pub(super) fn at(&self, x: R) -> V3<R> {
         add_scaled(self.centre, self.axis, x)
     }
 }
@@ -57,12 +57,8 @@ pub fn segments<R: Real>(a: &Segment<R>, b: &Segment<R>) -> ([ContactPoint<R>; 2
 /// Contact of two balls with the centres `p` and `q`, m.
 #[inline(always)]
 fn between<R: Real>(p: V3<R>, q: V3<R>, radius_p: R, radius_q: R) -> ContactPoint<R> {
-    let d = sub(q, p);
-    let length = norm(d);
     // Coinciding centres have no direction between them. Any direction separates the balls.
-    let apart = length.gt(R::zero());
-    let up = [R::zero(), R::zero(), R::one()];
-    let normal = select(apart, scale(d, R::one() / R::select(apart, length, R::one())), up);
+    let (normal, length, _) = direction(sub(q, p), [R::zero(), R::zero(), R::one()]);
     let distance = length - radius_p - radius_q;
     let pos = add_scaled(p, normal, radius_p + distance * R::of(0.5));
     ContactPoint { distance, pos, normal }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::shapes::{simple, unit, vector};
 use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
-use stepper_geometry::{ConvexShape, Hull, Manifold, Pose, Workspace, collide, distance};
+use stepper_geometry::{ConvexShape, Hull, Manifold, Narrow, Pose, SearchLimits, Solid, distance};
 
 type V = V3<f64>;
 
@@ -94,10 +94,9 @@ fn by_search(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose) -> f64 {
     starts[..12].iter().map(|&n| climb(n)).fold(f64::NEG_INFINITY, f64::max)
 }
 
-pub(crate) fn manifold(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, max_distance: f64) -> Manifold {
-    let mut out = Manifold::default();
-    collide(a, pa, b, pb, max_distance, &mut out, &mut Workspace::default());
-    out
+pub(crate) fn manifold(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, limits: impl Into<SearchLimits>) -> Manifold {
+    let [a, b] = [a, b].map(|shape| Solid::Convex(shape.clone()));
+    Narrow::default().collide([&a, &b], [*pa, *pb], limits).clone()
 }
 
 /// Smallest separation along face normals, m, at which a face still determines the normal of a contact whose edges have the separation

@@ -3,12 +3,12 @@
 
 use std::sync::Arc;
 
+use crate::convex::manifold;
 use crate::shapes::{unit, vector};
 use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::{
-    Approach, CachedNormal, ConvexShape, Hull, HullError, Manifold, Point, Pose, SearchLimits, SeparatingPlane, SeparatingPlanes,
-    Workspace, collide, distance,
+    Approach, CachedNormal, ConvexShape, Hull, HullError, Manifold, Point, Pose, SearchLimits, SeparatingPlane, SeparatingPlanes, distance,
 };
 
 type V = V3<f64>;
@@ -84,9 +84,7 @@ fn over_all_facets(a: &Hull, pa: &Pose, b: &Hull, pb: &Pose) -> f64 {
 const PREDICTION: f64 = 0.02;
 
 fn meet(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<CachedNormal>, approach: Option<Approach>) -> Manifold {
-    let mut out = Manifold::default();
-    collide(a, pa, b, pb, SearchLimits { cached: known, approach, ..PREDICTION.into() }, &mut out, &mut Workspace::default());
-    out
+    manifold(a, pa, b, pb, SearchLimits { cached: known, approach, ..PREDICTION.into() })
 }
 
 /// Contact points of two hulls. `known` is the contact normal of the previous step in world axes; `None` searches without it. `approach`

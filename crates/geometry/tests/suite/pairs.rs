@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::pairs::ContactPoint;
 use stepper_geometry::pairs::{
-    capsule_box, cylinder_rims, face_clearance, plane_ellipsoid, plane_point, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
+    capsule_box, cylinder_rims, face_clearance, plane_ellipsoid, plane_sphere, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
 
 /// Contacts of two bodies, from the contact function for their pair of shapes.
@@ -13,7 +13,7 @@ pub(crate) fn contacts(a: &Body, b: &Body) -> Vec<ContactPoint<f64>> {
     let present = |points: [ContactPoint<f64>; 2], exist: [bool; 2]| points.into_iter().zip(exist).filter(|x| x.1).map(|x| x.0).collect();
     match (a, b) {
         (Body::HalfSpace { origin, normal }, Body::Cylinder(c)) => {
-            cylinder_rims(*normal, [0.0; 3], c).into_iter().map(|p| plane_point(*origin, *normal, p)).collect()
+            cylinder_rims(*normal, [0.0; 3], c).into_iter().map(|p| plane_sphere(*origin, *normal, p, 0.0)).collect()
         }
         (Body::HalfSpace { origin, normal }, Body::Ellipsoid(e)) => vec![plane_ellipsoid(*origin, *normal, e)],
         (Body::Capsule(s), Body::Cuboid(c)) if s.half_length == 0.0 => vec![sphere_box(s.centre, s.radius, c)],

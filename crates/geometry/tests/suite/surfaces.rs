@@ -7,9 +7,7 @@ use crate::shapes::{simple, unit, vector};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use stepper_geometry::linear_algebra::*;
-use stepper_geometry::{
-    Approach, ConvexShape, Grid, Hull, Manifold, MeshSurface, Narrow, Pose, SearchLimits, Surface, Workspace, collide_surface, distance,
-};
+use stepper_geometry::{Approach, ConvexShape, Grid, Hull, Manifold, MeshSurface, Narrow, Pose, SearchLimits, Solid, Surface, distance};
 
 type V = V3<f64>;
 
@@ -55,10 +53,9 @@ fn slope(n: usize, rise: [f64; 2]) -> Surface {
     Surface::Grid(Grid::new([n, n], [1.0; 2], elevation, 1.0))
 }
 
-fn touch(surface: &Surface, b: &ConvexShape, pose: &Pose, max_distance: f64) -> Manifold {
-    let mut out = Manifold::default();
-    collide_surface(surface, &STILL, b, pose, max_distance, &mut out, &mut Workspace::default());
-    out
+fn touch(surface: &Surface, b: &ConvexShape, pose: &Pose, limits: impl Into<SearchLimits>) -> Manifold {
+    let (surface, b) = (Solid::Surface(surface.clone().into()), Solid::Convex(b.clone()));
+    Narrow::default().collide([&surface, &b], [STILL, *pose], limits).clone()
 }
 
 /// Height of the shape's lowest point along `n`, m.
@@ -288,16 +285,12 @@ proptest! {
             }
         };
         // The shape's origin is above the surface. For shapes below it the two searches find different points.
-        let pose = Pose { pos: [at[0], at[1], grid.highest() + lift], mat };
+        let pose = Pose { pos: [at[0], at[1], grid.highest + lift], mat };
         let slack = 1e-3;
         // Contacts that can push are within twice the displacement of the step.
         let max_distance = 2.0 * (norm(way) + norm(turn) * bound(&b)) + slack;
         let approach = Approach { displacement: way, rotation: turn, radius: contact_radius(&b, max_distance), slack };
-        let find = |reach: SearchLimits| {
-            let mut out = Manifold::default();
-            collide_surface(&surface, &STILL, &b, &pose, reach, &mut out, &mut Workspace::default());
-            out.points
-        };
+        let find = |limits: SearchLimits| touch(&surface, &b, &pose, limits).points;
         let (all, found) = (find(max_distance.into()), find(SearchLimits { approach: Some(approach), ..max_distance.into() }));
         let counts = |p: &&stepper_geometry::Point| {
             let velocity = add(way, cross(turn, sub(p.pos, pose.pos)));
@@ -327,12 +320,10 @@ proptest! {
     ) {
         let (vertices, faces) = triangles(&grid, form == 2);
         let surface = if form == 0 { Surface::Grid(grid.clone()) } else { Surface::Mesh(MeshSurface::new(&vertices, &faces)) };
-        let (b, pose) = (ConvexShape::Sphere { radius }, Pose { pos: [at[0], at[1], grid.highest() + lift], ..STILL });
+        let (b, pose) = (ConvexShape::Sphere { radius }, Pose { pos: [at[0], at[1], grid.highest + lift], ..STILL });
         let approach = Approach { displacement: way, rotation: [0.0; 3], radius: 0.0, slack: 1e-3 };
-        let mut out = Manifold::default();
-        let reach = SearchLimits { approach: Some(approach), ..(2.0 * norm(way) + 1e-3).into() };
-        collide_surface(&surface, &STILL, &b, &pose, reach, &mut out, &mut Workspace::default());
-        for p in out.points.iter().filter(|p| p.stays_over_face) {
+        let limits = SearchLimits { approach: Some(approach), ..(2.0 * norm(way) + 1e-3).into() };
+        for p in touch(&surface, &b, &pose, limits).points.iter().filter(|p| p.stays_over_face) {
             let across = |v: V| add_scaled(v, p.normal, -dot(v, p.normal));
             let (farthest, direction) = (2.0 * norm(across(way)), across(u));
             if norm(direction) < 1e-3 {

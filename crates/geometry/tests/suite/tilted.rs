@@ -119,7 +119,7 @@ fn meet(floors: usize, bodies: usize, epsilon: f64, at: P, yaw: f64, tilt: (V3<f
         Pose { pos: [at[0], at[1], -lowest - depth], mat },
     ];
     let reach = SearchLimits { epsilon, ..PREDICTION.into() };
-    let points = Narrow::default().collide([&ground, &Solid::Convex(shape)], poses, reach).0.to_vec();
+    let points = Narrow::default().collide([&ground, &Solid::Convex(shape)], poses, reach).points.clone();
     (points, area(&common))
 }
 

@@ -1,7 +1,7 @@
 //! Functions of structs that have the state of several lanes.
 
-/// Implements functions that do the same with every field of a struct with the state of several lanes: copy lanes, set lanes, and compare
-/// and report sizes. The lists have the names of the fields:
+/// Implements functions for a struct with the state of several lanes. Each does the same with every field: it copies lanes, sets lanes, or
+/// compares and reports sizes. The lists have the names of the fields:
 ///
 /// * `arrays`: lane-interleaved arrays.
 /// * `sets`: sets of lanes (bits).

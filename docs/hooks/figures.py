@@ -239,8 +239,7 @@ def weaker_table(rows: list[dict[str, str]]) -> str:
         for row in rows:
             if (row["task"], row["law"]) == (task, law):
                 which = 0 if float(row["least"]) > 0.05 else 1 if float(row["greatest"]) <= 0.05 else 2
-                name = "nothing measured" if row["set"] == "only " else row["set"]
-                cells[which].append(f"{name}: {row['violations']} of {int(row['worlds']):,}")
+                cells[which].append(f"{row['set']}: {row['violations']} of {int(row['worlds']):,}")
         lines.append(f"| {task} | {law} | " + " | ".join("; ".join(cell) or "-" for cell in cells) + " |")
     return "\n".join(lines)
 

@@ -45,8 +45,8 @@ def main(task: str, law: str, worlds: str, seed: str = "2", part: str = "") -> N
     about, block, rows = {"task": task, "law": law}, int(worlds) // len(LOOKS), read_rows(WEAKER)
     sizes = published(row := next(row for row in ROWS if row.items() >= about.items()))
     sets = {"as certified": sizes, "nothing measured": {}, "all doubled": {name: 2.0 * size for name, size in sizes.items()}}
-    sets |= {f"without {name}": {other: size for other, size in sizes.items() if other != name} for name in sizes}
-    sets |= {f"{name} doubled": {**sizes, name: 2.0 * size} for name, size in sizes.items()}
+    sets |= {f"without {name}": {other: size for other, size in sizes.items() if other != name} for name in sizes if len(sizes) > 1}
+    sets |= {f"{name} doubled": {**sizes, name: 2.0 * size} for name, size in sizes.items() if len(sizes) > 1}
     sets, counts = {name: own for name, own in sets.items() if part in name}, dict.fromkeys(sets, 0)
     for look, confidence in enumerate(LOOKS):
         out = ROOT / "out/certificates" / f"{row['study']} {law[:4]}"

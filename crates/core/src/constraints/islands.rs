@@ -20,17 +20,17 @@ pub(crate) struct Islands {
 
 /// Maximum and sums of an island.
 #[derive(Clone, Copy, Debug, Default)]
-struct Island {
+pub(crate) struct Island {
     /// Maximum of the values that [`Islands::raise_max`] received.
-    most: f64,
+    pub(crate) most: f64,
     /// Two sums of penalties, at the indices `which` of [`Islands::add_penalty`].
-    penalties: [f64; 2],
+    pub(crate) penalties: [f64; 2],
     /// Whether the island is excluded from penalties.
-    exempt: bool,
+    pub(crate) exempt: bool,
     /// Load of the island, from [`Islands::add_loads`].
-    load: IslandLoad,
-    /// Sums of the values that [`Islands::add_energies`] received, J.
-    energies: [f64; 5],
+    pub(crate) load: IslandLoad,
+    /// Sums of the kinetic energies of its trees, J.
+    pub(crate) energies: [f64; 5],
 }
 
 /// Load of the constraints of an island.
@@ -70,16 +70,11 @@ impl Islands {
 
     /// Updates the maximum of the island of `tree` with the value `x`; NaN counts as infinite.
     pub(crate) fn raise_max(&mut self, tree: usize, x: f64) {
-        let most = &mut self.island(tree).most;
+        let most = &mut self.of_tree(tree).most;
         *most = if x.is_nan() { f64::INFINITY } else { most.max(x) };
     }
 
-    /// Maximum of the values that [`Islands::raise_max`] received for the island of `tree`.
-    pub(crate) fn max_of(&mut self, tree: usize) -> f64 {
-        self.island(tree).most
-    }
-
-    /// Adds the loads of all constraints in lane `lane`, with the impulses `iterate`. [`Islands::load_of`] returns them.
+    /// Adds the loads of all constraints in lane `lane`, with the impulses `iterate`, to [`Island::load`].
     pub(crate) fn add_loads<R: Real>(
         &mut self,
         compiled: &ModelStructure<R::Scalar>,
@@ -89,29 +84,14 @@ impl Islands {
     ) {
         for_each_load(system, iterate, lane, |dofs, residual, impulse| {
             let Some(dof) = dofs.next() else { return };
-            let load = &mut self.island(compiled.dofs[dof as usize].tree).load;
+            let load = &mut self.of_tree(compiled.dofs[dof as usize].tree).load;
             load.is_constrained = true;
             load.residual = if residual.is_nan() { f64::INFINITY } else { load.residual.max(residual) };
             load.impulse += impulse;
         });
         for (dof, w) in iterate.w.iter().enumerate() {
-            self.island(compiled.dofs[dof].tree).load.energy += 0.5 * w.lane(lane).to_f64().powi(2);
+            self.of_tree(compiled.dofs[dof].tree).load.energy += 0.5 * w.lane(lane).to_f64().powi(2);
         }
-    }
-
-    /// Load of the island of `tree`.
-    pub(crate) fn load_of(&mut self, tree: usize) -> IslandLoad {
-        self.island(tree).load
-    }
-
-    /// Adds `energies`, J, to the sums of the island of `tree`.
-    pub(crate) fn add_energies(&mut self, tree: usize, energies: [f64; 5]) {
-        self.island(tree).energies.iter_mut().zip(energies).for_each(|(sum, energy)| *sum += energy);
-    }
-
-    /// Sums of the values that [`Islands::add_energies`] received for the island of `tree`, J.
-    pub(crate) fn energies_of(&mut self, tree: usize) -> [f64; 5] {
-        self.island(tree).energies
     }
 
     /// Adds `penalty` to sum number `which` (0 or 1) of the islands of two trees. If both trees are in the same island, the penalty is
@@ -123,18 +103,8 @@ impl Islands {
         }
     }
 
-    /// Excludes the island of `tree` from penalties, so that [`Islands::penalties`] returns `None`.
-    pub(crate) fn exempt(&mut self, tree: usize) {
-        self.island(tree).exempt = true;
-    }
-
-    /// Both sums of penalties of the island of `tree`; `None` if the island is excluded.
-    pub(crate) fn penalties(&mut self, tree: usize) -> Option<[f64; 2]> {
-        let Island { penalties, exempt, .. } = *self.island(tree);
-        (!exempt).then_some(penalties)
-    }
-
-    fn island(&mut self, tree: usize) -> &mut Island {
+    /// Island of `tree`.
+    pub(crate) fn of_tree(&mut self, tree: usize) -> &mut Island {
         let root = self.trees.root(tree);
         &mut self.islands[root]
     }

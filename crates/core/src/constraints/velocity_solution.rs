@@ -1,15 +1,14 @@
 //! Solution of the velocity problem: results of stages 5 (constraint solve) and 6 (integration of the velocity).
 
-use stepper_real::{Real, kernel};
+use stepper_real::Real;
 use stepper_solve::newton::Newton;
 use stepper_solve::{Iterate, Snapshot};
 
-use crate::compile::{LaneModel, ModelStructure};
+use crate::compile::ModelStructure;
 use crate::constraints::constraint_problem::capacity_of;
 use crate::constraints::contact::redundant_supports::ContactGroups;
 use crate::constraints::islands::Islands;
 use crate::constraints::worst_row::WorstRows;
-use crate::dynamics::inertia::MassMatrix;
 
 /// Impulses of all constraints in a step, and the velocity after the step.
 #[derive(Clone, Debug)]
@@ -66,25 +65,5 @@ impl<R: Real> VelocitySolution<R> {
         let nan = R::of(f64::NAN);
         let Iterate { w, scalars, contacts, .. } = &mut self.impulses;
         w.iter_mut().chain(scalars).chain(contacts).for_each(|x| *x = nan);
-    }
-
-    /// Computes the velocity after the step with the present impulses into `out`, nv. `v_free` is the velocity without impulses.
-    pub fn velocity_after(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, v_free: &[R], out: &mut [R]) {
-        kernel!(R, || {
-            self.velocity_by_impulses(compiled, mass, out);
-            for (v, &free) in out.iter_mut().zip(v_free) {
-                *v += free;
-            }
-        })
-    }
-
-    /// Computes the change of the generalized velocity by the present impulses into `out`, nv.
-    pub fn velocity_by_impulses(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
-        kernel!(R, || {
-            out.copy_from_slice(&self.impulses.w);
-            if self.impulses.changes_velocity() {
-                mass.unscale(compiled, out);
-            }
-        })
     }
 }

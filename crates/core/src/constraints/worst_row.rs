@@ -1,7 +1,7 @@
 //! Cause of an unsolved step: the constraint row with the largest residual, or the number that is not finite.
 
 use stepper_real::{Mask, Real};
-use stepper_solve::{Iterate, Reference, System, worst_constraint};
+use stepper_solve::{Iterate, System, worst_constraint};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_problem::ConstraintProblem;
@@ -116,43 +116,27 @@ impl<R: Real> WorstRows<R> {
     ) {
         self.lanes = self.lanes.and_not(solved).or(unsolved);
         if unsolved.any() {
-            self.find(problem, system, iterate, contacts, unsolved.bits());
+            self.find(problem, contacts, unsolved, |lane| worst_constraint(system, iterate, lane).map(|(i, _)| i));
         }
     }
 
+    /// Stores, in each of the lanes `lanes`, the constraint with the index `worst(lane)` in the problem; the index counts the scalar rows
+    /// first, then the contacts.
     #[cold]
     #[inline(never)]
-    fn find(&mut self, problem: &ConstraintProblem<R>, system: System<'_, R>, iterate: &Iterate<R>, contacts: &Contacts<R>, lanes: u32) {
-        for lane in each_of(lanes) {
-            let worst = worst_constraint(system, iterate, lane).map(|(i, _)| constraint_of(problem, contacts, lane, i));
-            self.store(lane, worst);
-        }
-    }
-
-    /// Stores, in each of the lanes `lanes`, the constraint that misses its position target by the largest velocity. `iterate` has the
-    /// impulses of the position solve and `reference` those of the velocity solve.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn find_position_targets(
+    pub(crate) fn find(
         &mut self,
         problem: &ConstraintProblem<R>,
-        (system, iterate, reference): (System<'_, R>, &Iterate<R>, &Reference<R>),
         contacts: &Contacts<R>,
         lanes: R::Mask,
+        worst: impl Fn(usize) -> Option<usize>,
     ) {
         for lane in each_of(lanes.bits()) {
-            let worst = system.worst_position_target(iterate, reference, lane);
-            self.store(lane, worst.map(|i| constraint_of(problem, contacts, lane, i)));
-        }
-    }
-
-    /// Stores, in each of the lanes `lanes`, the immovable row with the largest target velocity.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn find_immovable(&mut self, problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lanes: R::Mask) {
-        for lane in each_of(lanes.bits()) {
-            let worst = System::from(&problem.rows).worst_unmet_velocity(lane);
-            self.store(lane, worst.map(|i| constraint_of(problem, contacts, lane, i)));
+            let constraint = worst(lane).map(|i| match i.checked_sub(problem.impulse_indices.len()) {
+                None => CodedConstraint::Scalar(problem.impulse_indices[i]),
+                Some(i) => CodedConstraint::Contact(contacts.ids[problem.contact_slots[i].slot][lane].pair()),
+            });
+            self.store(lane, constraint);
         }
     }
 
@@ -166,13 +150,5 @@ impl<R: Real> WorstRows<R> {
     pub(crate) fn store(&mut self, lane: usize, cause: Option<CodedConstraint>) {
         self.lanes = self.lanes.or(R::Mask::from_bits(1 << lane));
         self.codes[lane] = cause.map_or_else(ConstraintCode::default, ConstraintCode::new);
-    }
-}
-
-/// Constraint `i` of a problem in lane `lane`. The index counts the scalar rows first, then the contacts.
-fn constraint_of<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lane: usize, i: usize) -> CodedConstraint {
-    match i.checked_sub(problem.impulse_indices.len()) {
-        None => CodedConstraint::Scalar(problem.impulse_indices[i]),
-        Some(i) => CodedConstraint::Contact(contacts.ids[problem.contact_slots[i].slot][lane].pair()),
     }
 }

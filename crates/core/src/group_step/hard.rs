@@ -177,7 +177,7 @@ impl<R: Real> HardNominal<R> {
         }
         self.v_free.copy_from_slice(&free.v);
         pass.find_step_impulses(Solve::Velocity, options, problem, velocity, &evaluation.contacts, rule);
-        integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
+        integrate_velocity(compiled, &free.smooth.mass, &free.v, &velocity.impulses, &mut velocity.v);
         integrate_positions(context, velocity, position, NoProbe);
         if self.split {
             self.correct_positions(context, free, problem, velocity, position, pass, rule);

@@ -159,7 +159,7 @@ fn keep_marked<R: Real>(
     lane: usize,
 ) -> bool {
     let VelocitySolution { v, scalar_impulse, islands, .. } = velocity;
-    let mut is_marked = |tree: usize| islands.max_of(tree) > 0.0;
+    let mut is_marked = |tree: usize| islands.of_tree(tree).most > 0.0;
     let restore = |next: &mut R, old: R| next.set_lane(lane, old.lane(lane));
     for joint in compiled.joints.iter().filter(|joint| is_marked(compiled.dofs[joint.v].tree)) {
         (joint.q..joint.q + joint.kind.nq()).for_each(|i| restore(&mut position.q[i], state.q[i]));

@@ -65,7 +65,7 @@ pub(crate) fn record<R: Real>(
         residual = R::select(larger, unmet, residual);
         let causes = larger.and(residual.gt(R::of(options.tolerance))).and(alive).and(finite).and_not(outcome.infeasible.lanes);
         if causes.any() {
-            velocity.worst.find_immovable(problem, &state.contacts, causes);
+            velocity.worst.find(problem, &state.contacts, causes, |lane| System::from(&problem.rows).worst_unmet_velocity(lane));
         }
     }
     let unsolved = outcome.ambiguous.or(alive.and_not(residual.le(R::of(options.tolerance))));

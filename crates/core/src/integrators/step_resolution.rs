@@ -388,9 +388,9 @@ impl<R: Real> StepResolution<R> {
             islands.find(compiled, System::from(&problem.rows), lane);
             if ambiguous.bits() >> lane & 1 == 1 {
                 islands.add_loads(compiled, System::from(&problem.rows), impulses, lane);
-                let any = (0..compiled.ntree).any(|tree| is_ambiguous(lane, islands.load_of(tree)));
+                let any = (0..compiled.ntree).any(|tree| is_ambiguous(lane, islands.of_tree(tree).load));
                 for tree in 0..compiled.ntree {
-                    let load = islands.load_of(tree);
+                    let load = islands.of_tree(tree).load;
                     if if any { is_ambiguous(lane, load) } else { load.is_constrained } {
                         islands.raise_max(tree, 1.0);
                     }
@@ -400,7 +400,7 @@ impl<R: Real> StepResolution<R> {
                 islands.raise_max(tree, f64::from(unresolved[mechanism].bits() >> lane & 1));
             }
             for (tree, limited) in limited.iter_mut().enumerate() {
-                *limited |= u32::from(islands.max_of(tree) > 0.0) << lane;
+                *limited |= u32::from(islands.of_tree(tree).most > 0.0) << lane;
             }
         }
     }
@@ -424,7 +424,7 @@ impl<R: Real> StepResolution<R> {
                 islands.raise_max(compiled.dofs[dof].tree, (v[dof].abs() * h).lane(lane).to_f64());
             }
             for (tree, factor) in factors.iter_mut().enumerate().filter(|(tree, _)| limited[*tree] >> lane & 1 == 1) {
-                let turn = islands.max_of(tree);
+                let turn = islands.of_tree(tree).most;
                 if turn > MAX_ROTATION {
                     factor.set_lane(lane, R::of(MAX_ROTATION / turn).lane(lane));
                 }
@@ -469,10 +469,12 @@ impl<R: Real> StepResolution<R> {
         for lane in each_of(lanes.bits()) {
             islands.find(compiled, System::from(&problem.rows), lane);
             for tree in 0..compiled.ntree {
-                islands.add_energies(tree, energies.each_ref().map(|energy| energy[tree].lane(lane).to_f64()));
+                for (sum, energy) in islands.of_tree(tree).energies.iter_mut().zip(&*energies) {
+                    *sum += energy[tree].lane(lane).to_f64();
+                }
             }
             for (tree, factor) in factors.iter_mut().enumerate().filter(|(tree, _)| limited[*tree] >> lane & 1 == 1) {
-                let [with_impulses, without_impulses, before, start, end] = islands.energies_of(tree);
+                let [with_impulses, without_impulses, before, start, end] = islands.of_tree(tree).energies;
                 let allowed = (start + with_impulses.min(without_impulses) - before).max(0.0);
                 if end > allowed {
                     factor.set_lane(lane, R::of((allowed / end).sqrt()).lane(lane));

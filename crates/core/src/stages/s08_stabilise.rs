@@ -167,7 +167,7 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     if lacking.any() {
         infeasible.lanes = prove_infeasible(input, system, impulses, reference, lacking, bounds);
         infeasible.unmet = R::select(infeasible.lanes, unmet, R::zero());
-        worst.find_position_targets(input.problem, (system, impulses, reference), input.contacts, infeasible.lanes);
+        worst.find(input.problem, input.contacts, infeasible.lanes, |lane| system.worst_position_target(impulses, reference, lane));
     }
     if fast.any() {
         bound_islands(compiled, system, islands, fast, bounds, out);
@@ -272,7 +272,7 @@ fn bound_islands<R: Real>(
             islands.raise_max(compiled.dofs[joint.v].tree, excess.lane(lane).to_f64());
         }
         let mut part = |dof: usize| {
-            let most = islands.max_of(compiled.dofs[dof].tree);
+            let most = islands.of_tree(compiled.dofs[dof].tree).most;
             if most > 1.0 { 1.0 / most } else { 1.0 }
         };
         for joint in &compiled.joints {

@@ -37,7 +37,7 @@ impl<R: Real> ConstraintProblem<R> {
                 }
                 let geoms = compiled.pair_geoms(contacts.ids[k][lane].pair()).expect("a pair index of this compiled model");
                 let mut trees = geoms.into_iter().filter_map(|geom| compiled.tree_of(compiled.geoms[geom].frame));
-                if trees.any(|tree| islands.load_of(tree).residual > tolerance) {
+                if trees.any(|tree| islands.of_tree(tree).load.residual > tolerance) {
                     changed = changed.or(self.remove_curvature(i, R::Mask::from_bits(1 << lane)));
                 }
             }

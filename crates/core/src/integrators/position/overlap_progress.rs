@@ -16,7 +16,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
-use crate::constraints::islands::Islands;
+use crate::constraints::islands::{Island, Islands};
 use crate::constraints::{ConstraintProblem, PositionSolution};
 use crate::dynamics::mocap;
 use crate::integrators::evaluate::evaluation::Evaluation;
@@ -60,22 +60,22 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
             let correction = (row.g.lane(lane).to_f64() - row.position_g.lane(lane).to_f64()).abs();
             if correction * evaluation.scheme.h.lane(lane).to_f64() > options.slop {
                 let (dofs, _) = problem.rows.scalars.entries(row);
-                dofs.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
+                dofs.iter().for_each(|&d| islands.of_tree(compiled.dofs[d as usize].tree).exempt = true);
             }
         }
         // The sums do not include ball joint limits and tendons. Islands with these always keep the correction.
-        compiled.ball_limits.iter().for_each(|limit| islands.exempt(compiled.dofs[limit.dof].tree));
+        compiled.ball_limits.iter().for_each(|limit| islands.of_tree(compiled.dofs[limit.dof].tree).exempt = true);
         for tendon in &compiled.tendons {
-            tendon.dofs.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
+            tendon.dofs.iter().for_each(|&d| islands.of_tree(compiled.dofs[d as usize].tree).exempt = true);
         }
         add_overlaps(compiled, options, &evaluation.contacts, lane, islands, 0);
         add_overlaps(compiled, options, contacts, lane, islands, 1);
         add_limits(compiled, options, &evaluation.q, lane, islands, 0);
         add_limits(compiled, options, q_corrected, lane, islands, 1);
         for joint in &compiled.joints {
-            let Some([before, after]) = islands.penalties(compiled.dofs[joint.v].tree) else { continue };
+            let Island { penalties: [before, after], exempt, .. } = *islands.of_tree(compiled.dofs[joint.v].tree);
             // With NaN, the penalties do not count as decreased.
-            if before > 0.0 && after.partial_cmp(&(before * (1.0 - min_decrease))) != Some(std::cmp::Ordering::Less) {
+            if !exempt && before > 0.0 && after.partial_cmp(&(before * (1.0 - min_decrease))) != Some(std::cmp::Ordering::Less) {
                 for k in joint.q..joint.q + joint.kind.nq() {
                     q_corrected[k].set_lane(lane, q[k].lane(lane));
                 }

@@ -59,7 +59,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             let repeated = solve_to(options, tolerance, left, self.problem, self.velocity, &evaluation.contacts);
             outcome.replace(&repeated, left);
         }
-        integrate_velocity(compiled, &self.free.smooth.mass, &self.free.v, self.velocity);
+        integrate_velocity(compiled, &self.free.smooth.mass, &self.free.v, &self.velocity.impulses, &mut self.velocity.v);
     }
 
     /// Residual at which the solver's error changes the kinetic energy only a little, m/s. It is at least ten times the rounding error of a

@@ -17,6 +17,7 @@ use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::velocity::collision_search::CollisionQuery;
 use crate::integrators::velocity::velocity_loop::VelocityLoop;
 use crate::stages::s05_solve::ImpulsePredictor;
+use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 
 /// Motion of a step in which the collision search looks for colliding pairs.
@@ -80,7 +81,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         // The solved motion has the velocity `velocity.v`. The predicted motion has the free velocity plus the change by predicted
         // impulses.
         if predicted {
-            velocity.velocity_after(compiled, &free.smooth.mass, &free.v, &mut collisions.v_by_predicted_impulses);
+            integrate_velocity(compiled, &free.smooth.mass, &free.v, &velocity.impulses, &mut collisions.v_by_predicted_impulses);
         }
         let colliding = collisions.find(&query, predicted, &velocity.v);
         if colliding.any() {

@@ -16,6 +16,7 @@ use crate::integrators::velocity::velocity_loop::VelocityLoop;
 use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s05_solve::ImpulsePredictor;
+use crate::stages::s06_integrate_velocity::find_velocity_change;
 
 impl<R: Real> VelocityLoop<'_, R> {
     /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
@@ -64,7 +65,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         } = *context;
         let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = &mut **free;
         let Scratch { velocity_by_impulses, force_velocity, v_free_corrected, free_change, motions, .. } = scratch;
-        velocity.velocity_by_impulses(compiled, &smooth.mass, velocity_by_impulses);
+        find_velocity_change(compiled, &smooth.mass, &velocity.impulses, velocity_by_impulses);
         advance(v, velocity_by_impulses, R::one(), v_expected);
         unresolved.fill(R::Mask::splat(false));
         let flights = alive.and_not(substep.is_impact);

@@ -4,8 +4,8 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::Outcome;
 
 use crate::actuation::forces::ServoInput;
-use crate::constraints::ConstraintProblem;
 use crate::constraints::islands::IslandLoad;
+use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::kinematics::difference;
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::free_motion::{FreeMotion, Scratch, compute_free_motion, has_bounded_servos};
@@ -78,8 +78,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         let mut lanes = self.problem.constrained;
         let mut outcome = span!(probe, Solve, || self.solve_lanes(lanes, true));
         loop {
-            let Self { free, velocity, .. } = self;
-            span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
+            let (free, VelocitySolution { impulses, v, .. }) = (&*self.free, &mut *self.velocity);
+            span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, impulses, v));
             checks.passes = R::select(lanes, checks.passes + R::one(), checks.passes);
             lanes = self.find_contradictions(outcome.residual, &mut checks, probe);
             if lanes.none() {

@@ -157,7 +157,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     fn make_step_to_read(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, fresh: u32) {
         let elapsed = s.state.elapsed;
         s.alive = R::Mask::from_bits(fresh);
-        step(self.compiled, self.call.settings, s, &mut Devices::none(), self.probe);
+        step(self.compiled, self.call.settings, s, &mut Devices::default(), self.probe);
         load_other_lanes(&group.sensing.acceleration, &mut s.sensors.acceleration, s.alive);
         load_other_lanes(&group.impulse, &mut s.state.impulse, s.alive);
         load_or_zero(&group.q, &mut s.state.q);

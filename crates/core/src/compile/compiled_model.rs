@@ -171,8 +171,7 @@ impl<S: Scalar> ModelStructure<S> {
     /// Kinematic tree of the frame `frame`; `None` if no degree of freedom moves the frame.
     #[inline(always)]
     pub fn tree_of(&self, frame: usize) -> Option<usize> {
-        let (w, word) = self.moved_dofs[frame].iter().enumerate().find(|(_, word)| **word != 0)?;
-        Some(self.dofs[64 * w + word.trailing_zeros() as usize].tree)
+        Some(self.links.get(frame.checked_sub(1)?)?.tree)
     }
 
     /// Mechanism of the degree of freedom `dof`.

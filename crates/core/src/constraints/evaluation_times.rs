@@ -16,21 +16,22 @@ use crate::dynamics::kinematics::{displace, displace_joints};
 #[derive(Clone, Debug)]
 pub(crate) struct EvaluationTimes<R: Real> {
     /// Time step, s.
-    h: R,
+    pub(crate) h: R,
     /// Time from the beginning of the step to the evaluation point of the integration rule, s.
     rule: R,
     /// Time from the end of the step to the evaluation point of the next one, s.
     next: R,
-    /// Time from the evaluation point of the integration rule to that of the next step, s. The second number is the fraction of a gap that
-    /// may close in the step.
-    closing: [R; 2],
+    /// Time from the evaluation point of the integration rule to that of the next step, s.
+    pub(crate) closing: R,
+    /// Fraction of a gap that may close in the step: h / `closing`.
+    closing_fraction: R,
     /// Time from the beginning of the step to the evaluation of each mechanism, s. Current only if `moved` is true.
     before: Vec<R>,
     /// Lanes in which each mechanism has very fast bodies, or contacts connect it with such a mechanism. It is evaluated at the beginning
     /// of the step.
     fast: Vec<R::Mask>,
     /// Whether any mechanism is `fast`, in any lane.
-    moved: bool,
+    pub(crate) moved: bool,
 }
 
 /// Evaluation time of the contacts in one slot of the contact set, one contact per lane.
@@ -64,7 +65,8 @@ impl<R: Real> EvaluationTimes<R> {
             h: R::zero(),
             rule: R::zero(),
             next: R::zero(),
-            closing: [R::zero(), R::one()],
+            closing: R::zero(),
+            closing_fraction: R::one(),
             before: vec![R::zero(); count],
             fast: vec![R::Mask::splat(false); count],
             moved: false,
@@ -76,29 +78,12 @@ impl<R: Real> EvaluationTimes<R> {
     #[inline(always)]
     pub(crate) fn reset(&mut self, h: R, rule: R, next: R) {
         let closing = h - rule + next;
-        (self.h, self.rule, self.next, self.closing) = (h, rule, next, [closing, h / closing]);
+        (self.h, self.rule, self.next) = (h, rule, next);
+        (self.closing, self.closing_fraction) = (closing, h / closing);
         if self.moved {
             self.fast.fill(R::Mask::splat(false));
             self.moved = false;
         }
-    }
-
-    /// Time step, s.
-    #[inline(always)]
-    pub(crate) fn h(&self) -> R {
-        self.h
-    }
-
-    /// Time from the evaluation point of the integration rule to that of the next step, s.
-    #[inline(always)]
-    pub(crate) fn closing(&self) -> R {
-        self.closing[0]
-    }
-
-    /// Whether any mechanism is evaluated at another time than that of the integration rule, in any lane.
-    #[inline(always)]
-    pub(crate) fn any_moved(&self) -> bool {
-        self.moved
     }
 
     /// Time from the beginning of the step to the evaluation of the mechanism, s.
@@ -156,7 +141,7 @@ impl<R: Real> EvaluationTimes<R> {
     /// Longest time within which a gap may close, s.
     #[inline(always)]
     pub(crate) fn longest_closing(&self) -> R {
-        let mut longest = self.closing[0];
+        let mut longest = self.closing;
         if self.moved {
             for &before in &self.before {
                 longest = longest.max(self.h - before + self.next);
@@ -187,7 +172,7 @@ impl<R: Real> EvaluationTimes<R> {
     /// Times of contacts that are evaluated at the time of the integration rule.
     #[inline(always)]
     fn times_of_rule(&self) -> SlotTimes<R> {
-        let (before, [closing, closing_fraction]) = (self.rule, self.closing);
+        let Self { rule: before, closing, closing_fraction, .. } = *self;
         SlotTimes { before, after: self.h - before, closing, closing_fraction, at_start: R::Mask::splat(false) }
     }
 

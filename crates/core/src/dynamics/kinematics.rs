@@ -170,6 +170,14 @@ impl<R: Real> Kinematics<R> {
         }
     }
 
+    /// Sets the poses of mocap bodies to those in `from`.
+    pub(crate) fn copy_mocap_poses(&mut self, compiled: &ModelStructure<R::Scalar>, from: &Self) {
+        for mocap in &compiled.mocap {
+            self.pos[mocap.frame] = from.pos[mocap.frame];
+            self.mat[mocap.frame] = from.mat[mocap.frame];
+        }
+    }
+
     /// World position of the point `local`, given in the axes of a frame, m.
     #[inline(always)]
     pub fn point(&self, frame: usize, local: V3<R>) -> V3<R> {
@@ -220,6 +228,30 @@ fn turn_about<R: Real, const K: usize>(mat: &M3<R>, sin: R, cos: R) -> (V3<R>, M
 #[inline(always)]
 pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
     [q[at], q[at + 1], q[at + 2], q[at + 3]]
+}
+
+/// Computes the separation of the configuration `to` from the configuration `from`, in the coordinates of velocities, nv, m or rad.
+/// Returns its size: the largest change of a coordinate, or angle of a ball or free joint.
+#[inline(always)]
+pub(crate) fn separate<R: Real>(compiled: &LaneModel<R>, [from, to]: [&[R]; 2], separation: &mut [R]) -> R {
+    let mut farthest = R::zero();
+    for joint in &compiled.joints {
+        let (straight, turns) = match joint.kind {
+            JointKind::Free => (3, true),
+            JointKind::Ball => (0, true),
+            JointKind::Slide | JointKind::Hinge => (1, false),
+        };
+        for k in 0..straight {
+            separation[joint.v + k] = to[joint.q + k] - from[joint.q + k];
+            farthest = farthest.max(separation[joint.v + k].abs());
+        }
+        if turns {
+            let turn = quat_log(quat_between(quat_at(from, joint.q + straight), quat_at(to, joint.q + straight)));
+            separation[joint.v + straight..joint.v + straight + 3].copy_from_slice(&turn);
+            farthest = farthest.max(norm(turn));
+        }
+    }
+    farthest
 }
 
 /// Computes q (+) factor d into `out`: the configuration after the displacement factor d. `d` has the coordinates of velocities (nv).

@@ -9,7 +9,7 @@ use crate::compile::{ActuatorParams, LaneModel};
 use crate::constraints::contact::restitution::any_elastic;
 use crate::constraints::solved_overlaps::limit_gap;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
-use crate::dynamics::kinematics::{difference, displace};
+use crate::dynamics::kinematics::{difference, displace, select_into};
 use crate::group_step::rule::{ConstraintNames, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Solve};
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::evaluation::Substep;
@@ -221,11 +221,7 @@ impl<R: Real> HardNominal<R> {
         let ratio = find_correction(&rows, velocity, position);
         self.correction = R::select(corrected, ratio, R::zero());
         displace(compiled, &position.q, &position.correction, h, &mut position.q_corrected);
-        kernel!(R, || {
-            for (q, &new) in position.q.iter_mut().zip(&position.q_corrected) {
-                *q = R::select(corrected, new, *q);
-            }
-        });
+        select_into(&mut position.q, &position.q_corrected, corrected);
     }
 
     /// Kind of recomputation that the constraint rows need after a displacement of the part `recomputed` of the state.

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::compile::LaneModel;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
-use crate::dynamics::kinematics::{displace, quat_at};
+use crate::dynamics::kinematics::{displace, separate};
 use crate::group_step::hard::{HardNominal, Pass};
 use crate::group_step::rule::{Gap, ImpulseRule, NominalEvaluation, SolvedStep, StatePart};
 use crate::integrators::devices::Devices;
@@ -15,8 +15,6 @@ use crate::integrators::mujoco::workspace::MujocoWorkspace;
 use crate::integrators::state::State;
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
-use crate::math::spatial::*;
-use crate::model::JointKind;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::NoProbe;
 use crate::stages::s10_record::Status;
@@ -109,7 +107,7 @@ impl<R: Real> Nominal<R> {
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, settings: &StepSettings, s: &mut Workspace<R>) -> SolvedStep<R> {
         self.store_beginning(s);
         let elapsed = s.state.elapsed;
-        let record = step(compiled, settings, s, &mut Devices::none(), NoProbe);
+        let record = step(compiled, settings, s, &mut Devices::default(), NoProbe);
         s.state.elapsed = elapsed;
         self.keep(compiled, s);
         let mut statuses = [0; MAX_LANES];
@@ -184,20 +182,7 @@ impl<R: Real> Nominal<R> {
         assert_eq!(out.len(), 2 * compiled.nv + compiled.na, "a change has the coordinates of the state");
         kernel!(R, || {
             let (moved, rates) = out.split_at_mut(compiled.nv);
-            for joint in &compiled.joints {
-                let turn = match joint.kind {
-                    JointKind::Free => Some(3),
-                    JointKind::Ball => Some(0),
-                    JointKind::Slide | JointKind::Hinge => None,
-                };
-                for k in 0..turn.unwrap_or(1) {
-                    moved[joint.v + k] = s.position.q[joint.q + k] - after[0][joint.q + k];
-                }
-                if let Some(k) = turn {
-                    let turned = quat_log(quat_between(quat_at(&after[0], joint.q + k), quat_at(&s.position.q, joint.q + k)));
-                    moved[joint.v + k..joint.v + k + 3].copy_from_slice(&turned);
-                }
-            }
+            separate(compiled, [&after[0], &s.position.q], moved);
             let pairs = s.velocity.v.iter().chain(&s.position.act).zip(after[1].iter().chain(&after[2]));
             for (rate, (&next, &after)) in rates.iter_mut().zip(pairs) {
                 *rate = next - after;

@@ -7,7 +7,7 @@ use crate::compile::LaneModel;
 use crate::constraints::worst_row::{CodedConstraint, NotFinite};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
-use crate::dynamics::kinematics::{Kinematics, all_finite};
+use crate::dynamics::kinematics::{Kinematics, all_finite, select_into};
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::state::State;
@@ -68,7 +68,9 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: 
     });
     let mut kept = 0;
     if !finite.and(alive).all() {
-        restore_unused(state, velocity, position, alive);
+        for (next, old) in [(&mut position.q, &state.q), (&mut velocity.v, &state.v), (&mut position.act, &state.act)] {
+            select_into(next, old, alive.not());
+        }
         for lane in each_of(alive.and_not(finite).bits()) {
             let cause = find_not_finite(compiled, inputs, evaluation, (velocity, position), lane);
             velocity.worst.store(lane, cause.map(CodedConstraint::NotFinite));
@@ -132,17 +134,6 @@ fn mark_non_finite<R: Real>(
     for (&act, tree) in position.act.iter().zip(&compiled.tree_of_act) {
         tree.iter().for_each(|&tree| islands.raise_max(tree, mark(act)));
     }
-}
-
-/// Restores positions, velocities and activations of lanes without an environment. `alive` has the other lanes.
-fn restore_unused<R: Real>(state: &State<R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>, alive: R::Mask) {
-    kernel!(R, || {
-        for (next, old) in [(&mut position.q, &state.q), (&mut velocity.v, &state.v), (&mut position.act, &state.act)] {
-            for (next, &old) in next.iter_mut().zip(old) {
-                *next = R::select(alive, *next, old);
-            }
-        }
-    });
 }
 
 /// Restores positions, velocities and activations of the islands of lane `lane` that [`mark_non_finite`] marked, and discards their

@@ -1,14 +1,12 @@
 //! Device models around a step, with their memory: actuator pipelines compute the actuators' controls before it, and error models of
 //! sensors process readings after it.
 
-use stepper_real::Scalar;
-
 use crate::actuation::{self, ActuatorPipelines};
 use crate::sensing::errors::Errors;
 use crate::sensing::memory::Memory;
 
-/// Device models of one group of environments: actuator pipelines and sensors.
-#[derive(Debug)]
+/// Device models of one group of environments: actuator pipelines and sensors. The default has no devices, for a trial step whose result is discarded.
+#[derive(Debug, Default)]
 pub struct Devices<'a, S> {
     /// Index of the group in the batch.
     pub(crate) group: usize,
@@ -33,11 +31,4 @@ pub(crate) struct SensorDevices<'a, S> {
     pub(crate) memory: &'a mut Memory<S>,
     /// Whether this step reads the ideal sensors too. Sensors with error models are read in every step.
     pub(crate) read: bool,
-}
-
-impl<S: Scalar> Devices<'_, S> {
-    /// No devices, for a trial step whose result is discarded.
-    pub(crate) fn none() -> Self {
-        Self { group: 0, actuators: None, sensors: None }
-    }
 }

@@ -155,10 +155,7 @@ impl<R: Real> Rk4<R> {
     ) {
         let StepContext { input, evaluation: Evaluation { scheme, kinematics, .. } } = context;
         let StepInput { compiled, state, inputs, .. } = input;
-        for mocap in &compiled.mocap {
-            self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
-            self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
-        }
+        self.kinematics.copy_mocap_poses(compiled, kinematics);
         let state = [&state.q[..], &state.v[..], &state.act[..]];
         self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
         for (fraction, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {

@@ -21,7 +21,7 @@ use stepper_solve::System;
 use crate::compile::{CompiledJoint, LaneModel, MechanismPart, ModelStructure};
 use crate::constraints::islands::IslandLoad;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
-use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
+use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force, link_forces};
 use crate::dynamics::kinematics::{Kinematics, blend, displace};
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::free_motion::FreeMotion;
@@ -248,7 +248,7 @@ impl<R: Real> StepResolution<R> {
         }
         displace(compiled, q, v_next, scheme.h - scheme.time_before, &mut self.q_end);
         let negligible = free.smooth.mass.energy_at(R::of(options.tolerance));
-        self.place_mocap(compiled, middle);
+        self.kinematics.copy_mocap_poses(compiled, middle);
         blend(before[1], &free.v_expected, scheme.velocity_weight, &mut self.force_velocity);
         let (h, v_free) = (scheme.h, &free.v);
         // A mechanism that is evaluated at another time than the middle of the step has an energy error of first order in its rotation,
@@ -317,8 +317,7 @@ impl<R: Real> StepResolution<R> {
         let [change, after] = &mut self.mean;
         kernel!(R, || {
             for (v, force) in [(v, &mut *change), (v_next, &mut *after)] {
-                link_forces(compiled, kinematics, v, &mut self.newton_euler);
-                project_forces(compiled, kinematics, &mut self.newton_euler.force, force);
+                bias_force(compiled, kinematics, v, &mut self.newton_euler, force);
             }
             for (change, &after) in change.iter_mut().zip(&*after) {
                 *change = (*change - after) * h;
@@ -334,14 +333,6 @@ impl<R: Real> StepResolution<R> {
     /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
         [&mut self.q_end, &mut self.force_velocity].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
-    }
-
-    /// Sets the poses of mocap bodies to their poses in `middle`, in the middle of the step.
-    fn place_mocap(&mut self, compiled: &LaneModel<R>, middle: &Kinematics<R>) {
-        for mocap in &compiled.mocap {
-            self.kinematics.pos[mocap.frame] = middle.pos[mocap.frame];
-            self.kinematics.mat[mocap.frame] = middle.mat[mocap.frame];
-        }
     }
 
     /// Kinetic energy of armatures, and of the links that are not alone in their tree, J. `counts_of` returns the lanes in which a
@@ -452,7 +443,7 @@ impl<R: Real> StepResolution<R> {
             return;
         }
         let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { kinematics: middle, .. } } = context;
-        self.place_mocap(compiled, middle);
+        self.kinematics.copy_mocap_poses(compiled, middle);
         let Self { kinematics, velocity: buffer, limited, factors, energies, .. } = self;
         let VelocitySolution { v, islands, .. } = velocity;
         kernel!(R, || {

@@ -107,20 +107,9 @@ impl<R: Real> Workspace<R> {
             mujoco: MujocoWorkspace::new(compiled, options, max_contacts),
         };
         if options.error.is_some() {
-            workspace.substep_buffers = Some(workspace.new_buffers(compiled));
+            workspace.substep_buffers = Some(Buffers::new(compiled, &workspace));
         }
         workspace
-    }
-
-    /// Buffers of steps that are divided into parts.
-    pub(super) fn new_buffers(&self, compiled: &LaneModel<R>) -> Box<Buffers<R>> {
-        let planes = &self.evaluation.collision.narrow_phase.new_planes;
-        Buffers::new(
-            &self.state,
-            &self.velocity.scalar_impulse,
-            planes,
-            [compiled.mechanisms.count, compiled.actuators.len(), compiled.ntree],
-        )
     }
 
     /// Lanes in which the last step clamped the force of an actuator, in any of its parts.

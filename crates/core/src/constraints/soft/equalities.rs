@@ -64,7 +64,6 @@ impl<R: Real> SoftAssembler<'_, R> {
                 let active = input.state.alive.and(input.state.active_equalities.lanes(equality));
                 // MuJoCo neglects the acceleration J' v of couplings.
                 let law = law.row(rows.error[0], rate, active);
-                self.system.use_terms(&equality.dofs);
                 self.push_row(law, unbounded(), active, equality.impulse_index);
             }
         }
@@ -87,7 +86,6 @@ impl<R: Real> SoftAssembler<'_, R> {
         for &d in &equality.dofs {
             rate = add_scaled(rate, self.builder.column[d as usize], state.v_free[d as usize]);
         }
-        self.system.use_terms(&equality.dofs);
         for k in 0..3 {
             let [reference, weight] = law.row_at(impedance, error[k], rate[k], active);
             let law = [reference - kappa[k], weight];

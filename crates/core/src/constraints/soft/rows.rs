@@ -3,25 +3,27 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::{Combination, SoftLaw};
+use crate::constraints::joint::dry_friction::friction_bounds;
 use crate::constraints::joint::limits::{ball_limit, nearer_end};
+use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::soft::assembly::{SoftAssembler, SoftInput};
 use crate::math::spatial::*;
 
 impl<R: Real> SoftAssembler<'_, R> {
-    /// Writes the Jacobian of a combination, times `factor`, to the first component of `column`. Sets `terms` to the degrees of freedom
+    /// Writes the Jacobian of a combination, times `factor`, to the first component of `column`. Sets `dofs` to the degrees of freedom
     /// with entries, ascending.
     #[inline(always)]
     fn combine(&mut self, combination: &Combination<R::Scalar>, factor: R) {
-        let (paths, terms, column) = (&self.input.state.kinematics.paths, &mut self.system.terms, &mut self.builder.column);
-        terms.clear();
+        let (paths, RowBuilder { dofs, column, .. }) = (&self.input.state.kinematics.paths, &mut *self.builder);
+        dofs.clear();
         combination.for_each_arm(
             paths,
             #[inline(always)]
-            |dof, _| terms.push(dof as u32),
+            |dof, _| dofs.push(dof as u32),
         );
-        terms.sort_unstable();
-        terms.dedup();
-        for &d in &*terms {
+        dofs.sort_unstable();
+        dofs.dedup();
+        for &d in &*dofs {
             column[d as usize] = zero();
         }
         combination.for_each_arm(
@@ -32,18 +34,18 @@ impl<R: Real> SoftAssembler<'_, R> {
     }
 
     /// Appends a scalar row to the problem, in the lanes `active`. Its Jacobian is in the first component of `column`, at the degrees of
-    /// freedom `terms`.
+    /// freedom `dofs` of the builder.
     ///
     /// `law` has the reference acceleration of the row and its weight D = 1 / R, and `bounds` its lowest and highest force.
     #[inline(always)]
     pub(super) fn push_row(&mut self, [reference, weight]: [R; 2], bounds: [R; 2], active: R::Mask, impulse_index: usize) {
-        let (column, system) = (&mut self.builder.column, &mut *self.system);
-        for &d in &system.terms {
+        let (RowBuilder { dofs, column, .. }, system) = (&mut *self.builder, &mut *self.system);
+        for &d in &*dofs {
             let entry = R::select(active, column[d as usize][0], R::zero());
             column[d as usize][0] = entry;
         }
         system.problem.push_row(
-            &system.terms,
+            dofs,
             #[inline(always)]
             |d| column[d][0],
             reference,
@@ -59,15 +61,10 @@ impl<R: Real> SoftAssembler<'_, R> {
     pub(super) fn add_frictions(&mut self) {
         let SoftInput { state, softness, .. } = self.input;
         for (i, (friction, law)) in state.compiled.frictions.iter().zip(&softness.frictions).enumerate() {
-            let most = state.compiled.params.friction(i);
-            let mut bounds = [-most, most];
-            if friction.driven {
-                let [forwards, backwards] = state.losses[i];
-                bounds = [bounds[0] - forwards, bounds[1] + backwards];
-            }
+            let bounds = friction_bounds(&state, i, R::one());
             let law = law.row(R::zero(), state.v_free[friction.dof], state.alive);
             self.builder.column[friction.dof] = [R::one(), R::zero(), R::zero()];
-            self.system.use_terms(&[friction.dof as u32]);
+            self.builder.use_dofs(&[friction.dof as u32]);
             self.push_row(law, bounds, state.alive, state.compiled.limits.len() + i);
         }
         for (tendon, [_, law]) in state.compiled.tendons.iter().zip(&softness.tendons) {
@@ -90,7 +87,7 @@ impl<R: Real> SoftAssembler<'_, R> {
             let active = state.alive.and(distance.lt(R::zero()));
             if active.any() {
                 self.builder.column[limit.dof] = [sign, R::zero(), R::zero()];
-                self.system.use_terms(&[limit.dof as u32]);
+                self.builder.use_dofs(&[limit.dof as u32]);
                 self.push_limit(law, [error, sign * state.v_free[limit.dof]], active, i);
             }
         }
@@ -99,7 +96,7 @@ impl<R: Real> SoftAssembler<'_, R> {
             let active = state.alive.and(error.lt(R::zero()));
             if active.any() {
                 let dofs = [0, 1, 2].map(|k| limit.dof + k);
-                self.system.use_terms(&dofs.map(|d| d as u32));
+                self.builder.use_dofs(&dofs.map(|d| d as u32));
                 for (k, &d) in dofs.iter().enumerate() {
                     self.builder.column[d] = [axis[k], R::zero(), R::zero()];
                 }

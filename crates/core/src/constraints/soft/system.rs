@@ -30,8 +30,6 @@ pub struct SoftSystem<R: Real> {
     pub mass: Vec<R>,
     /// Order in which noslip iterations visit the contacts.
     pub(super) order: VisitOrder<R>,
-    /// Workspace: degrees of freedom of the row under construction, ascending.
-    pub(super) terms: Vec<u32>,
 }
 
 impl<R: Real> SoftSystem<R> {
@@ -65,7 +63,6 @@ impl<R: Real> SoftSystem<R> {
             order: VisitOrder::new(visited),
             acceleration: zeros(),
             mass: vec![R::zero(); compiled.merged.chain.len()],
-            terms: Vec::with_capacity(compiled.nv),
         }
     }
 
@@ -76,13 +73,6 @@ impl<R: Real> SoftSystem<R> {
         self.impulse_indices.clear();
         self.contacts.clear();
         self.constrained = R::Mask::splat(false);
-    }
-
-    /// Sets the degrees of freedom of the row under construction, ascending.
-    #[inline(always)]
-    pub(super) fn use_terms(&mut self, dofs: &[u32]) {
-        self.terms.clear();
-        self.terms.extend_from_slice(dofs);
     }
 
     /// Reduces the weights of almost rigid rows, see [`SoftSolver::limit_weights`].
@@ -115,15 +105,6 @@ impl<R: Real> SoftSystem<R> {
     pub fn respond(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R]) {
         let Self { problem, solver, acceleration, mass, .. } = self;
         solver.respond(problem, &TreeMass { compiled, mass, factors }, free, acceleration);
-    }
-
-    /// Sets the acceleration to `free` in all lanes without constraints.
-    pub fn accelerate_freely(&mut self, free: &[R]) {
-        kernel!(R, || {
-            for (a, &free) in self.acceleration.iter_mut().zip(free) {
-                *a = R::select(self.constrained, *a, free);
-            }
-        })
     }
 
     /// Computes the product of the mass matrix and the acceleration into `out`.

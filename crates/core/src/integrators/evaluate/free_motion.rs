@@ -92,15 +92,11 @@ impl<R: Real> Scratch<R> {
 
     /// Fills all buffers with NaN, for tests.
     pub(crate) fn poison(&mut self) {
-        let nan = R::of(f64::NAN);
-        self.velocity_by_impulses.fill(nan);
-        self.velocity_change.fill(nan);
-        self.impulse.fill(nan);
-        self.force_velocity.fill(nan);
-        self.actuator_velocity.fill(nan);
-        self.v_free_corrected.fill(nan);
-        self.free_change.fill(nan);
-        self.v_half.fill(nan);
+        let Self { velocity_by_impulses, velocity_change, impulse, force_velocity, .. } = self;
+        let Self { actuator_velocity, v_free_corrected, free_change, v_half, .. } = self;
+        let buffers =
+            [velocity_by_impulses, velocity_change, impulse, force_velocity, actuator_velocity, v_free_corrected, free_change, v_half];
+        buffers.into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 }
 

@@ -30,7 +30,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
         let unreliable = evaluate(input, evaluation, free, probe);
         // A very fast body may be beyond a thin geom in the middle of the step. At the beginning, the geom is still ahead.
         let Evaluation { scheme, times, collision, contacts, substep, .. } = &mut *evaluation;
-        let may_move = scheme.in_the_middle && (unreliable.any() || times.any_moved());
+        let may_move = scheme.in_the_middle && (unreliable.any() || times.moved);
         if may_move && times.move_to_start(input.compiled, contacts, &collision.unreliable) {
             continue;
         }

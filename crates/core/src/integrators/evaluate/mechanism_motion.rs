@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::tuning::{MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR};
 
 /// Largest velocities of a mechanism.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MechanismMotion<R> {
     /// Largest joint rotation in a step, rad.
     pub(crate) turn: R,
@@ -15,14 +15,8 @@ pub(crate) struct MechanismMotion<R> {
     pub(crate) change: R,
 }
 
-impl<R: Real> Default for MechanismMotion<R> {
-    fn default() -> Self {
-        Self { turn: R::zero(), speed: R::zero(), change: R::zero() }
-    }
-}
-
 /// Largest velocities of a mechanism and of those in contact with it, in the search for impacts, m/s or rad/s.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Jump<R> {
     /// Error of the predicted velocity.
     pub(crate) error: R,
@@ -34,13 +28,6 @@ pub(crate) struct Jump<R> {
     pub(crate) smooth: R,
     /// 1 in lanes with a contact, otherwise 0.
     pub(crate) touches: R,
-}
-
-impl<R: Real> Default for Jump<R> {
-    fn default() -> Self {
-        let zero = R::zero();
-        Self { error: zero, fastest: zero, pushed: zero, smooth: zero, touches: zero }
-    }
 }
 
 impl<R: Real> Jump<R> {

@@ -4,14 +4,14 @@ use stepper_real::{Mask, Real, kernel};
 use stepper_solve::Outcome;
 use stepper_solve::soft::Effort;
 
-use crate::actuation::forces::Implicit;
+use crate::actuation::forces::{ForceState, Implicit};
 use crate::collision::adhesion::set_adhesive_arms;
 use crate::compile::{LaneModel, PathLengths};
 use crate::constraints::VelocitySolution;
 use crate::constraints::assembler::RowState;
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::soft::{SoftAssembler, SoftInput, SoftSystem};
-use crate::dynamics::kinematics::advance;
+use crate::dynamics::kinematics::{advance, select_into};
 use crate::dynamics::mocap;
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::free_motion::FreeMotion;
@@ -42,11 +42,6 @@ impl<R: Real> Acceleration<'_, R> {
     pub(super) fn compute(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, from_impulse: bool, probe: impl Probe) -> Outcome<R> {
         self.prepare(input, stage, Recomputed::Configuration, probe);
         span!(probe, Solve, || self.solve(input, from_impulse))
-    }
-
-    /// Constrained acceleration from the last call of [`Acceleration::compute`], nv.
-    pub(super) fn constrained(&self) -> &Vec<R> {
-        &self.system.acceleration
     }
 
     /// Computes stages 1 to 4, from forces to constraint rows, at the state `stage`. `recomputed` is the part of the state that changed
@@ -111,7 +106,9 @@ impl<R: Real> Acceleration<'_, R> {
         free.actuator_forces.reset_active_bounds();
         free.actuator_forces.transmit(compiled, (kinematics, &stage.q), (&stage.v, R::zero()));
         set_adhesive_arms(compiled, kinematics, contacts, free.actuator_forces.adhesive_arms());
-        actuate(compiled, &stage.forces(inputs, R::of(options.timestep)), None, &mut free.actuator_forces);
+        let numbers = [&stage.q[..], &stage.v, &stage.act];
+        let forces = ForceState::state(numbers, R::of(options.timestep), &inputs.ctrl, &inputs.actuator_dynamics);
+        actuate(compiled, &forces, None, &mut free.actuator_forces);
         if compiled.lossy {
             free.actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, &stage.v, None);
         }
@@ -163,7 +160,7 @@ impl<R: Real> Acceleration<'_, R> {
         if from_impulse && constrained {
             system.start_from_impulse(compiled, &smooth.mass, &smooth.acc, &state.impulse, h);
         }
-        system.accelerate_freely(&smooth.acc);
+        select_into(&mut system.acceleration, &smooth.acc, system.constrained.not());
         if constrained {
             let effort = Effort { steps: options.iterations, tolerance: R::of(options.tolerance) / h };
             let solved = system.solve(compiled, &smooth.mass, &smooth.acc, effort);

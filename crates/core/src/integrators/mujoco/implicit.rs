@@ -6,7 +6,7 @@ use crate::actuation::forces::ForceState;
 use crate::compile::{CompiledTendon, LaneModel, PathLengths, Spring};
 use crate::constraints::soft::SoftSystem;
 use crate::dynamics::implicit_weights::ImplicitWeights;
-use crate::dynamics::kinematics::{Kinematics, advance};
+use crate::dynamics::kinematics::{Kinematics, advance, select_into};
 use crate::integrators::evaluate::free_motion::{FreeMotion, Scratch};
 use crate::integrators::mujoco::unsymmetric::{Unsymmetric, solve_dense};
 use crate::integrators::step_input::StepInput;
@@ -87,11 +87,7 @@ pub(super) fn integrate_velocity<R: Real>(
         }
     });
     if !all {
-        kernel!(R, || {
-            for (a, &undamped) in work.iter_mut().zip(&system.acceleration) {
-                *a = R::select(damped, *a, undamped);
-            }
-        });
+        select_into(work, &system.acceleration, damped.not());
     }
     advance(v, work, h, v_next);
 }

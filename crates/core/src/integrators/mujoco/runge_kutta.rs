@@ -8,10 +8,9 @@ use stepper_solve::Outcome;
 
 use crate::compile::LaneModel;
 use crate::constraints::PositionSolution;
-use crate::dynamics::kinematics::displace;
+use crate::dynamics::kinematics::{advance, displace};
 use crate::integrators::mujoco::acceleration::Acceleration;
 use crate::integrators::mujoco::workspace::{RungeKuttaStages, StageState};
-use crate::integrators::state::State;
 use crate::integrators::step_input::StepInput;
 use crate::math::spatial::*;
 use crate::model::JointKind;
@@ -37,7 +36,10 @@ pub(super) fn runge_kutta<R: Real>(
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
     for (i, [part, weight]) in STAGES.into_iter().enumerate() {
         if i > 0 {
-            move_stage(compiled, h * R::of(part), stages, state, acceleration, stage);
+            let time = h * R::of(part);
+            displace(compiled, &state.q, &stages.rate[0], time, &mut stage.q);
+            advance(&state.v, &acceleration.system.acceleration, time, &mut stage.v);
+            advance(&state.act, &stages.rate[1], time, &mut stage.act);
         }
         let now = acceleration.compute(input, stage, i == 0, probe);
         activation_rate(compiled, &stage.act, &inputs.ctrl, &mut stages.rate[1]);
@@ -46,7 +48,7 @@ pub(super) fn runge_kutta<R: Real>(
             outcome.residual = outcome.residual.max(now.residual);
             outcome.sweeps += now.sweeps;
             outcome.newton_steps += now.newton_steps;
-            let rates = [&stages.rate[0], acceleration.constrained(), &stages.rate[1]];
+            let rates = [&stages.rate[0], &acceleration.system.acceleration, &stages.rate[1]];
             for (sum, rate) in stages.sum.iter_mut().zip(rates) {
                 for (sum, &rate) in sum.iter_mut().zip(rate) {
                     *sum += R::of(weight) * rate;
@@ -54,15 +56,9 @@ pub(super) fn runge_kutta<R: Real>(
             }
         });
     }
-    kernel!(R, || {
-        for ((next, &v), &a) in acceleration.velocity.v.iter_mut().zip(&state.v).zip(&stages.sum[1]) {
-            *next = v + h * a;
-        }
-        for ((next, &act), &rate) in position.act.iter_mut().zip(&state.act).zip(&stages.sum[2]) {
-            *next = act + h * rate;
-        }
-        clamp_activation(compiled, &mut position.act);
-    });
+    advance(&state.v, &stages.sum[1], h, &mut acceleration.velocity.v);
+    advance(&state.act, &stages.sum[2], h, &mut position.act);
+    kernel!(R, || clamp_activation(compiled, &mut position.act));
     displace(compiled, &state.q, &stages.sum[0], h, &mut position.q);
     outcome
 }
@@ -87,24 +83,4 @@ fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R
             rates[at..at + 3].copy_from_slice(&rotation_rate(rotation, [v[at], v[at + 1], v[at + 2]]));
         }
     })
-}
-
-/// Moves the Runge-Kutta stage to `time` seconds after the beginning of the step, with the rates of the previous stage.
-fn move_stage<R: Real>(
-    compiled: &LaneModel<R>,
-    time: R,
-    stages: &RungeKuttaStages<R>,
-    state: &State<R>,
-    acceleration: &Acceleration<'_, R>,
-    stage: &mut StageState<R>,
-) {
-    displace(compiled, &state.q, &stages.rate[0], time, &mut stage.q);
-    kernel!(R, || {
-        for ((next, &v), &a) in stage.v.iter_mut().zip(&state.v).zip(acceleration.constrained()) {
-            *next = v + time * a;
-        }
-        for ((next, &act), &rate) in stage.act.iter_mut().zip(&state.act).zip(&stages.rate[1]) {
-            *next = act + time * rate;
-        }
-    });
 }

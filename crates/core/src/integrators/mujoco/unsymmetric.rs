@@ -3,7 +3,7 @@
 use stepper_real::{Real, kernel};
 
 use crate::compile::{LaneModel, ModelStructure};
-use crate::dynamics::inertia::{NewtonEuler, link_forces, project_forces};
+use crate::dynamics::inertia::{NewtonEuler, bias_force};
 use crate::dynamics::kinematics::Kinematics;
 
 /// Dense unsymmetric matrix A + h dc/dv of the integrator `implicit`, row-major, and buffers of its computation. A is the mass matrix
@@ -74,10 +74,7 @@ impl<R: Real> Unsymmetric<R> {
     /// Computes the bias force (Coriolis, centrifugal and gravity) at the velocity `self.velocity`, into `self.bias`.
     fn find_bias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         let Self { newton_euler, velocity, bias, .. } = self;
-        kernel!(R, || {
-            link_forces(compiled, kinematics, velocity, newton_euler);
-            project_forces(compiled, kinematics, &mut newton_euler.force, bias);
-        });
+        kernel!(R, || bias_force(compiled, kinematics, velocity, newton_euler, bias));
     }
 }
 

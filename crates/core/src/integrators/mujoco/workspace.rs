@@ -2,10 +2,8 @@
 
 use stepper_real::Real;
 
-use crate::actuation::forces::ForceState;
 use crate::compile::LaneModel;
 use crate::constraints::soft::SoftSystem;
-use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::unsymmetric::Unsymmetric;
 use crate::integrators::state::State;
 use crate::options::{Integrator, StepSettings};
@@ -27,11 +25,6 @@ impl<R: Real> StageState<R> {
         self.q.copy_from_slice(&state.q);
         self.v.copy_from_slice(&state.v);
         self.act.copy_from_slice(&state.act);
-    }
-
-    /// Configuration, velocity, activations and controls with which all explicit forces are computed. `h` is the time step, s.
-    pub(crate) fn forces<'a>(&'a self, inputs: &'a Inputs<R>, h: R) -> ForceState<'a, R> {
-        ForceState::state([&self.q, &self.v, &self.act], h, &inputs.ctrl, &inputs.actuator_dynamics)
     }
 }
 

@@ -1,9 +1,10 @@
 //! Stages 7 and 8 of a step: the configuration after it, and its correction.
 
-use stepper_real::{Mask, Real, kernel};
+use stepper_real::{Mask, Real};
 
 use crate::collision::tunnelling::{TestedMotion, may_have_passed};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
+use crate::dynamics::kinematics::select_into;
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::free_motion::FreeMotion;
 use crate::integrators::position::overlap_progress::revert_ineffective_corrections;
@@ -85,7 +86,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     let is_free = !impulses_act && !scheme.predicts();
     // Very fast bodies are evaluated at the beginning of the flight.
     let before = R::select(times.lanes_at_start(), R::zero(), scheme.time_before);
-    let time = R::select(substep.ends_at_impact, scheme.h - before, times.closing());
+    let time = R::select(substep.ends_at_impact, scheme.h - before, times.closing);
     let tested = if rebounding.none() {
         &velocity.v
     } else {
@@ -126,9 +127,5 @@ pub(crate) fn accept_corrections<R: Real>(
     if jammed.any() {
         revert_ineffective_corrections(input, evaluation, problem, &mut velocity.islands, position, jammed);
     }
-    kernel!(R, || {
-        for (q, &corrected) in position.q.iter_mut().zip(&position.q_corrected) {
-            *q = R::select(all, corrected, *q);
-        }
-    });
+    select_into(&mut position.q, &position.q_corrected, all);
 }

@@ -7,9 +7,11 @@ use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::separation_cache::SeparationCache;
+use crate::compile::ModelStructure;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::kinematics::select_into;
 use crate::integrators::state::State;
+use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 
 /// Buffers of steps that are divided into parts.
@@ -64,10 +66,6 @@ pub(crate) struct Snapshot<R: Real> {
 }
 
 impl<R: Real> Snapshot<R> {
-    fn new(state: &State<R>, scalar_impulse: &[R]) -> Self {
-        Self { state: state.clone(), scalar_impulse: scalar_impulse.to_vec(), impulse_time: R::one() }
-    }
-
     /// Stores a state, and impulses of scalar rows, in the lanes `lanes`. The impulses belong to a substep of `impulse_time` seconds.
     pub(crate) fn store(&mut self, (state, scalar_impulse): (&State<R>, &[R]), impulse_time: R, lanes: R::Mask) {
         copy(&mut self.state, state, lanes);
@@ -139,10 +137,10 @@ impl<R: Real> Buffers<R> {
         });
     }
 
-    /// Buffers for states like `state`, with impulses of scalar rows like `scalar_impulse` and separating planes like `planes`. `counts`
-    /// are the numbers of mechanisms, actuators and kinematic trees.
-    pub(crate) fn new(state: &State<R>, scalar_impulse: &[R], planes: &SeparationCache, counts: [usize; 3]) -> Box<Self> {
-        let new = || Snapshot::new(state, scalar_impulse);
+    /// Buffers for the states of a workspace.
+    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>, s: &Workspace<R>) -> Box<Self> {
+        let state = &s.state;
+        let new = || Snapshot { state: state.clone(), scalar_impulse: s.velocity.scalar_impulse.clone(), impulse_time: R::one() };
         let motion = || [&state.v, &state.q, &state.act].map(Clone::clone);
         let lanes = |count| vec![R::Mask::splat(false); count];
         Box::new(Self {
@@ -151,19 +149,19 @@ impl<R: Real> Buffers<R> {
             start: new(),
             whole: motion(),
             separation: state.v.clone(),
-            not_extrapolated: lanes(counts[2]),
+            not_extrapolated: lanes(compiled.ntree),
             configuration: state.q.clone(),
             middle: new(),
             end: motion(),
             total: new(),
             summed: state.contacts.clone(),
             before: motion(),
-            saturated: lanes(counts[1]),
+            saturated: lanes(compiled.actuators.len()),
             worst: (WorstRows::new(), R::zero()),
             was_used: false,
-            touched: lanes(counts[0]),
+            touched: lanes(compiled.mechanisms.count),
             evaluated: [state.q.clone(), state.v.clone()],
-            planes: planes.clone(),
+            planes: s.evaluation.collision.narrow_phase.new_planes.clone(),
         })
     }
 }

@@ -23,13 +23,13 @@ mod untouched;
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::compile::LaneModel;
-use crate::dynamics::kinematics::select_into;
+use crate::dynamics::kinematics::{select_into, separate};
 use crate::integrators::evaluate::evaluation::Substep;
 use crate::integrators::evaluate::first_impact::shortest_flight;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::substeps::buffers::Buffers;
-use crate::integrators::substeps::step_doubling::{add_vibrating_trees, extrapolate, separate};
+use crate::integrators::substeps::step_doubling::{add_vibrating_trees, extrapolate};
 use crate::integrators::substeps::untouched::{note_impacts, spread, step_untouched};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
@@ -99,7 +99,7 @@ pub(crate) fn step_in_parts<R: Real>(
     mut solved: Option<StepOutcome<R>>,
     make: impl Fn(&mut Workspace<R>, Option<StepOutcome<R>>) -> (Record<R>, u32),
 ) -> Record<R> {
-    let mut buffers = s.substep_buffers.take().unwrap_or_else(|| s.new_buffers(compiled));
+    let mut buffers = s.substep_buffers.take().unwrap_or_else(|| Buffers::new(compiled, s));
     let (all, h) = (s.alive, options.timestep);
     // Time during which the impulses of the state acted, s.
     let mut impulse_time = R::of(h);

@@ -5,38 +5,12 @@ use stepper_real::{Mask, Real, kernel};
 use crate::actuation::affine_force::within;
 use crate::actuation::forces::ActuatorForces;
 use crate::compile::{DofParams, LaneModel};
-use crate::dynamics::kinematics::{displace, quat_at, select_into};
+use crate::dynamics::kinematics::{displace, select_into};
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::evaluate::free_motion::FreeMotion;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::math::spatial::*;
-use crate::model::JointKind;
 use crate::options::Integrator;
 use crate::stages::s01_actuate::servo_stiffness_and_damping;
-
-/// Computes the separation of the configuration `to` from the configuration `from`, in the coordinates of velocities, nv, m or rad.
-/// Returns its size: the largest change of a coordinate, or angle of a ball or free joint.
-#[inline(always)]
-pub(super) fn separate<R: Real>(compiled: &LaneModel<R>, [from, to]: [&[R]; 2], separation: &mut [R]) -> R {
-    let mut farthest = R::zero();
-    for joint in &compiled.joints {
-        let (straight, turns) = match joint.kind {
-            JointKind::Free => (3, true),
-            JointKind::Ball => (0, true),
-            JointKind::Slide | JointKind::Hinge => (1, false),
-        };
-        for k in 0..straight {
-            separation[joint.v + k] = to[joint.q + k] - from[joint.q + k];
-            farthest = farthest.max(separation[joint.v + k].abs());
-        }
-        if turns {
-            let turn = quat_log(quat_between(quat_at(from, joint.q + straight), quat_at(to, joint.q + straight)));
-            separation[joint.v + straight..joint.v + straight + 3].copy_from_slice(&turn);
-            farthest = farthest.max(norm(turn));
-        }
-    }
-    farthest
-}
 
 /// Largest sum of the squared products of time step and frequency of the vibrations of a tree that is extrapolated.
 const MAX_VIBRATION: f64 = 0.25;

@@ -266,7 +266,7 @@ impl<R: Real> CollisionSearch<R> {
         }
         let earliest_only = several.and_not(query.finds_all);
         if earliest_only.any() {
-            let window = query.times.h() * R::of(SIMULTANEOUS_FRACTION);
+            let window = query.times.h * R::of(SIMULTANEOUS_FRACTION);
             self.narrow_times(query, earliest_only, window);
             self.keep_earliest(query.compiled, earliest_only, window);
         }
@@ -381,12 +381,9 @@ fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, slot: usize) -> R {
 
 /// Whether the pairs of geoms with the indices `first` and `second` both have a body of the same kinematic tree.
 fn share_trees<R: Real>(compiled: &LaneModel<R>, first: usize, second: usize) -> bool {
-    let (first, second) = (trees_of_pair(compiled, first), trees_of_pair(compiled, second));
+    let [first, second] = [first, second].map(|pair| {
+        let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
+        geoms.map(|g| compiled.tree_of(compiled.geoms[g].frame))
+    });
     first.iter().flatten().any(|tree| second.contains(&Some(*tree)))
-}
-
-/// Kinematic trees of the two bodies of a pair; `None` for the world and mocap bodies.
-fn trees_of_pair<R: Real>(compiled: &LaneModel<R>, pair: usize) -> [Option<usize>; 2] {
-    let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-    geoms.map(|g| compiled.geoms[g].frame.checked_sub(1).and_then(|link| compiled.links.get(link)).map(|link| link.tree))
 }

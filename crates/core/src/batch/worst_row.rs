@@ -5,7 +5,7 @@ use std::fmt;
 use stepper_real::Scalar;
 
 use crate::compile::CompiledModel;
-use crate::constraints::worst_row::{CodedConstraint, ConstraintCode, NotFinite};
+use crate::constraints::worst_row::{CodedConstraint, ConstraintCode};
 use crate::model::Model;
 
 /// Cause of a flag. In an unsolved step it is the constraint row with the largest residual, in a rejected step the element that is not
@@ -70,14 +70,10 @@ impl WorstRow {
                 let geoms = compiled.pair_geoms(pair)?.map(|g| compiled.geoms[g].index);
                 return Some(Self::Contact { geoms });
             }
-            CodedConstraint::NotFinite(number) => {
-                return match number {
-                    NotFinite::Actuator(actuator) => Some(Self::NotFiniteActuator { actuator }),
-                    NotFinite::AppliedForce(body) => Some(Self::NotFiniteBody { body }),
-                    NotFinite::Mocap(i) => compiled.merged.mocap.get(i).map(|&body| Self::NotFiniteBody { body }),
-                    NotFinite::Dof(dof) => joint_with(dof).map(|joint| Self::NotFiniteJoint { joint }),
-                };
-            }
+            CodedConstraint::NotFiniteActuator(actuator) => return Some(Self::NotFiniteActuator { actuator }),
+            CodedConstraint::NotFiniteForce(body) => return Some(Self::NotFiniteBody { body }),
+            CodedConstraint::NotFiniteMocap(i) => return compiled.merged.mocap.get(i).map(|&body| Self::NotFiniteBody { body }),
+            CodedConstraint::NotFiniteDof(dof) => return joint_with(dof).map(|joint| Self::NotFiniteJoint { joint }),
             CodedConstraint::TooFast(dof) => return joint_with(dof).map(|joint| Self::TooFast { joint }),
             CodedConstraint::Scalar(impulse_index) => impulse_index,
         };

@@ -7,33 +7,10 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::lanes::{MAX_LANES, each_of};
 
-/// Number that encodes the cause of an unsolved step in a saved state. 0 means none. Scalar rows have the numbers from 1 on, by the index
-/// of their impulse. Contacts have the numbers from 2^32 on, by the index of their pair. Numbers that are not finite have those from 2^40,
-/// 2^41 ... on, in the order of [`NotFinite`]. Joints that are too fast have those from 2^44 on, by a degree of freedom.
+/// Number that encodes the cause of an unsolved step in a saved state. 0 means none. Each kind of cause has the numbers from its first one
+/// in [`KINDS`] on, by the index of the constraint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ConstraintCode(pub u64);
-
-/// Smallest code of a contact: the code of pair 0.
-const CONTACTS: u64 = 1 << 32;
-
-/// Smallest code of each kind of number in [`NotFinite`].
-const NOT_FINITE: [u64; 4] = [1 << 40, 1 << 41, 1 << 42, 1 << 43];
-
-/// Smallest code of a joint that is too fast for the time step.
-const TOO_FAST: u64 = 1 << 44;
-
-/// Number that is not finite in a rejected step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NotFinite {
-    /// Control or activation of an actuator, by the index of the actuator.
-    Actuator(usize),
-    /// Applied force or torque on a body, by the index of the body.
-    AppliedForce(usize),
-    /// Pose of a mocap body, by its index among the mocap bodies.
-    Mocap(usize),
-    /// Position, velocity or applied force of a degree of freedom.
-    Dof(usize),
-}
 
 /// Cause that a [`ConstraintCode`] represents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,46 +19,47 @@ pub enum CodedConstraint {
     Scalar(usize),
     /// Contact, by the index of its pair of geoms.
     Contact(usize),
-    /// Number that is not finite.
-    NotFinite(NotFinite),
+    /// Control or activation of an actuator that is not finite, by the index of the actuator.
+    NotFiniteActuator(usize),
+    /// Applied force or torque on a body that is not finite, by the index of the body.
+    NotFiniteForce(usize),
+    /// Pose of a mocap body that is not finite, by its index among the mocap bodies.
+    NotFiniteMocap(usize),
+    /// Position, velocity or applied force of a degree of freedom that is not finite.
+    NotFiniteDof(usize),
     /// Joint that is too fast for the time step, by one of its degrees of freedom.
     TooFast(usize),
 }
 
+/// First code of each kind of cause, ascending, and the cause with a given index.
+const KINDS: [(u64, fn(usize) -> CodedConstraint); 7] = [
+    (1, CodedConstraint::Scalar),
+    (1 << 32, CodedConstraint::Contact),
+    (1 << 40, CodedConstraint::NotFiniteActuator),
+    (1 << 41, CodedConstraint::NotFiniteForce),
+    (1 << 42, CodedConstraint::NotFiniteMocap),
+    (1 << 43, CodedConstraint::NotFiniteDof),
+    (1 << 44, CodedConstraint::TooFast),
+];
+
 impl ConstraintCode {
     fn new(constraint: CodedConstraint) -> Self {
-        match constraint {
-            CodedConstraint::Scalar(impulse_index) => Self(1 + impulse_index as u64),
-            CodedConstraint::Contact(pair) => Self(CONTACTS + pair as u64),
-            CodedConstraint::TooFast(dof) => Self(TOO_FAST + dof as u64),
-            CodedConstraint::NotFinite(number) => {
-                let (kind, index) = match number {
-                    NotFinite::Actuator(index) => (0, index),
-                    NotFinite::AppliedForce(index) => (1, index),
-                    NotFinite::Mocap(index) => (2, index),
-                    NotFinite::Dof(index) => (3, index),
-                };
-                Self(NOT_FINITE[kind] + index as u64)
-            }
-        }
+        use CodedConstraint::*;
+        let (Scalar(index)
+        | Contact(index)
+        | NotFiniteActuator(index)
+        | NotFiniteForce(index)
+        | NotFiniteMocap(index)
+        | NotFiniteDof(index)
+        | TooFast(index)) = constraint;
+        let (first, _) = KINDS.iter().find(|(_, make)| make(index) == constraint).expect("every kind of cause has codes");
+        Self(first + index as u64)
     }
 
     /// Constraint or number that the code represents; `None` for code 0.
     pub fn constraint(self) -> Option<CodedConstraint> {
-        let code = self.0;
-        if code >= TOO_FAST {
-            return Some(CodedConstraint::TooFast((code - TOO_FAST) as usize));
-        }
-        if let Some(kind) = NOT_FINITE.iter().rposition(|first| code >= *first) {
-            let index = (code - NOT_FINITE[kind]) as usize;
-            let number = [NotFinite::Actuator, NotFinite::AppliedForce, NotFinite::Mocap, NotFinite::Dof][kind](index);
-            return Some(CodedConstraint::NotFinite(number));
-        }
-        match code {
-            0 => None,
-            code if code < CONTACTS => Some(CodedConstraint::Scalar(code as usize - 1)),
-            code => Some(CodedConstraint::Contact((code - CONTACTS) as usize)),
-        }
+        let (first, make) = KINDS.iter().rfind(|(first, _)| self.0 >= *first)?;
+        Some(make((self.0 - first) as usize))
     }
 }
 

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::System;
 
 use crate::compile::LaneModel;
-use crate::constraints::worst_row::{CodedConstraint, NotFinite};
+use crate::constraints::worst_row::CodedConstraint;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::{Kinematics, all_finite, select_into};
@@ -73,7 +73,7 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: 
         }
         for lane in each_of(alive.and_not(finite).bits()) {
             let cause = find_not_finite(compiled, inputs, evaluation, (velocity, position), lane);
-            velocity.worst.store(lane, cause.map(CodedConstraint::NotFinite));
+            velocity.worst.store(lane, cause);
             let keeps_all = poses_are_finite.bits() >> lane & 1 == 0;
             mark_non_finite(compiled, problem, velocity, position, lane, keeps_all);
             kept |= u32::from(keep_marked(compiled, state, evaluation, problem, velocity, position, lane)) << lane;
@@ -99,18 +99,18 @@ fn find_not_finite<R: Real>(
     evaluation: &Evaluation<R>,
     (velocity, position): (&VelocitySolution<R>, &PositionSolution<R>),
     lane: usize,
-) -> Option<NotFinite> {
+) -> Option<CodedConstraint> {
     let first = |x: &[R]| x.iter().position(|x| !x.lane(lane).to_f64().is_finite());
     let Kinematics { pos, mat, .. } = &evaluation.kinematics;
     let mocap = || compiled.mocap.iter().position(|m| first(&pos[m.frame]).or_else(|| first(&mat[m.frame])).is_some());
     let activation = || compiled.actuators.iter().position(|a| a.act.is_some_and(|act| first(&position.act[act..=act]).is_some()));
     let coordinate = || compiled.joints.iter().find(|j| first(&position.q[j.q..j.q + j.kind.nq()]).is_some()).map(|j| j.v);
     let dof = || first(&inputs.qfrc).or_else(|| first(&velocity.v)).or_else(coordinate);
-    (first(&inputs.ctrl).map(NotFinite::Actuator))
-        .or_else(|| first(&inputs.xfrc).map(|i| NotFinite::AppliedForce(i / 6)))
-        .or_else(|| mocap().map(NotFinite::Mocap))
-        .or_else(|| activation().map(NotFinite::Actuator))
-        .or_else(|| dof().map(NotFinite::Dof))
+    (first(&inputs.ctrl).map(CodedConstraint::NotFiniteActuator))
+        .or_else(|| first(&inputs.xfrc).map(|i| CodedConstraint::NotFiniteForce(i / 6)))
+        .or_else(|| mocap().map(CodedConstraint::NotFiniteMocap))
+        .or_else(|| activation().map(CodedConstraint::NotFiniteActuator))
+        .or_else(|| dof().map(CodedConstraint::NotFiniteDof))
 }
 
 /// Marks the islands of lane `lane` whose next state is not finite, with a maximum above 0; all islands if `keeps_all` is true.

@@ -1,6 +1,7 @@
 //! Options of a step: [`Options`] as a user gives them, [`StepSettings`] with all values resolved.
 
 use std::fmt::Display;
+use std::ops::Deref;
 
 use serde::{Deserialize, Serialize};
 
@@ -274,20 +275,10 @@ impl Options {
         let integrator = self.integrator_of(scales.integrator.as_deref())?;
         let timestep = self.timestep.unwrap_or(scales.timestep);
         Ok(StepSettings {
+            options: *self,
             timestep,
-            contact: self.contact,
             integrator,
-            error: self.error,
-            solver: self.solver,
-            iterations: self.iterations,
             tolerance: self.tolerance.unwrap_or_else(|| default_tolerance(self.contact, precision, timestep, scales)),
-            rtol: self.rtol,
-            stabilization: self.stabilization,
-            baumgarte: self.baumgarte,
-            slop: self.slop,
-            max_correction_speed: self.max_correction_speed,
-            restitution_threshold: self.restitution_threshold,
-            max_contacts: self.max_contacts,
             poison: cfg!(debug_assertions),
         })
     }
@@ -345,39 +336,28 @@ impl Options {
     }
 }
 
-/// Settings of a step: [`Options`] with all values resolved from the model and the precision.
+/// Settings of a step: [`Options`], and the values in place of those that they leave to the model and the precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSettings {
+    /// Options as they were given. Their fields are read as fields of the settings, except those below.
+    pub options: Options,
     /// Time step, s, see [`Options::timestep`].
     pub timestep: f64,
-    /// Contact law, see [`Options::contact`].
-    pub contact: ContactLaw,
     /// Integrator, see [`Options::integrator`].
     pub integrator: Integrator,
-    /// Error of the positions that a step may make, m and rad, see [`Options::error`].
-    pub error: Option<f64>,
-    /// Solver, see [`Options::solver`].
-    pub solver: Solver,
-    /// Largest number of iterations, see [`Options::iterations`].
-    pub iterations: u32,
     /// Largest residual at which the solver stops, m/s.
     pub tolerance: f64,
-    /// Residual at which the solver stops, relative to the speed, see [`Options::rtol`].
-    pub rtol: f64,
-    /// Stabilisation method, see [`Options::stabilization`].
-    pub stabilization: Stabilization,
-    /// Fraction of the overlap beyond the slop that a step removes, see [`Options::baumgarte`].
-    pub baumgarte: f64,
-    /// Overlap or position error that stabilisation leaves, m or rad, see [`Options::slop`].
-    pub slop: f64,
-    /// Largest speed of an overlap correction, m/s, see [`Options::max_correction_speed`].
-    pub max_correction_speed: f64,
-    /// Approach speed below which contacts do not bounce, m/s, see [`Options::restitution_threshold`].
-    pub restitution_threshold: f64,
-    /// Contact capacity of an environment, see [`Options::max_contacts`].
-    pub max_contacts: Option<u32>,
     /// Whether a step first fills its buffers with NaN, to detect reads of old values. True in debug builds, and in tests that enable it.
     pub poison: bool,
+}
+
+impl Deref for StepSettings {
+    type Target = Options;
+
+    #[inline(always)]
+    fn deref(&self) -> &Options {
+        &self.options
+    }
 }
 
 impl StepSettings {

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use stepper_core::group_step::{GroupStep, GroupVisitor, StatePart, StepSettings, check_length};
-use stepper_core::{ContactLaw, Error, Integrator, Simulation};
+use stepper_core::{ContactLaw, Error, Integrator, Options, Simulation};
 use stepper_real::Real;
 
 use crate::rows::{Derivative, DerivativeQuery};
@@ -56,7 +56,7 @@ impl GroupVisitor for Differentiation<'_> {
 
 /// Checks that the integrator of `sim` has implicit derivatives, and that MuJoCo's contact law makes no noslip iterations.
 fn check_settings(sim: &Simulation) -> Result<(), Error> {
-    let StepSettings { contact, integrator, error, .. } = *sim.settings();
+    let StepSettings { options: Options { contact, error, .. }, integrator, .. } = *sim.settings();
     let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });
     let must = match (contact, integrator) {
         (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit | Integrator::Midpoint)

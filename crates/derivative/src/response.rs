@@ -1,9 +1,9 @@
 //! First-order response of the impulses of a solved step, with hard contact, to small changes of its constraint rows.
 
-use stepper_core::Stabilization;
 use stepper_core::group_step::{
     Gap, GroupStep, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Recomputed, Solve, StepSettings,
 };
+use stepper_core::{Options, Stabilization};
 use stepper_real::{Mask, Real};
 use stepper_solve::newton::{Response, Switch, SwitchDistance};
 
@@ -157,7 +157,7 @@ impl<R: Real> HardResponse<R> {
 /// Gaps at which the target velocity of a contact or a limit has a corner, m or rad. The corners are where the contact closes, and where
 /// the correction of an overlap begins.
 fn edges(options: &StepSettings) -> Vec<f64> {
-    let StepSettings { stabilization, baumgarte, slop, .. } = *options;
+    let Options { stabilization, baumgarte, slop, .. } = **options;
     match stabilization {
         Stabilization::Baumgarte if baumgarte == 1.0 && slop == 0.0 => vec![],
         Stabilization::Baumgarte | Stabilization::Split if slop != 0.0 => vec![0.0, -slop],

@@ -10,7 +10,7 @@ use crate::batch::worker::{GroupPosition, LaneScalar, WorkerSpec};
 use crate::compile::CompiledModel;
 use crate::error::Error;
 use crate::model::Model;
-use crate::options::{Solver, Stabilization, StepSettings};
+use crate::options::{Options, Solver, Stabilization, StepSettings};
 use crate::stages::s10_record::Status;
 
 /// Memory that the state of one environment takes in a batch, bytes.
@@ -72,7 +72,8 @@ fn contacts_at_start<S: LaneScalar>(
     mut capacity: usize,
     level: Level,
 ) -> usize {
-    let settings = StepSettings { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*settings };
+    let options = Options { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..settings.options };
+    let settings = StepSettings { options, ..*settings };
     let lanes = S::lanes(1, level);
     let make = |capacity: usize| S::worker(&WorkerSpec { compiled, settings: &settings, max_contacts: capacity }, lanes, level);
     let overrides = ParameterOverrides::default();

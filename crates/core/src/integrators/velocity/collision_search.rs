@@ -3,16 +3,13 @@
 
 use stepper_real::{Mask, Real, kernel};
 
-use crate::collision::contact_set::Contacts;
-use crate::collision::detection::CollisionWorkspace;
 use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch, Turning};
 use crate::compile::LaneModel;
 use crate::constraints::ConstraintProblem;
 use crate::constraints::contact::approaching::resting_speed;
-use crate::constraints::evaluation_times::EvaluationTimes;
-use crate::dynamics::kinematics::Kinematics;
+use crate::integrators::evaluate::evaluation::Evaluation;
+use crate::integrators::step_input::StepInput;
 use crate::math::lanes::each_of;
-use crate::options::StepSettings;
 use crate::tuning::SIMULTANEOUS_FRACTION;
 
 /// Number of secant steps that approximate the time of first touch. Bisections follow, because secants can stall where the path is curved.
@@ -117,19 +114,12 @@ impl<R: Real> CandidatePair<R> {
     }
 }
 
-/// Inputs of one collision search: model, poses, contacts, constraint problem and settings.
+/// Inputs of one collision search, in the lanes `input.alive`.
 pub(crate) struct CollisionQuery<'a, R: Real> {
     /// Constraint problem with the deferred contacts.
     pub(crate) problem: &'a ConstraintProblem<R>,
-    pub(crate) compiled: &'a LaneModel<R>,
-    pub(crate) kinematics: &'a Kinematics<R>,
-    pub(crate) collision: &'a CollisionWorkspace<R>,
-    pub(crate) contacts: &'a Contacts<R>,
-    pub(crate) options: &'a StepSettings,
-    /// Evaluation time of each mechanism.
-    pub(crate) times: &'a EvaluationTimes<R>,
-    /// Lanes to search.
-    pub(crate) lanes: R::Mask,
+    pub(crate) input: StepInput<'a, R>,
+    pub(crate) evaluation: &'a Evaluation<R>,
     /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap. The linearised overlap is the
     /// overlap at the end of the path if the gap closed at its initial rate.
     ///
@@ -146,20 +136,21 @@ impl<'a, R: Real> CollisionQuery<'a, R> {
     /// Time within which the pair with index `index` may close its gap, s.
     #[inline(always)]
     fn closing_time(&self, index: usize) -> R {
-        let geoms = self.compiled.pair_geoms(index).expect("a pair index of this compiled model");
-        self.times.of_pair(self.compiled, geoms).closing
+        let geoms = self.input.compiled.pair_geoms(index).expect("a pair index of this compiled model");
+        self.evaluation.times.of_pair(self.input.compiled, geoms).closing
     }
 
     /// Time within which the contacts in slot `slot` may close their gaps, s.
     #[inline(always)]
     fn closing_time_of_slot(&self, slot: usize) -> R {
-        self.times.of_slot(self.compiled, self.contacts, slot, self.contacts.lanes_of(slot)).closing
+        let Evaluation { times, contacts, .. } = self.evaluation;
+        times.of_slot(self.input.compiled, contacts, slot, contacts.lanes_of(slot)).closing
     }
 
     /// Path of the pair with index `index` in the searched motion.
     #[inline(always)]
     fn path(&self, index: usize) -> Path<'a, R> {
-        let Self { compiled, kinematics, collision, .. } = *self;
+        let (compiled, Evaluation { kinematics, collision, .. }) = (self.input.compiled, self.evaluation);
         let pair = compiled.pair(index);
         Path { compiled, kinematics, start: &collision.poses, time: self.closing_time(index), slack: collision.slack, index, pair }
     }
@@ -189,7 +180,11 @@ impl<R: Real> CollisionSearch<R> {
     /// [`CollisionSearch::list_candidates`] must be called first.
     pub(crate) fn find(&mut self, query: &CollisionQuery<'_, R>, predicted: bool, v_solved: &[R]) -> R::Mask {
         kernel!(R, || {
-            self.swept.set_velocity(query.compiled, query.kinematics, if predicted { &self.v_by_predicted_impulses } else { v_solved });
+            self.swept.set_velocity(
+                query.input.compiled,
+                &query.evaluation.kinematics,
+                if predicted { &self.v_by_predicted_impulses } else { v_solved },
+            );
             self.test_paths(query);
         });
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))
@@ -214,13 +209,13 @@ impl<R: Real> CollisionSearch<R> {
                 let tolerance = touch_tolerance(query, contact.slot);
                 let velocity = problem.rows.contacts.normal_velocity_above_target(contact.contact, w);
                 let rate = velocity - contact.bias;
-                let end = query.contacts.data[contact.slot].point.distance + query.closing_time_of_slot(contact.slot) * rate;
+                let end = query.evaluation.contacts.data[contact.slot].point.distance + query.closing_time_of_slot(contact.slot) * rate;
                 let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-tolerance).and_not(contact.bounces));
-                self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
+                self.rates.push((rate, contact.lanes.and(query.input.alive).and(closes)));
             }
         });
         for (contact, &(_, closes)) in problem.deferred.iter().zip(&self.rates) {
-            for (pair, lanes) in query.contacts.pairs(contact.slot, closes.bits()) {
+            for (pair, lanes) in query.evaluation.contacts.pairs(contact.slot, closes.bits()) {
                 let lanes = R::Mask::from_bits(lanes);
                 match self.pairs.iter_mut().find(|candidate| candidate.pair == pair) {
                     Some(candidate) => candidate.lanes = candidate.lanes.or(lanes),
@@ -266,9 +261,9 @@ impl<R: Real> CollisionSearch<R> {
         }
         let earliest_only = several.and_not(query.finds_all);
         if earliest_only.any() {
-            let window = query.times.h * R::of(SIMULTANEOUS_FRACTION);
+            let window = query.evaluation.times.h * R::of(SIMULTANEOUS_FRACTION);
             self.narrow_times(query, earliest_only, window);
-            self.keep_earliest(query.compiled, earliest_only, window);
+            self.keep_earliest(query.input.compiled, earliest_only, window);
         }
     }
 
@@ -277,7 +272,7 @@ impl<R: Real> CollisionSearch<R> {
     #[inline(always)]
     fn narrow_times(&mut self, query: &CollisionQuery<'_, R>, several: R::Mask, window: R) {
         for evaluation in 0..MAX_EVALUATIONS {
-            self.find_uncertain(query.compiled, several, window);
+            self.find_uncertain(query.input.compiled, several, window);
             let Self { swept, pairs, .. } = self;
             let mut is_certain = true;
             for candidate in pairs.iter_mut().filter(|candidate| candidate.uncertain.any()) {
@@ -344,9 +339,9 @@ fn farthest_closing_gap<R: Real>(query: &CollisionQuery<'_, R>, rates: &[(R, R::
     let mut gap = Gap { distance: R::zero(), rate: R::zero() };
     let mut farthest = R::of(f64::INFINITY);
     for (contact, &(rate, closes)) in problem.deferred.iter().zip(rates) {
-        for (pair, lanes) in query.contacts.pairs(contact.slot, closes.and(candidate.lanes).bits()) {
+        for (pair, lanes) in query.evaluation.contacts.pairs(contact.slot, closes.and(candidate.lanes).bits()) {
             if pair == candidate.pair {
-                let distance = query.contacts.data[contact.slot].point.distance;
+                let distance = query.evaluation.contacts.data[contact.slot].point.distance;
                 let end = distance + query.closing_time(pair) * rate;
                 let here = R::Mask::from_bits(lanes).and(end.lt(farthest));
                 farthest = R::select(here, end, farthest);
@@ -362,21 +357,22 @@ fn farthest_closing_gap<R: Real>(query: &CollisionQuery<'_, R>, rates: &[(R, R::
 /// position correction leaves). A body that slides to a support of the same height has this overlap there too.
 #[inline(always)]
 fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, candidate: &CandidatePair<R>) -> R {
-    let compiled = query.compiled;
+    let compiled = query.input.compiled;
     let frames_of = |pair: usize| compiled.pair_geoms(pair).expect("a pair index of this compiled model").map(|g| compiled.geoms[g].frame);
     let mut overlap = R::zero();
     for lane in each_of(candidate.lanes.bits()) {
-        let deepest = query.problem.resting_overlap(query.contacts, frames_of, frames_of(candidate.pair), lane);
+        let deepest = query.problem.resting_overlap(&query.evaluation.contacts, frames_of, frames_of(candidate.pair), lane);
         overlap.set_lane(lane, R::of(deepest).lane(lane));
     }
-    overlap.min(R::of(query.options.slop))
+    overlap.min(R::of(query.input.options.slop))
 }
 
 /// Smallest overlap at the end of the path that counts as a touch, m. It is the displacement during the path at the largest speed of a
 /// resting contact, or the rounding error of positions if that is larger.
 #[inline(always)]
 fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, slot: usize) -> R {
-    (query.closing_time_of_slot(slot) * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
+    (query.closing_time_of_slot(slot) * R::of(resting_speed(query.input.options)))
+        .max(query.evaluation.contacts.data[slot].point.rounding())
 }
 
 /// Whether the pairs of geoms with the indices `first` and `second` both have a body of the same kinematic tree.

@@ -12,8 +12,7 @@
 use stepper_real::{Mask, Real, kernel};
 use stepper_solve::residual;
 
-use crate::integrators::evaluate::evaluation::Evaluation;
-use crate::integrators::step_input::{StepContext, StepInput};
+use crate::integrators::step_input::StepContext;
 use crate::integrators::velocity::collision_search::CollisionQuery;
 use crate::integrators::velocity::velocity_loop::VelocityLoop;
 use crate::stages::s05_solve::ImpulsePredictor;
@@ -48,10 +47,9 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// with such a contact.
     #[inline(always)]
     pub(crate) fn activate_colliding(&mut self, motion: SweptMotion<R>) -> R::Mask {
-        let StepContext { input: StepInput { compiled, options, alive: lanes, .. }, evaluation } = self.context;
-        let Evaluation { kinematics, contacts, collision, times, .. } = evaluation;
+        let StepContext { input, evaluation } = self.context;
         let Self { free, problem, velocity, collisions, .. } = self;
-        if problem.deferred_lanes(lanes).none() {
+        if problem.deferred_lanes(input.alive).none() {
             return R::Mask::splat(false);
         }
         let predicted = matches!(motion, SweptMotion::Predicted);
@@ -62,30 +60,18 @@ impl<R: Real> VelocityLoop<'_, R> {
             }
             SweptMotion::Solved { finds_all } => (0.0, R::zero(), finds_all),
         };
-        let query = CollisionQuery {
-            problem,
-            compiled,
-            kinematics,
-            collision,
-            contacts,
-            options,
-            times,
-            lanes,
-            overlap_fraction,
-            error,
-            finds_all,
-        };
+        let query = CollisionQuery { problem, input, evaluation, overlap_fraction, error, finds_all };
         if !collisions.list_candidates(&query, &velocity.impulses.w) {
             return R::Mask::splat(false);
         }
         // The solved motion has the velocity `velocity.v`. The predicted motion has the free velocity plus the change by predicted
         // impulses.
         if predicted {
-            integrate_velocity(compiled, &free.smooth.mass, &free.v, &velocity.impulses, &mut collisions.v_by_predicted_impulses);
+            integrate_velocity(input.compiled, &free.smooth.mass, &free.v, &velocity.impulses, &mut collisions.v_by_predicted_impulses);
         }
         let colliding = collisions.find(&query, predicted, &velocity.v);
         if colliding.any() {
-            problem.activate(velocity, contacts, colliding, |pair| collisions.lanes_of(pair));
+            problem.activate(velocity, &evaluation.contacts, colliding, |pair| collisions.lanes_of(pair));
         }
         colliding
     }

@@ -136,7 +136,8 @@ impl<R: Real> RowBuilder<R> {
         let first = mat_mul(&kinematics.mat[frames[0]], &mats[0]);
         let second = mat_mul(&kinematics.mat[frames[1]], &mats[1]);
         let turn = quat_log(mat_to_quat(&mat_mul_transposed(&first, &second)));
-        let kappa = sub(angular_acceleration(input, frames[0]), angular_acceleration(input, frames[1]));
+        let change = &input.motion.acceleration;
+        let kappa = sub(angular_of_frame(change, frames[0]), angular_of_frame(change, frames[1]));
         EqualityJacobian { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
     }
 
@@ -502,8 +503,9 @@ pub(crate) fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: 
     compiled.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1
 }
 
-/// Angular acceleration of a frame if no joint accelerates, world axes, rad/s^2.
+/// Angular part of the velocity or acceleration in `links`, one for every link, of the link with the frame `frame`; zero for the world and
+/// mocap bodies.
 #[inline(always)]
-pub(crate) fn angular_acceleration<R: Real>(input: &RowState<'_, R>, frame: usize) -> V3<R> {
-    if frame == 0 || frame > input.compiled.links.len() { zero() } else { angular(&input.motion.acceleration[frame - 1]) }
+pub(crate) fn angular_of_frame<R: Real>(links: &[V6<R>], frame: usize) -> V3<R> {
+    if frame == 0 || frame > links.len() { zero() } else { angular(&links[frame - 1]) }
 }

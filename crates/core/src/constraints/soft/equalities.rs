@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
-use crate::constraints::equality::{angular_acceleration, moves};
+use crate::constraints::equality::{angular_of_frame, moves};
 use crate::constraints::rows::unbounded;
 use crate::constraints::soft::assembly::{SoftAssembler, SoftInput};
 use crate::math::spatial::*;
@@ -119,9 +119,10 @@ impl<R: Real> Turn<R> {
         let second = mat_mul(&kinematics.mat[frames[1]], &mats[1]);
         let [scalar, x, y, z] = mat_to_quat(&mat_mul_transposed(&first, &second));
         let mut turn = Self { scalar, error: rotate_back(&second, [x, y, z]), kappa: zero(), second };
-        let [a, b] = frames.map(|f| frame_velocity(input, f));
+        let motion = input.state.motion;
+        let (a, b) = (angular_of_frame(&motion.velocity, frames[0]), angular_of_frame(&motion.velocity, frames[1]));
         let relative = sub(a, b);
-        let acceleration = sub(angular_acceleration(&input.state, frames[0]), angular_acceleration(&input.state, frames[1]));
+        let acceleration = sub(angular_of_frame(&motion.acceleration, frames[0]), angular_of_frame(&motion.acceleration, frames[1]));
         // With w = R1^T (w0 - w1): e' = (s w + w x e) / 2 and s' = -w . e / 2.
         let w = rotate_back(&second, relative);
         let change = rotate_back(&second, sub(acceleration, cross(b, relative)));
@@ -138,10 +139,4 @@ impl<R: Real> Turn<R> {
         let w = rotate_back(&self.second, relative);
         scale(add(scale(w, self.scalar), cross(w, self.error)), R::of(0.5))
     }
-}
-
-/// Angular velocity of a frame in world axes, rad/s.
-#[inline(always)]
-fn frame_velocity<R: Real>(input: SoftInput<'_, R>, frame: usize) -> V3<R> {
-    if frame == 0 || frame > input.state.compiled.links.len() { zero() } else { angular(&input.state.motion.velocity[frame - 1]) }
 }

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::LaneModel;
-use crate::integrators::acceptance::{accept, store_generalized_impulse};
+use crate::integrators::acceptance::accept;
 use crate::integrators::devices::{ActuatorDevices, Devices};
 use crate::integrators::evaluate::evaluation::Substep;
 use crate::integrators::evaluate::locate::locate;
@@ -168,7 +168,8 @@ fn solve_stages<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mu
     span!(probe, IntegrateVelocity, || {
         share_sticking_loads(options, &state.v, problem, velocity);
         store_impulses(problem, velocity, &mut evaluation.contacts);
-        store_generalized_impulse(compiled, &free.smooth.mass, velocity, &mut free.constraint_impulse);
+        free.constraint_impulse.copy_from_slice(&velocity.impulses.w);
+        free.smooth.mass.momentum(compiled, &mut free.constraint_impulse);
     });
     // 8 stabilise
     let corrected = span!(probe, Stabilise, || correct_positions(StepContext { input, evaluation }, free, problem, velocity, position));

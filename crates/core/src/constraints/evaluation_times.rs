@@ -223,17 +223,12 @@ impl<R: Real> EvaluationTimes<R> {
             |both, lanes| union(&mut self.fast, both, lanes)
         ));
         if moved {
-            self.update();
+            self.moved = true;
+            for (before, &fast) in self.before.iter_mut().zip(&self.fast) {
+                *before = R::select(fast, R::zero(), self.rule);
+            }
         }
         moved
-    }
-
-    /// Recomputes the times of mechanisms.
-    fn update(&mut self) {
-        self.moved = true;
-        for (before, &fast) in self.before.iter_mut().zip(&self.fast) {
-            *before = R::select(fast, R::zero(), self.rule);
-        }
     }
 }
 

@@ -92,7 +92,7 @@ impl<R: Real> HardNominal<R> {
 
     /// Compares the last evaluation, which started from the nominal state, with the stored solution of the step.
     pub(super) fn compare(&self, compiled: &LaneModel<R>, s: &Workspace<R>) -> NominalEvaluation<R> {
-        let prediction = self.scheme.predicts().then(|| Prediction {
+        let prediction = self.scheme.implicit_forces.then(|| Prediction {
             drives_forces: depends_on_prediction(compiled),
             solved: is_estimated(&s.state.v, self.scheme.h).bits(),
             difference: self.prediction_difference(&s.free_motion.v_expected),
@@ -171,7 +171,7 @@ impl<R: Real> HardNominal<R> {
             VelocityLoop { context, free, problem, velocity, builder, collisions }.assemble_problem(NoProbe);
             problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
         }
-        if self.scheme.predicts() {
+        if self.scheme.implicit_forces {
             pass.find_step_impulses(Solve::Prediction, options, problem, velocity, &evaluation.contacts, rule);
             VelocityLoop { context, free, problem, velocity, builder, collisions }.correct_free_velocity(NoProbe);
         }

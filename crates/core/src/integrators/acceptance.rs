@@ -6,7 +6,6 @@ use stepper_solve::System;
 use crate::compile::LaneModel;
 use crate::constraints::worst_row::CodedConstraint;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
-use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::{Kinematics, all_finite, select_into};
 use crate::integrators::evaluate::evaluation::Evaluation;
 use crate::integrators::inputs::Inputs;
@@ -14,20 +13,6 @@ use crate::integrators::state::State;
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::tuning::MAX_STATE;
-
-/// Stores the generalized impulse of all constraints in `impulse`, N s or N m s. The next step reads it to guess the active bounds of
-/// servos, and users can read it.
-pub(crate) fn store_generalized_impulse<R: Real>(
-    compiled: &LaneModel<R>,
-    mass: &MassMatrix<R>,
-    velocity: &VelocitySolution<R>,
-    impulse: &mut [R],
-) {
-    kernel!(R, || {
-        impulse.copy_from_slice(&velocity.impulses.w);
-        mass.momentum(compiled, impulse);
-    })
-}
 
 /// Lanes whose step was accepted, and lanes that have left the range of plausible numbers.
 #[derive(Clone, Copy, Debug)]

@@ -230,7 +230,7 @@ impl<R: Real> StepResolution<R> {
     ) -> R::Mask {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = context;
         let Evaluation { scheme, times, q, kinematics: middle, .. } = evaluation;
-        if !scheme.predicts() {
+        if !scheme.implicit_forces {
             return alive.and(runs_away(compiled, &state.v, &velocity.v, scheme.h));
         }
         let lanes = free.may_gain.and_not(free.unresolved_lanes());

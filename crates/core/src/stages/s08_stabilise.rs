@@ -100,40 +100,14 @@ pub struct PositionInput<'a, R: Real> {
 /// the lanes whose position errors provably cannot be removed, and stores the worst constraint of these lanes in `velocity.worst`.
 ///
 /// The caller, `correct_positions`, has copied the rows of the velocity solve and the free velocity. The solve starts from the impulses of
-/// the velocity solution and overwrites them.
+/// the velocity solution and overwrites them. It finds the velocity that, added to `velocity.v`, removes position errors. The function
+/// limits the speed of this correction and writes it to `position.correction`.
 #[inline(always)]
 pub fn stabilise<R: Real>(
     input: &PositionInput<'_, R>,
     velocity: &mut VelocitySolution<R>,
     position: &mut PositionSolution<R>,
 ) -> Infeasible<R> {
-    let infeasible = correct(input, velocity, position);
-    displace(input.compiled, &position.q, &position.correction, input.h, &mut position.q_corrected);
-    infeasible
-}
-
-/// Lanes in which Baumgarte's bias, a target velocity in proportion to the position error, makes velocities implausible.
-///
-/// There, constraints change a velocity by more than four times the bound of a position correction, or a row that no motion can change has
-/// a target above 1 cm/s. `change` is the velocity change by all constraints, nv.
-pub(crate) fn has_implausible_bias<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    problem: &ConstraintProblem<R>,
-    change: &[R],
-) -> R::Mask {
-    kernel!(R, || {
-        let unmet = System::from(&problem.rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
-        problem.biased.and(excess(compiled, change, Bounds::plausible(options)).gt(R::one()).or(unmet))
-    })
-}
-
-/// Solves the position rows for the velocity that, added to `velocity.v`, removes position errors.
-///
-/// The function limits the speed of this correction and writes it to `position.correction`. It returns the lanes whose position targets are
-/// proven infeasible.
-#[inline(always)]
-fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>) -> Infeasible<R> {
     let PositionInput { compiled, options, lanes, .. } = *input;
     damp_rows(input, &velocity.impulses, position);
     let [sweeps, newton] = options.iteration_limits();
@@ -146,7 +120,7 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { newton_threshold: R::of(threshold), ..Settings::new(sweeps, newton, R::of(tolerance)) };
     let VelocitySolution { impulses, v: v_next, newton, worst, islands, .. } = velocity;
-    let PositionSolution { rows, reference, v_free, correction: out, scratch, .. } = position;
+    let PositionSolution { rows, reference, v_free, correction: out, scratch, q, q_corrected, .. } = position;
     let system = rows.system(&input.problem.rows);
     // The residual of a correction is not reported. The solve need not end with its evaluation, unless the tolerance is smaller than the
     // default.
@@ -172,7 +146,24 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     if fast.any() {
         bound_islands(compiled, system, islands, fast, bounds, out);
     }
+    displace(compiled, q, out, input.h, q_corrected);
     infeasible
+}
+
+/// Lanes in which Baumgarte's bias, a target velocity in proportion to the position error, makes velocities implausible.
+///
+/// There, constraints change a velocity by more than four times the bound of a position correction, or a row that no motion can change has
+/// a target above 1 cm/s. `change` is the velocity change by all constraints, nv.
+pub(crate) fn has_implausible_bias<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    problem: &ConstraintProblem<R>,
+    change: &[R],
+) -> R::Mask {
+    kernel!(R, || {
+        let unmet = System::from(&problem.rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
+        problem.biased.and(excess(compiled, change, Bounds::plausible(options)).gt(R::one()).or(unmet))
+    })
 }
 
 /// Converts the rows in `position`, copies of those of the velocity solve, to the rows of the position solve.

@@ -60,7 +60,12 @@ impl<R: Real> SoftSystem<R> {
             constrained: R::Mask::splat(false),
             solver,
             in_turn: (R::LANES > 1 && compiled.ntree > 1).then(|| Box::new(LaneSolver::new(&softness.order))),
-            order: VisitOrder::new(visited),
+            order: VisitOrder {
+                visits: Vec::with_capacity(visited * R::LANES),
+                places: Vec::with_capacity(visited),
+                keyed: Vec::with_capacity(visited),
+                order: Vec::with_capacity(visited * R::LANES),
+            },
             acceleration: zeros(),
             mass: vec![R::zero(); compiled.merged.chain.len()],
         }
@@ -175,16 +180,4 @@ pub(super) struct VisitOrder<R: Real> {
     pub(super) keyed: Vec<(Key, u32)>,
     /// Sorted slots of every lane, lane by lane.
     pub(super) order: Vec<u32>,
-}
-
-impl<R: Real> VisitOrder<R> {
-    /// Workspace for at most `contacts` contacts per lane.
-    pub(super) fn new(contacts: usize) -> Self {
-        Self {
-            visits: Vec::with_capacity(contacts * R::LANES),
-            places: Vec::with_capacity(contacts),
-            keyed: Vec::with_capacity(contacts),
-            order: Vec::with_capacity(contacts * R::LANES),
-        }
-    }
 }

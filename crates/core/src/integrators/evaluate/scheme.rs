@@ -37,6 +37,7 @@ pub(crate) struct Scheme<R> {
     pub(crate) in_the_middle: bool,
     /// Whether the mass matrix has the implicit terms of joint damping, joint springs, all servos and fluid drag. Otherwise it has only
     /// those of joint damping and of the servos of actuator dynamics.
+    /// A step with these terms predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
     pub(crate) implicit_forces: bool,
 }
 
@@ -80,13 +81,6 @@ impl<R: Real> Scheme<R> {
     /// Factor 1 / (2^p - 1) of an extrapolation from a step and two steps of half its length, for the order p of the rule.
     pub(crate) fn extrapolation(&self) -> f64 {
         if self.in_the_middle { 1.0 / 3.0 } else { 1.0 }
-    }
-
-    /// Whether the step predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
-    ///
-    /// The result equals `implicit_forces`.
-    pub(crate) fn predicts(&self) -> bool {
-        self.implicit_forces
     }
 
     /// Selection of the servos with implicit forces in stage 1: all servos if the field `implicit_forces` is true, otherwise only those of

@@ -37,13 +37,6 @@ pub(crate) struct RungeKuttaStages<R: Real> {
     pub(super) rate: [Vec<R>; 2],
 }
 
-impl<R: Real> RungeKuttaStages<R> {
-    pub(crate) fn new(nv: usize, na: usize) -> Self {
-        let zeros = |n: usize| vec![R::zero(); n];
-        Self { sum: [nv, nv, na].map(zeros), rate: [nv, na].map(zeros) }
-    }
-}
-
 /// Workspace of a step with MuJoCo's contact law: its constraint problem, and the integrator that the options select.
 #[derive(Clone, Debug)]
 pub(crate) struct MujocoWorkspace<R: Real> {
@@ -62,11 +55,12 @@ impl<R: Real> MujocoWorkspace<R> {
     pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;
         let uses = |integrator| options.integrator == integrator;
+        let [nq, nv, na] = [compiled.nq, compiled.nv, compiled.na];
         let zeros = |n: usize| vec![R::zero(); n];
         Some(Box::new(Self {
             system: SoftSystem::new(compiled, softness, max_contacts),
-            stage: StageState { q: zeros(compiled.nq), v: zeros(compiled.nv), act: zeros(compiled.na) },
-            runge_kutta: uses(Integrator::Rk4).then(|| RungeKuttaStages::new(compiled.nv, compiled.na)),
+            stage: StageState { q: zeros(nq), v: zeros(nv), act: zeros(na) },
+            runge_kutta: uses(Integrator::Rk4).then(|| RungeKuttaStages { sum: [nv, nv, na].map(zeros), rate: [nv, na].map(zeros) }),
             unsymmetric: uses(Integrator::Implicit).then(|| Unsymmetric::new(compiled)),
         }))
     }

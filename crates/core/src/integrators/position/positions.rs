@@ -83,7 +83,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     let PositionSolution { scratch: tested_velocity, correction, .. } = position;
     let flights = input.alive.and_not(substep.is_impact);
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
-    let is_free = !impulses_act && !scheme.predicts();
+    let is_free = !impulses_act && !scheme.implicit_forces;
     // Very fast bodies are evaluated at the beginning of the flight.
     let before = R::select(times.lanes_at_start(), R::zero(), scheme.time_before);
     let time = R::select(substep.ends_at_impact, scheme.h - before, times.closing);

@@ -180,11 +180,8 @@ impl<R: Real> CollisionSearch<R> {
     /// [`CollisionSearch::list_candidates`] must be called first.
     pub(crate) fn find(&mut self, query: &CollisionQuery<'_, R>, predicted: bool, v_solved: &[R]) -> R::Mask {
         kernel!(R, || {
-            self.swept.set_velocity(
-                query.input.compiled,
-                &query.evaluation.kinematics,
-                if predicted { &self.v_by_predicted_impulses } else { v_solved },
-            );
+            let v: &[R] = if predicted { &self.v_by_predicted_impulses } else { v_solved };
+            self.swept.set_velocity(query.input.compiled, &query.evaluation.kinematics, v);
             self.test_paths(query);
         });
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))

@@ -28,7 +28,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     #[inline(always)]
     pub(crate) fn predict(&mut self, probe: impl Probe) {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
-        if !scheme.predicts() {
+        if !scheme.implicit_forces {
             return;
         }
         let constrained = self.problem.constrained.or(self.problem.deferred_lanes(alive));

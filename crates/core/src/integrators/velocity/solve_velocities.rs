@@ -200,7 +200,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let ambiguous = self.ambiguous(residual);
         let Self { free, problem, velocity, .. } = self;
-        if scheme.predicts() && problem.constrained.any() {
+        if scheme.implicit_forces && problem.constrained.any() {
             let FreeMotion { v, unresolved, scratch, .. } = &mut **free;
             find_diverging(compiled, alive, [&state.v, v, &velocity.v], scheme.h, (&mut scratch.motions, unresolved));
         }

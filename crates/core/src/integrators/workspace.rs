@@ -107,9 +107,14 @@ impl<R: Real> Workspace<R> {
             mujoco: MujocoWorkspace::new(compiled, options, max_contacts),
         };
         if options.error.is_some() {
-            workspace.substep_buffers = Some(Buffers::new(compiled, &workspace));
+            workspace.substep_buffers = Some(workspace.new_buffers(compiled));
         }
         workspace
+    }
+
+    /// Buffers of steps that are divided into parts.
+    pub(super) fn new_buffers(&self, compiled: &LaneModel<R>) -> Box<Buffers<R>> {
+        Buffers::new(compiled, &self.state, &self.velocity.scalar_impulse, &self.evaluation.collision.narrow_phase.new_planes)
     }
 
     /// Lanes in which the last step clamped the force of an actuator, in any of its parts.

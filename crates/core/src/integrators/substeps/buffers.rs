@@ -11,7 +11,6 @@ use crate::compile::ModelStructure;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::kinematics::select_into;
 use crate::integrators::state::State;
-use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 
 /// Buffers of steps that are divided into parts.
@@ -137,10 +136,9 @@ impl<R: Real> Buffers<R> {
         });
     }
 
-    /// Buffers for the states of a workspace.
-    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>, s: &Workspace<R>) -> Box<Self> {
-        let state = &s.state;
-        let new = || Snapshot { state: state.clone(), scalar_impulse: s.velocity.scalar_impulse.clone(), impulse_time: R::one() };
+    /// Buffers for states like `state`, with impulses of scalar rows like `scalar_impulse` and separating planes like `planes`.
+    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>, state: &State<R>, scalar_impulse: &[R], planes: &SeparationCache) -> Box<Self> {
+        let new = || Snapshot { state: state.clone(), scalar_impulse: scalar_impulse.to_vec(), impulse_time: R::one() };
         let motion = || [&state.v, &state.q, &state.act].map(Clone::clone);
         let lanes = |count| vec![R::Mask::splat(false); count];
         Box::new(Self {
@@ -161,7 +159,7 @@ impl<R: Real> Buffers<R> {
             was_used: false,
             touched: lanes(compiled.mechanisms.count),
             evaluated: [state.q.clone(), state.v.clone()],
-            planes: s.evaluation.collision.narrow_phase.new_planes.clone(),
+            planes: planes.clone(),
         })
     }
 }

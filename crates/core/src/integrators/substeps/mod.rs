@@ -99,7 +99,7 @@ pub(crate) fn step_in_parts<R: Real>(
     mut solved: Option<StepOutcome<R>>,
     make: impl Fn(&mut Workspace<R>, Option<StepOutcome<R>>) -> (Record<R>, u32),
 ) -> Record<R> {
-    let mut buffers = s.substep_buffers.take().unwrap_or_else(|| Buffers::new(compiled, s));
+    let mut buffers = s.substep_buffers.take().unwrap_or_else(|| s.new_buffers(compiled));
     let (all, h) = (s.alive, options.timestep);
     // Time during which the impulses of the state acted, s.
     let mut impulse_time = R::of(h);

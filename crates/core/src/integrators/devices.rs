@@ -5,7 +5,8 @@ use crate::actuation::{self, ActuatorPipelines};
 use crate::sensing::errors::Errors;
 use crate::sensing::memory::Memory;
 
-/// Device models of one group of environments: actuator pipelines and sensors. The default has no devices, for a trial step whose result is discarded.
+/// Device models of one group of environments: actuator pipelines and sensors. The default has none, for a trial step whose result is
+/// discarded.
 #[derive(Debug, Default)]
 pub struct Devices<'a, S> {
     /// Index of the group in the batch.

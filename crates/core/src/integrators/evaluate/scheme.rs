@@ -37,6 +37,7 @@ pub(crate) struct Scheme<R> {
     pub(crate) in_the_middle: bool,
     /// Whether the mass matrix has the implicit terms of joint damping, joint springs, all servos and fluid drag. Otherwise it has only
     /// those of joint damping and of the servos of actuator dynamics.
+    ///
     /// A step with these terms predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
     pub(crate) implicit_forces: bool,
 }

@@ -1,5 +1,7 @@
 //! List of entries of rows, one row after the other.
 
+use std::ops::Range;
+
 /// List of entries that every step refills, a row at a time.
 ///
 /// It checks its capacity once per row. `Vec::push` checks it for every entry, and its call to the allocator would force values out of
@@ -55,22 +57,22 @@ impl<T: Copy> Entries<T> {
         self.items.resize(self.len, self.blank);
     }
 
-    /// The `n` entries from index `start` on.
+    /// Entries with the indices `range`.
     #[inline(always)]
-    pub(crate) fn row(&self, start: usize, n: usize) -> &[T] {
-        &self.items[start..start + n]
+    pub(crate) fn range(&self, range: Range<usize>) -> &[T] {
+        &self.items[range]
     }
 
-    /// The `n` entries from index `start` on, mutable.
+    /// Entries with the indices `range`, mutable.
     #[inline(always)]
-    pub(crate) fn row_mut(&mut self, start: usize, n: usize) -> &mut [T] {
-        &mut self.items[start..start + n]
+    pub(crate) fn range_mut(&mut self, range: Range<usize>) -> &mut [T] {
+        &mut self.items[range]
     }
 
-    /// Two rows of `n` entries each, which begin at `first` and `second`. The first row is before the second, which is mutable.
+    /// Entries of two ranges. The first range is before the second, whose entries are mutable.
     #[inline(always)]
-    pub(crate) fn two_rows(&mut self, first: usize, second: usize, n: usize) -> (&[T], &mut [T]) {
-        let (before, rest) = self.items.split_at_mut(second);
-        (&before[first..first + n], &mut rest[..n])
+    pub(crate) fn two_ranges(&mut self, first: Range<usize>, second: Range<usize>) -> (&[T], &mut [T]) {
+        let (before, rest) = self.items.split_at_mut(second.start);
+        (&before[first], &mut rest[..second.len()])
     }
 }

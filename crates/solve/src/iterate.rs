@@ -2,7 +2,7 @@
 
 use crate::capacity::Capacity;
 use crate::cone::masked;
-use crate::constraints::constraint_set::{Constraint, SweepLanes};
+use crate::constraints::constraint_set::SweepLanes;
 use crate::constraints::friction::MAX_CONTACT_ROWS;
 use crate::gauss_seidel::history::History;
 use crate::problem::{Problem, System};

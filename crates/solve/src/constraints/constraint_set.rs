@@ -3,7 +3,7 @@
 //! The operations are for the residual, Newton's method and the position solve.
 
 use std::fmt::Debug;
-use std::ops::{Index, Range};
+use std::ops::{Deref, Index, Range};
 use std::slice::SliceIndex;
 
 use crate::admissible_set::AdmissibleSet;
@@ -28,22 +28,35 @@ pub struct Span {
     pub(super) num_rows: usize,
 }
 
-/// Constraint of any kind: one scalar row, or the rows of one contact.
-pub trait Constraint<R: Real>: Copy + Debug {
+/// Part that constraints of all kinds have: one scalar row, or the rows of one contact.
+#[derive(Clone, Copy, Debug)]
+pub struct Constraint<R: Real> {
     /// Place in the lists of the kind.
-    fn span(&self) -> Span;
-
+    pub(super) span: Span,
     /// Lanes in which the solver reads the constraint: it exists there, an impulse can move it, and it is not deferred.
-    fn active(&self) -> R::Mask;
+    pub active: R::Mask,
+    /// Lanes in which no impulse can move the constraint, along its normal if it is a contact. A contact has no rows in these lanes, and
+    /// its impulse does not change.
+    pub immovable: R::Mask,
+}
 
-    /// Lanes in which no impulse can move the constraint, along its normal if it is a contact.
-    fn immovable(&self) -> R::Mask;
-
+impl<R: Real> Constraint<R> {
     /// Range of the constraint's rows among the rows of all constraints of the kind.
     #[inline(always)]
-    fn rows(&self) -> Range<usize> {
-        let Span { first_row, num_rows, .. } = self.span();
-        first_row..first_row + num_rows
+    pub fn rows(&self) -> Range<usize> {
+        self.span.first_row..self.span.first_row + self.span.num_rows
+    }
+
+    /// Range of the constraint's coordinates in the list of coordinates of all constraints of the kind.
+    #[inline(always)]
+    pub(super) fn columns(&self) -> Range<usize> {
+        self.span.first_column..self.span.first_column + self.span.num_columns
+    }
+
+    /// Range of the constraint's Jacobian entries in the list of entries of all constraints of the kind.
+    #[inline(always)]
+    pub fn entries(&self) -> Range<usize> {
+        self.span.y..self.span.y + self.span.num_columns * self.span.num_rows
     }
 }
 
@@ -56,7 +69,7 @@ pub(crate) type RowEntries<'a, R> = (&'a [u32], &'a [R]);
 /// impulse, with a number for each row.
 pub trait ConstraintList<R: Real>: Clone + Debug {
     /// One constraint.
-    type Item: Constraint<R>;
+    type Item: Copy + Debug + Deref<Target = Constraint<R>>;
 
     /// Empty list with memory for a problem of this capacity.
     fn with_capacity(capacity: &Capacity) -> Self;
@@ -290,8 +303,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     /// Coordinates of a constraint, and the entries of its rows: all rows at the first coordinate, then all rows at the second.
     #[inline(always)]
     pub fn entries(&self, row: &T::Item) -> (&[u32], &[R]) {
-        let Span { first_column, num_columns, y, num_rows, .. } = row.span();
-        (&self.columns[first_column..first_column + num_columns], self.y.row(y, num_columns * num_rows))
+        (&self.columns[row.columns()], self.y.range(row.entries()))
     }
 
     /// Adds the scaled velocity change by the impulse `lambda` of constraint `i` to `w`.
@@ -309,7 +321,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
         y: impl Fn(usize) -> [R; N],
         mut visit: impl FnMut(&[R; N]),
     ) -> Span {
-        let first_row = self.rows.items().last().map_or(0, |last| last.span().first_row + last.span().num_rows);
+        let first_row = self.rows.items().last().map_or(0, |last| last.rows().end);
         let span = Span { first_column: self.columns.len(), num_columns: columns.len(), y: self.y.len(), first_row, num_rows: N };
         self.columns.extend_from_slice(columns);
         for (entries, &c) in self.y.extend_by(columns.len() * N).as_chunks_mut::<N>().0.iter_mut().zip(columns) {
@@ -331,7 +343,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     /// Calls `f` for each constraint that is active in a lane ([`Constraint::active`]). `f` gets an iterator over the coordinates at which
     /// this constraint has entries in the lane, ascending.
     pub(crate) fn for_each_column_set(&self, rows: &T, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
-        for row in rows.items().iter().filter(|row| has_lane::<R>(row.active(), lane)) {
+        for row in rows.items().iter().filter(|row| has_lane::<R>(row.active, lane)) {
             f(&mut self.columns_in(row, lane));
         }
     }
@@ -340,12 +352,12 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     fn columns_in(&self, row: &T::Item, lane: usize) -> impl Iterator<Item = u32> {
         let (columns, y) = self.entries(row);
         let touches = move |y: &[R]| y.iter().any(|&y| number_of(y, lane) != 0.0);
-        columns.iter().zip(y.chunks_exact(row.span().num_rows)).filter(move |(_, y)| touches(y)).map(|(c, _)| *c)
+        columns.iter().zip(y.chunks_exact(row.span.num_rows)).filter(move |(_, y)| touches(y)).map(|(c, _)| *c)
     }
 
     /// Constraints of a lane, with their impulses, as a file stores them. Deferred contacts are left out.
     pub(crate) fn save(&self, rows: &T, impulses: &[R], lane: usize) -> Vec<SavedConstraint> {
-        let exists = |row: &T::Item| has_lane::<R>(row.active(), lane) || has_lane::<R>(row.immovable(), lane);
+        let exists = |row: &T::Item| has_lane::<R>(row.active, lane) || has_lane::<R>(row.immovable, lane);
         let numbers = |list: &[R]| list.iter().map(|&x| number_of(x, lane)).collect::<Vec<f64>>();
         let save = |(i, row): (usize, &T::Item)| {
             let ((columns, y), [g, position_g]) = (self.entries(row), rows.offsets(i));
@@ -356,7 +368,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
                 position_g: numbers(position_g),
                 impulse: numbers(&impulses[row.rows()]),
                 eliminated: i < self.eliminated,
-                immovable: has_lane::<R>(row.immovable(), lane),
+                immovable: has_lane::<R>(row.immovable, lane),
                 ..rows.save(i, lane)
             }
         };
@@ -383,7 +395,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     /// Appends the compliance of each row, without the additional compliance of contact normals.
     pub(crate) fn compliances(&self, rows: &T, out: &mut Vec<R>) {
         for (i, row) in rows.items().iter().enumerate() {
-            out.extend(std::iter::repeat_n(rows.uniform_compliance(i), row.span().num_rows));
+            out.extend(std::iter::repeat_n(rows.uniform_compliance(i), row.span.num_rows));
         }
     }
 
@@ -393,7 +405,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     pub(crate) fn for_each_residual(&self, rows: &T, impulses: &[R], w: &[R], mut f: impl FnMut(R)) {
         for (i, row) in rows.items().iter().enumerate() {
             let residual = rows.residual(i, self.entries(row), w, &impulses[row.rows()], self.eliminated > 0);
-            f(masked(row.active(), residual));
+            f(masked(row.active, residual));
         }
     }
 
@@ -406,7 +418,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
         lane: usize,
         f: &mut impl FnMut(&mut dyn Iterator<Item = u32>, f64, f64),
     ) {
-        for (i, row) in rows.items().iter().enumerate().filter(|(_, row)| has_lane::<R>(row.active(), lane)) {
+        for (i, row) in rows.items().iter().enumerate().filter(|(_, row)| has_lane::<R>(row.active, lane)) {
             let lambda = &impulses[row.rows()];
             let residual = rows.residual(i, self.entries(row), w, lambda, self.eliminated > 0);
             f(&mut self.columns_in(row, lane), number_of(residual, lane), number_of(lambda[0].abs(), lane));
@@ -417,7 +429,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     #[inline(always)]
     pub(crate) fn sum_normal_impulses(&self, rows: &T, impulses: &[R], mut sum: R) -> R {
         for row in rows.items() {
-            sum += masked(row.active(), impulses[row.rows().start].abs());
+            sum += masked(row.active, impulses[row.rows().start].abs());
         }
         sum
     }
@@ -438,9 +450,8 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     #[inline(always)]
     pub(crate) fn shift(&mut self, change: &[R]) {
         for i in 0..self.len() {
-            let Span { first_column, num_columns, y, num_rows, .. } = self[i].span();
-            let columns = &self.columns[first_column..first_column + num_columns];
-            self.rows.shift(i, (columns, self.y.row(y, num_columns * num_rows)), change);
+            let entries = (&self.columns[self[i].columns()], self.y.range(self[i].entries()));
+            self.rows.shift(i, entries, change);
         }
     }
 
@@ -476,7 +487,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     pub(crate) fn for_each_shortfall(&self, rows: &T, impulses: &[R], before: &[R], mut f: impl FnMut(R)) {
         for (i, (row, &before)) in rows.items().iter().zip(before).enumerate() {
             let change = if i < self.eliminated { R::zero() } else { impulses[row.rows().start] - before };
-            f(masked(row.active(), rows.shortfall(i, change)));
+            f(masked(row.active, rows.shortfall(i, change)));
         }
     }
 
@@ -484,7 +495,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     #[inline(always)]
     pub(crate) fn for_each_immovable_target(&self, rows: &T, mut f: impl FnMut(R)) {
         for (i, row) in rows.items().iter().enumerate() {
-            f(masked(row.immovable(), rows.immovable_target(i)));
+            f(masked(row.immovable, rows.immovable_target(i)));
         }
     }
 
@@ -493,7 +504,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     #[inline(always)]
     pub(crate) fn for_each_unmet_velocity(&self, rows: &T, mut f: impl FnMut(R)) {
         for (i, row) in rows.items().iter().enumerate() {
-            f(masked(row.immovable(), rows.unmet_velocity(i)));
+            f(masked(row.immovable, rows.unmet_velocity(i)));
         }
     }
 
@@ -516,7 +527,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
             let (columns, y) = self.entries(row);
             let u = rows.normal_velocity(i, (columns, y), w) - rows.offsets(i)[0][0] + g;
             missing_work -= z * u;
-            for (&c, y) in columns.iter().zip(y.chunks_exact(row.span().num_rows)) {
+            for (&c, y) in columns.iter().zip(y.chunks_exact(row.span.num_rows)) {
                 momentum[c as usize] += y[0] * z;
             }
         }

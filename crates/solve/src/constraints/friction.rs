@@ -6,11 +6,13 @@
 //!
 //! w is the scaled velocity change: the change of velocity by the impulses, in coordinates in which the mass matrix is the identity.
 
+use std::ops::Deref;
+
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{masked, movable, project};
 use crate::constraints::constraint_set::{
-    Constraint, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, Span, SweepLanes, add_transposed,
+    Constraint, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, SweepLanes, add_transposed,
     is_nonzero, multiply, number_of,
 };
 use crate::constraints::local_solver::{LocalSolver, NaturalStep};
@@ -25,15 +27,10 @@ pub const MAX_CONTACT_ROWS: usize = 6;
 /// Contact with friction, without the numbers that depend on its number of rows.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real> {
-    /// Place of the contact's coordinates, Jacobian entries and rows in the lists of its set.
-    span: Span,
+    /// Place of the contact, and the lanes in which it is active and in which it is immovable.
+    common: Constraint<R>,
     /// Number of rows, and index of the contact among the contacts with this number.
     index: RowsIndex,
-    /// Lanes in which the solver reads the contact: it exists there, is movable along its normal, and is not deferred.
-    pub active: R::Mask,
-    /// Lanes in which no impulse can move the contact along its normal. The contact has no rows in these lanes, and its impulse does not
-    /// change.
-    immovable: R::Mask,
     /// Lanes in which the contact is deferred: the solver ignores its rows until they are activated.
     deferred: R::Mask,
     /// Friction coefficient of the scaled rows; 0 for a frictionless contact.
@@ -249,7 +246,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionRows<R, N, L> {
     /// Lanes in which a contact is self-locking, see [`FrictionContacts::is_self_locking`].
     #[inline(always)]
     fn is_self_locking(&self, contact: &FrictionContact<R>) -> R::Mask {
-        let (FrictionContact { active, mu, step, .. }, g) = (contact, &self.g);
+        let (FrictionContact { common, mu, step, .. }, g) = (contact, &self.g);
         let trace = step.inv_rho * R::of(N as f64);
         let Some([p, c]) = self.local.fixed_directions(*g, trace) else { return R::Mask::splat(false) };
         let (mut along, mut square, mut across, mut sizes) = (R::zero(), R::zero(), R::zero(), R::zero());
@@ -265,7 +262,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionRows<R, N, L> {
         // Largest power against the offsets g, times |c|, of the impulses (n, x) with |x| = 1 on the edge of the friction cone.
         let turned = ((*mu * length).square() - R::one()).max(R::zero()).sqrt();
         let power = along + across.sqrt() * turned;
-        active.and((*mu * length).gt(R::one())).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
+        common.active.and((*mu * length).gt(R::one())).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
     }
 }
 
@@ -318,10 +315,8 @@ impl<R: Real> FrictionContacts<R> {
         position_g[0] = g[0];
         let index = <[R; N] as RowCount<R, N>>::push(&mut self.rows, FrictionRows { g, position_g, local });
         self.rows.items.push(FrictionContact {
-            span,
+            common: Constraint { span, active, immovable: exists.and_not(active) },
             index,
-            active,
-            immovable: exists.and_not(active),
             deferred: R::Mask::splat(false),
             mu,
             compliance: R::zero(),
@@ -348,33 +343,27 @@ impl<R: Real> FrictionContacts<R> {
         })
     }
 
-    /// Lanes in which the last contact of the list is immovable along its normal.
-    #[inline(always)]
-    pub fn last_is_immovable(&self) -> R::Mask {
-        self.rows.items.last().map_or(R::Mask::splat(false), |contact| contact.immovable)
-    }
-
     /// Makes the last contact of the list movable along its normal in the lanes `lanes`, in which it was immovable. The caller must do
     /// this before setting the mobility ratio and the compliance of the contact.
     pub fn make_movable(&mut self, lanes: R::Mask) {
         kernel!(R, || {
             let Some(contact) = self.rows.items.last_mut() else { return };
             let released = lanes.and(contact.immovable);
-            contact.active = contact.active.or(released);
-            contact.immovable = contact.immovable.and_not(released);
-            let y = self.y.row(contact.span.y, contact.span.num_columns * contact.span.num_rows);
+            contact.common.active = contact.active.or(released);
+            contact.common.immovable = contact.immovable.and_not(released);
+            let y = self.y.range(contact.entries());
             with_rows!([rows: &mut self.rows] of contact => rows.prepare(contact, y));
         })
     }
 
-    /// Clears a small approach speed of the last contact of the list: sets the offset g of its normal row to zero, m/s.
+    /// Clears a small approach speed of contact `i`: sets the offset g of its normal row to zero, m/s.
     ///
     /// The function changes lanes in which no impulse can move the contact along its normal, and the approach speed is at most
     /// `negligible`, m/s.
-    pub fn clear_negligible_approach(&mut self, negligible: R) {
+    pub fn clear_negligible_approach(&mut self, i: usize, negligible: R) {
         kernel!(R, || {
-            let immovable = self.last_is_immovable();
-            let g = self.normal_offset_mut(self.len() - 1);
+            let immovable = self[i].immovable;
+            let g = self.normal_offset_mut(i);
             *g = R::select(immovable.and((-*g).le(negligible)), g.max(R::zero()), *g);
         })
     }
@@ -395,15 +384,6 @@ impl<R: Real> FrictionContacts<R> {
     pub fn set_position_offset(&mut self, position_g: &[R]) {
         if let Some(last) = self.len().checked_sub(1) {
             self.rows.offsets_mut(last)[1].copy_from_slice(position_g);
-        }
-    }
-
-    /// Defers the rows of the last contact of the list in the lanes `lanes`: the solver ignores them until they are activated.
-    #[inline(always)]
-    pub fn defer_last(&mut self, lanes: R::Mask) {
-        if let Some(contact) = self.rows.items.last_mut() {
-            contact.deferred = lanes.and(contact.active);
-            contact.active = contact.active.and_not(lanes);
         }
     }
 
@@ -438,17 +418,17 @@ impl<R: Real> FrictionContacts<R> {
         let contact = &mut self.rows.items[i];
         let lanes = lanes.and(contact.deferred);
         contact.deferred = contact.deferred.and_not(lanes);
-        contact.active = contact.active.or(lanes);
+        contact.common.active = contact.active.or(lanes);
         lanes
     }
 
-    /// Defers the rows of contact `i` in the lanes `lanes`: the solver ignores them until they are activated. In these lanes they must be
-    /// active and have no impulse.
+    /// Defers the rows of contact `i` in those lanes of `lanes` in which they are active: the solver ignores them until they are activated.
+    /// In these lanes they must have no impulse.
     #[inline(always)]
     pub fn defer(&mut self, i: usize, lanes: R::Mask) {
         let contact = &mut self.rows.items[i];
-        contact.active = contact.active.and_not(lanes);
-        contact.deferred = contact.deferred.or(lanes);
+        contact.deferred = contact.deferred.or(lanes.and(contact.active));
+        contact.common.active = contact.active.and_not(lanes);
     }
 
     /// Velocity of each row of contact `i` under impulses that cause the scaled velocity change `w`, m/s, followed by zeros. It includes
@@ -618,20 +598,12 @@ fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
     square.sqrt()
 }
 
-impl<R: Real> Constraint<R> for FrictionContact<R> {
-    #[inline(always)]
-    fn span(&self) -> Span {
-        self.span
-    }
+impl<R: Real> Deref for FrictionContact<R> {
+    type Target = Constraint<R>;
 
     #[inline(always)]
-    fn active(&self) -> R::Mask {
-        self.active
-    }
-
-    #[inline(always)]
-    fn immovable(&self) -> R::Mask {
-        self.immovable
+    fn deref(&self) -> &Constraint<R> {
+        &self.common
     }
 }
 

@@ -92,7 +92,6 @@ impl<R: Real> ScalarRows<R> {
         let tolerance = R::of(dependence_threshold::<R>());
         let RowScales { lengths, velocities, mut entries } = scales;
         for (k, &length) in rows.clone().zip(lengths) {
-            let at = self.rows.items[k].span.y;
             let n = self.rows.items[k].span.num_columns;
             for j in rows.start..k {
                 let coefficient = self.remove_projection(k, j, None);
@@ -107,24 +106,24 @@ impl<R: Real> ScalarRows<R> {
                 let other = velocities[i];
                 velocities[k - rows.start] += square * other;
             }
-            let mut remaining = self.squared_length(at, n);
+            let mut remaining = self.squared_length(k);
             let short = self.rows.items[k].active.and_not(remaining.gt(tolerance * length));
             let mut independent = short.not();
             if short.any() {
                 let Some(EntryScales { squares, coefficients }) = &mut entries else { return false };
                 let own = &mut squares[(k - rows.start) * n..][..n];
                 independent = independent.or(self.repeat_projection(rows.start..k, k, short, [own, coefficients], right_hand_sides));
-                remaining = R::select(short, self.squared_length(at, n), remaining);
+                remaining = R::select(short, self.squared_length(k), remaining);
             }
             let row = &mut self.rows.items[k];
             let was_active = row.active;
-            row.active = was_active.and(independent).and(remaining.gt(R::zero()));
-            row.immovable = row.immovable.or(was_active.and_not(row.active));
+            row.common.active = was_active.and(independent).and(remaining.gt(R::zero()));
+            row.common.immovable = row.immovable.or(was_active.and_not(row.active));
             row.diagonal = R::select(row.active, remaining, R::zero());
             row.inv_diagonal = R::one() / R::select(row.active, remaining, R::one());
             adjust(row, &mut right_hand_sides[k - rows.start]);
-            let active = row.active;
-            for y in self.y.row_mut(at, n) {
+            let (active, entries) = (row.active, row.entries());
+            for y in self.y.range_mut(entries) {
                 *y = R::select(active, *y, R::zero());
             }
         }
@@ -148,11 +147,10 @@ impl<R: Real> ScalarRows<R> {
         kernel!(R, || {
             let threshold = R::of(entry_threshold::<R>());
             let rounding = R::of(ROUNDING_RATIO / entry_threshold::<R>());
-            let n = scales.len();
             for (j, coefficient) in others.clone().zip(&mut *coefficients) {
                 let row = &self.rows.items[j];
                 let mut square = R::zero();
-                for (&scale, &y) in scales.iter().zip(self.y.row(row.span.y, n)) {
+                for (&scale, &y) in scales.iter().zip(self.y.range(row.entries())) {
                     square += scale * y.square();
                 }
                 *coefficient = square * row.inv_diagonal.square();
@@ -161,23 +159,23 @@ impl<R: Real> ScalarRows<R> {
                 let coefficient = self.remove_projection(k, j, Some(lanes));
                 let square = error + rounding * coefficient.square();
                 subtract_right_hand_sides(right_hand_sides, k - others.start, j - others.start, coefficient);
-                for (x, &y) in scales.iter_mut().zip(self.y.row(self.rows.items[j].span.y, n)) {
+                for (x, &y) in scales.iter_mut().zip(self.y.range(self.rows.items[j].entries())) {
                     *x += square * y.square();
                 }
             }
             let mut independent = R::Mask::splat(false);
-            for (&y, &scale) in self.y.row(self.rows.items[k].span.y, n).iter().zip(&*scales) {
+            for (&y, &scale) in self.y.range(self.rows.items[k].entries()).iter().zip(&*scales) {
                 independent = independent.or(y.square().gt(threshold * scale));
             }
             independent.and(lanes)
         })
     }
 
-    /// Squared length of the row whose `n` entries begin at index `at`.
+    /// Squared length of row `k`.
     #[inline(always)]
-    fn squared_length(&self, at: usize, n: usize) -> R {
+    fn squared_length(&self, k: usize) -> R {
         let mut sum = R::zero();
-        for &y in self.y.row(at, n) {
+        for &y in self.y.range(self.rows.items[k].entries()) {
             sum += y * y;
         }
         sum
@@ -187,9 +185,9 @@ impl<R: Real> ScalarRows<R> {
     /// subtracted.
     #[inline(always)]
     fn remove_projection(&mut self, k: usize, j: usize, lanes: Option<R::Mask>) -> R {
-        let n = self.rows.items[k].span.num_columns;
-        debug_assert_eq!(n, self.rows.items[j].span.num_columns, "rows with the same columns");
-        let (before, row) = self.y.two_rows(self.rows.items[j].span.y, self.rows.items[k].span.y, n);
+        let [earlier, own] = [j, k].map(|i| self.rows.items[i].entries());
+        debug_assert_eq!(earlier.len(), own.len(), "rows with the same columns");
+        let (before, row) = self.y.two_ranges(earlier, own);
         let mut product = R::zero();
         for (&a, &b) in before.iter().zip(row.iter()) {
             product += a * b;

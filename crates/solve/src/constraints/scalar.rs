@@ -1,12 +1,12 @@
 //! Scalar rows: equalities, limits and dry friction, each with one impulse in an interval.
 
-use std::ops::{IndexMut, Range};
+use std::ops::{Deref, IndexMut};
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{clamp, masked};
 use crate::constraints::constraint_set::{
-    Constraint, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, Span, SweepLanes, add_transposed,
+    Constraint, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, SweepLanes, add_transposed,
     is_nonzero, number_of,
 };
 use stepper_real::{Mask, Real};
@@ -15,10 +15,8 @@ use stepper_real::{Mask, Real};
 /// for a friction force f and a time step h).
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
-    /// Place of the row's coordinates and Jacobian entries in the lists of its set.
-    pub(super) span: Span,
-    /// Lanes in which the solver reads the row: it exists there, and an impulse can move it.
-    pub active: R::Mask,
+    /// Place of the row, and the lanes in which it exists and in which an impulse can move it.
+    pub(super) common: Constraint<R>,
     /// Velocity g of the row before any impulse, plus its bias (the negated velocity target), m/s or rad/s. This value is for the velocity
     /// solve; `position_g` is for the position solve.
     pub g: R,
@@ -41,23 +39,9 @@ pub struct ScalarRow<R: Real> {
     pub(super) mobility: R,
     /// Velocity by which damping at assembly reduced the row's target, m/s or rad/s, see [`ScalarRow::damp_correction`].
     pub(super) damping_deficit: R,
-    /// Lanes in which no impulse can move the row.
-    pub(super) immovable: R::Mask,
 }
 
 impl<R: Real> ScalarRow<R> {
-    /// Range of the row's Jacobian entries in the list of entries of all scalar rows.
-    #[inline(always)]
-    pub fn entries(&self) -> Range<usize> {
-        self.span.y..self.span.y + self.span.num_columns
-    }
-
-    /// Lanes in which no impulse can change the velocity of the row.
-    #[inline(always)]
-    pub fn immovable(&self) -> R::Mask {
-        self.immovable
-    }
-
     /// Coefficient c for which c y is the projection of another row onto the entries y of this row. `along` is the dot product of the
     /// entries of both rows.
     #[inline(always)]
@@ -138,8 +122,7 @@ impl<R: Real> ScalarRows<R> {
         );
         let movable = diagonal.gt(R::zero());
         self.rows.items.push(ScalarRow {
-            span,
-            active: exists.and(movable),
+            common: Constraint { span, active: exists.and(movable), immovable: exists.and_not(movable) },
             g,
             position_g: g,
             lo: bounds[0],
@@ -150,7 +133,6 @@ impl<R: Real> ScalarRows<R> {
             mobility_ratio: R::one(),
             mobility: diagonal,
             damping_deficit: R::zero(),
-            immovable: exists.and_not(movable),
         });
     }
 
@@ -171,7 +153,7 @@ impl<R: Real> ScalarRows<R> {
             row.diagonal += compliance;
             row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
             // A row with a compliance does not count as immovable.
-            row.immovable = row.immovable.and_not(compliance.gt(R::zero()));
+            row.common.immovable = row.immovable.and_not(compliance.gt(R::zero()));
         }
     }
 
@@ -243,7 +225,7 @@ impl<R: Real> ScalarRows<R> {
         self.set_position_offset(R::of(saved.position_g[0]));
         if let Some(row) = self.rows.items.last_mut() {
             (row.mobility_ratio, row.mobility) = (R::of(saved.mobility_ratio), R::of(saved.mobility));
-            (row.damping_deficit, row.immovable) = (R::of(saved.damping_deficit), immovable);
+            (row.damping_deficit, row.common.immovable) = (R::of(saved.damping_deficit), immovable);
         }
     }
 
@@ -280,20 +262,12 @@ impl<R: Real> IndexMut<usize> for ScalarRows<R> {
     }
 }
 
-impl<R: Real> Constraint<R> for ScalarRow<R> {
-    #[inline(always)]
-    fn span(&self) -> Span {
-        self.span
-    }
+impl<R: Real> Deref for ScalarRow<R> {
+    type Target = Constraint<R>;
 
     #[inline(always)]
-    fn active(&self) -> R::Mask {
-        self.active
-    }
-
-    #[inline(always)]
-    fn immovable(&self) -> R::Mask {
-        self.immovable
+    fn deref(&self) -> &Constraint<R> {
+        &self.common
     }
 }
 

@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use crate::constraints::constraint_set::{Constraint, ConstraintList, ConstraintSet, LaneConstraint, has_lane, number_of};
+use crate::constraints::constraint_set::{ConstraintList, ConstraintSet, LaneConstraint, has_lane, number_of};
 use crate::constraints::friction::MAX_CONTACT_ROWS;
 use crate::iterate::Iterate;
 use crate::problem::System;
@@ -135,7 +135,7 @@ impl Lane {
             if i < set.eliminated {
                 let lambda = number_of(lambda[0], lane);
                 columns.iter().zip(entries).for_each(|(&c, y)| self.eliminated[c as usize] += y * lambda);
-            } else if has_lane::<R>(row.active(), lane) {
+            } else if has_lane::<R>(row.active, lane) {
                 let mut numbers = [[0.0; MAX_CONTACT_ROWS]; 2];
                 for (to, from) in numbers.iter_mut().zip([g, lambda]) {
                     to.iter_mut().zip(from).for_each(|(to, &x)| *to = number_of(x, lane));

@@ -14,7 +14,7 @@
 use std::ops::Range;
 
 use crate::admissible_set::{AdmissibleSet, Mode, Product};
-use crate::constraints::constraint_set::{Constraint, number_of};
+use crate::constraints::constraint_set::number_of;
 use crate::constraints::friction::MAX_CONTACT_ROWS;
 use crate::iterate::Iterate;
 use crate::newton::lane::{Lane, LaneBlock};

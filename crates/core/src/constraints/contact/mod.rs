@@ -187,10 +187,10 @@ impl<R: Real> Assembler<'_, R> {
             offsets,
             least,
         );
-        if self.problem.rows.contacts.last_is_immovable().any() {
+        if self.problem.rows.contacts[contact].immovable.any() {
             let (movable, negligible) = self.find_movable(input, contacts, k, lanes, g[0]);
             self.problem.rows.contacts.make_movable(movable);
-            self.problem.rows.contacts.clear_negligible_approach(negligible);
+            self.problem.rows.contacts.clear_negligible_approach(contact, negligible);
         }
         if let Some(terms) = curvature {
             self.problem.curvature_terms.push(CurvatureTerms { contact, terms });
@@ -216,11 +216,11 @@ impl<R: Real> Assembler<'_, R> {
         }
         set.set_position_offset(&position);
         // The solver has no rows for an immovable contact, and could not activate them.
-        let immovable = set.last_is_immovable();
+        let immovable = set[contact].immovable;
         let deferred_lanes = deferred.lanes.and_not(immovable);
         let not_deferred = exists.and_not(deferred_lanes);
         if deferred_lanes.any() {
-            set.defer_last(deferred_lanes);
+            set.defer(contact, deferred_lanes);
             let mut initial = [R::zero(); MAX_CONTACT_ROWS];
             initial[..N].copy_from_slice(&impulse);
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: deferred_lanes, impulse: initial, ..deferred });

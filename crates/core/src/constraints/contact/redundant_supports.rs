@@ -21,7 +21,7 @@
 use std::ops::Range;
 
 use stepper_real::{Mask, Real, Scalar, kernel};
-use stepper_solve::{Constraint, Iterate, MAX_CONTACT_ROWS, Problem};
+use stepper_solve::{Iterate, MAX_CONTACT_ROWS, Problem};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;

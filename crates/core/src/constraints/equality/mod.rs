@@ -323,7 +323,7 @@ impl<R: Real> Assembler<'_, R> {
             let row = &mut self.problem.rows.scalars[start + k];
             let most = before.abs();
             let uncorrected = row.g + curve.clamp(-most, most);
-            let none = row.immovable().and(uncorrected.square().le(rounding * self.builder.velocity_scales[scales + k]));
+            let none = row.immovable.and(uncorrected.square().le(rounding * self.builder.velocity_scales[scales + k]));
             let uncorrected = R::select(none, R::zero(), uncorrected);
             [row.g, row.position_g] = stabilized(input, uncorrected, uncorrected + correction);
             let lambda = &mut self.velocity.impulses.scalars[start + k];

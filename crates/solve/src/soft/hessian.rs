@@ -250,31 +250,25 @@ impl<R: Real> Hessian<R> {
         for (&place, &x) in self.places.iter().zip(&*x) {
             self.ordered[place as usize] = x;
         }
-        self.solve_ordered();
-        for (&place, x) in self.places.iter().zip(x) {
-            *x = self.ordered[place as usize];
-        }
-    }
-
-    /// Solves the linear system in place for the buffer `ordered`, whose entries are in the order of the matrix rows.
-    #[inline(always)]
-    fn solve_ordered(&mut self) {
-        let (n, x) = (self.dimension, &mut self.ordered);
+        let (n, ordered) = (self.dimension, &mut self.ordered);
         for i in (0..n).rev() {
-            let (row, value) = (&self.entries[i * n..][..=i], x[i]);
+            let (row, value) = (&self.entries[i * n..][..=i], ordered[i]);
             for run in &self.runs[i] {
-                subtract(&mut x[run.clone()], &row[run.clone()], value);
+                subtract(&mut ordered[run.clone()], &row[run.clone()], value);
             }
         }
         for i in 0..n {
             let row = &self.entries[i * n..][..=i];
-            let mut value = x[i] * row[i];
+            let mut value = ordered[i] * row[i];
             for run in &self.runs[i] {
-                for (&l, &x) in row[run.clone()].iter().zip(&x[run.clone()]) {
+                for (&l, &x) in row[run.clone()].iter().zip(&ordered[run.clone()]) {
                     value -= l * x;
                 }
             }
-            x[i] = value;
+            ordered[i] = value;
+        }
+        for (&place, x) in self.places.iter().zip(x) {
+            *x = ordered[place as usize];
         }
     }
 }

@@ -273,7 +273,7 @@ impl<R: Real> SoftSolver<R> {
         for ((x, &a), &free) in self.direction.iter_mut().zip(a).zip(free) {
             *x = a - free;
         }
-        multiply(metric, &self.direction, &mut self.inertial);
+        metric.multiply(&self.direction, &mut self.inertial);
     }
 
     /// Computes the gradient M (a - a0) - J^T f of the objective, where f are the row forces and a0 the free acceleration. Returns the
@@ -309,7 +309,7 @@ impl<R: Real> SoftSolver<R> {
         }
         self.hessian.solve(&mut self.direction);
         self.change.multiply(problem, &self.direction, false);
-        multiply(metric, &self.direction, &mut self.inertial_change);
+        metric.multiply(&self.direction, &mut self.inertial_change);
         let step = self.search(problem, lanes);
         advance(a, &self.direction, step);
         advance(&mut self.inertial, &self.inertial_change, step);
@@ -351,9 +351,7 @@ impl<R: Real> SoftSolver<R> {
         }
         R::select(lanes, step, R::zero())
     }
-}
 
-impl<R: Real> SoftSolver<R> {
     /// Derivative of the objective along the search direction, after a step of length `step`. The argument `slope` is the contribution of
     /// the kinetic term.
     #[inline(always)]
@@ -376,20 +374,5 @@ impl<R: Real> SoftSolver<R> {
         }
         let sum = problem.contacts.add_curvatures(problem.cone, &argument.contacts, &change.contacts, step, sum);
         problem.rolling_contacts.add_curvatures(problem.cone, &argument.rolling_contacts, &change.rolling_contacts, step, sum)
-    }
-}
-
-/// Multiplies the mass matrix M by the vector `x`, and writes M x to `out`.
-#[inline(always)]
-fn multiply<R: Real>(metric: &impl Metric<R>, x: &[R], out: &mut [R]) {
-    out.fill(R::zero());
-    for i in 0..metric.dimension() {
-        let (columns, entries) = metric.row(i);
-        let mut sum = entries[0] * x[i];
-        for (&c, &entry) in columns[1..].iter().zip(&entries[1..]) {
-            sum += entry * x[c as usize];
-            out[c as usize] += entry * x[i];
-        }
-        out[i] += sum;
     }
 }

@@ -333,7 +333,7 @@ impl<R: Real> NoSlip<R> {
             let (columns, jacobian) = problem.entries(row);
             if is_dry_friction(row.bounds) {
                 let least = LEAST_INVERSE_INERTIA[0];
-                rows.push_responses(&mut respond, trees, (columns, as_rows(jacobian)), 0..1, work, least);
+                rows.push_responses(&mut respond, trees, (columns, jacobian.as_chunks().0), 0..1, work, least);
             } else {
                 rows.spans.push(0..0);
                 rows.inertia.push([[R::zero()]]);
@@ -404,7 +404,7 @@ impl<R: Real> NoSlip<R> {
                 continue;
             }
             let (columns, jacobian) = problem.entries(row);
-            let increase = self.rows.visit_row((columns, as_rows(jacobian)), [i, 0], row.reference, row.bounds, lanes, a);
+            let increase = self.rows.visit_row((columns, jacobian.as_chunks().0), [i, 0], row.reference, row.bounds, lanes, a);
             self.add_improvement(i, -increase);
         }
     }
@@ -713,12 +713,6 @@ fn inverse<R: Real>(x: R) -> R {
 #[inline(always)]
 fn is_dry_friction<R: Real>(bounds: [R; 2]) -> bool {
     bounds[0].gt(R::of(f64::NEG_INFINITY)).and(bounds[1].lt(R::of(f64::INFINITY))).any()
-}
-
-/// Jacobian of one scalar row in the layout of contacts: for each coordinate an array with one entry per row, here one entry.
-#[inline(always)]
-fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
-    jacobian.as_chunks::<1>().0
 }
 
 /// Placeholder for the tree of a row or contact in a lane that does not have it.

@@ -29,6 +29,20 @@ pub trait Metric<R: Real> {
     fn row(&self, i: usize) -> (&[u32], &[R]);
     /// Replaces the vector `x` by M^-1 x.
     fn solve(&self, x: &mut [R]);
+    /// Multiplies the mass matrix M by the vector `x`, and writes M x to `out`.
+    #[inline(always)]
+    fn multiply(&self, x: &[R], out: &mut [R]) {
+        out.fill(R::zero());
+        for i in 0..self.dimension() {
+            let (columns, entries) = self.row(i);
+            let mut sum = entries[0] * x[i];
+            for (&c, &entry) in columns[1..].iter().zip(&entries[1..]) {
+                sum += entry * x[c as usize];
+                out[c as usize] += entry * x[i];
+            }
+            out[i] += sum;
+        }
+    }
 }
 
 /// Scalar row with the force -D u between two bounds, where D is its weight. Here u = J a - r is its acceleration J a relative to its

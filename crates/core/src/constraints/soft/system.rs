@@ -114,18 +114,8 @@ impl<R: Real> SoftSystem<R> {
 
     /// Computes the product of the mass matrix and the acceleration into `out`.
     #[inline(always)]
-    pub fn multiply_mass(&self, compiled: &LaneModel<R>, out: &mut [R]) {
-        out.fill(R::zero());
-        for i in 0..compiled.nv {
-            let (dof, a) = (&compiled.dofs[i], self.acceleration[i]);
-            let (chain, entries) = (compiled.chain_of(i), &self.mass[dof.chain..dof.chain + dof.depth]);
-            let mut sum = entries[0] * a;
-            for (&c, &entry) in chain[1..].iter().zip(&entries[1..]) {
-                sum += entry * self.acceleration[c as usize];
-                out[c as usize] += entry * a;
-            }
-            out[i] += sum;
-        }
+    pub fn multiply_mass(&self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, out: &mut [R]) {
+        TreeMass { compiled, mass: &self.mass, factors }.multiply(&self.acceleration, out);
     }
 
     /// Sets the initial acceleration from `impulse`, the generalized impulse of all constraints in the last step of `h` seconds.

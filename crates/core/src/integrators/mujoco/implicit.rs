@@ -50,7 +50,7 @@ pub(super) fn integrate_velocity<R: Real>(
         return;
     }
     kernel!(R, || {
-        system.multiply_mass(compiled, work);
+        system.multiply_mass(compiled, &smooth.mass, work);
         smooth.mass.entries.copy_from_slice(&system.mass);
         smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), late_step: R::zero() }, &mut []);
     });

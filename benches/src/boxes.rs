@@ -3,7 +3,7 @@
 //! Each problem is the contact problem of one time step of [`STEP`] seconds. The boxes start at rest under gravity, without warm start.
 
 use stepper_real::Real;
-use stepper_solve::{Iterate, Problem};
+use stepper_solve::{Capacity, Iterate, Problem};
 
 /// Time step, s.
 pub const STEP: f64 = 0.002;
@@ -150,8 +150,8 @@ impl Heap {
     /// The variable w of the problem is the velocity change of each box, times the square root of the mass or moment of inertia.
     pub fn problem(&self) -> (Problem<f64>, Iterate<f64>) {
         let n = 6 * self.bricks.len();
-        let mut problem = Problem::with_capacity(n, 0, self.contacts.len());
-        let mut iterate = Iterate::with_capacity(n, 0, self.contacts.len());
+        let capacity = Capacity { contacts: self.contacts.len(), columns_per_contact: n, ..Capacity::of_coordinates(n) };
+        let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
         for &(below, above, point, axis) in &self.contacts {
             let axes = [axis, (axis + 1) % 3, (axis + 2) % 3];
             let mut ends: Vec<(usize, f64)> = below.map(|i| (i, -1.0)).into_iter().chain([(above, 1.0)]).collect();

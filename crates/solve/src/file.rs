@@ -16,11 +16,11 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::SavedConstraint;
+use crate::constraints::constraint_set::{SavedConstraint, has_lane, number_of};
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
 use crate::solver::Settings;
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real};
 
 /// First bytes of every saved problem. The last byte is not valid UTF-8, so that no text file begins like this.
 const MAGIC: [u8; 8] = *b"problem\xff";
@@ -39,11 +39,7 @@ const MOST_COORDINATES: usize = 1 << 20;
 struct Payload {
     dimension: usize,
     redundant: bool,
-    sweeps: u32,
-    newton_steps: u32,
-    tolerance: f64,
-    newton_threshold: f64,
-    accepted_residual: f64,
+    settings: Settings<f64>,
     scalars: Vec<SavedConstraint>,
     contacts: Vec<SavedConstraint>,
 }
@@ -80,14 +76,11 @@ impl<R: Real> System<'_, R> {
     /// Bytes of a saved problem: the rows of the lane `lane`, the impulses of `iterate` and the limits `settings` of a solve.
     /// [`Problem::from_bytes`] reads them.
     pub fn to_bytes(&self, iterate: &Iterate<R>, settings: &Settings<R>, lane: usize) -> Vec<u8> {
-        let (dimension, redundant) = (self.problem.dimension(), self.problem.newly_loaded.bits() >> lane & 1 == 1);
-        let Settings { sweeps, newton_steps, tolerance, newton_threshold, accepted_residual } = *settings;
-        let [tolerance, newton_threshold, accepted_residual] =
-            [tolerance, newton_threshold, accepted_residual].map(|x| x.lane(lane).to_f64());
+        let (dimension, redundant) = (self.problem.dimension, has_lane::<R>(self.problem.newly_loaded, lane));
+        let settings = settings.map(|x| number_of(x, lane));
         let scalars = self.problem.scalars.save(self.scalars, &iterate.scalars, lane);
         let contacts = self.problem.contacts.save(self.contacts, &iterate.contacts, lane);
-        let payload =
-            Payload { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, accepted_residual, scalars, contacts };
+        let payload = Payload { dimension, redundant, settings, scalars, contacts };
         let payload = postcard::to_stdvec(&payload).expect("a problem is plain data in memory: numbers and sequences of known length");
         let digest: [u8; 32] = Sha256::digest(&payload).into();
         [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
@@ -141,8 +134,8 @@ fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
 impl Payload {
     /// Problem with the numbers of the payload in every lane of `R`.
     fn problem<R: Real>(&self) -> Result<LoadedProblem<R>, String> {
-        let Self { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, accepted_residual, .. } = *self;
-        let limits = [newton_threshold, accepted_residual];
+        let Self { dimension, redundant, settings, .. } = *self;
+        let (tolerance, limits) = (settings.tolerance, [settings.newton_threshold, settings.accepted_residual]);
         if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && limits.iter().all(|&limit| limit >= tolerance)) {
             return Err(format!("{dimension} coordinates, tolerance {tolerance}, limits {limits:?}: not of a problem"));
         }
@@ -164,8 +157,6 @@ impl Payload {
         }
         problem.newly_loaded = R::Mask::splat(redundant);
         iterate.compute_w(&problem);
-        let [tolerance, newton_threshold, accepted_residual] = [tolerance, newton_threshold, accepted_residual].map(R::of);
-        let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold, accepted_residual };
-        Ok(LoadedProblem { problem, iterate, settings })
+        Ok(LoadedProblem { problem, iterate, settings: settings.map(R::of) })
     }
 }

@@ -9,11 +9,12 @@ pub(crate) mod history;
 mod sweep;
 
 use crate::constraints::constraint_set::SweepLanes;
-use crate::gauss_seidel::acceleration::{recompute_w, reset_history};
+use crate::gauss_seidel::acceleration::reset_history;
 use crate::gauss_seidel::sweep::Progress;
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
 use crate::residual::residual;
+use crate::solver::Outcome;
 use stepper_real::{Mask, Real, kernel};
 
 /// Limits of a solve by sweeps (Gauss-Seidel iterations).
@@ -23,15 +24,6 @@ pub struct SweepSettings<R> {
     pub sweeps: u32,
     /// Residual at which a lane is solved, m/s.
     pub tolerance: R,
-}
-
-/// Result of a solve by sweeps (Gauss-Seidel iterations), in each lane.
-#[derive(Clone, Copy, Debug)]
-pub struct SweepOutcome<R: Real> {
-    /// Residual of the returned impulses, m/s.
-    pub residual: R,
-    /// Number of sweeps (Gauss-Seidel iterations) of each lane.
-    pub sweeps: R,
 }
 
 /// Largest number of sweeps that any settings allow. Lanes count their sweeps in floating point, and floats of 32 bits cannot count beyond
@@ -48,7 +40,7 @@ pub fn solve<'a, R: Real>(
     iterate: &mut Iterate<R>,
     settings: SweepSettings<R>,
     lanes: R::Mask,
-) -> SweepOutcome<R> {
+) -> Outcome<R> {
     let system = system.into();
     kernel!(R, || {
         let tolerance = settings.tolerance;
@@ -68,7 +60,7 @@ pub fn solve<'a, R: Real>(
             progress.running = unsolved;
             progress.threshold = R::select(unsolved, progress.threshold * R::of(0.25), progress.threshold);
         }
-        SweepOutcome { residual: worst, sweeps: progress.sweeps }
+        Outcome { residual: worst, sweeps: progress.sweeps, newton_steps: R::zero() }
     })
 }
 
@@ -110,7 +102,7 @@ fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, 
         progress.sweep(system, iterate);
     }
     if system.needs_residual && progress.extrapolated.any() {
-        recompute_w(iterate, system.problem, progress.extrapolated);
+        iterate.recompute_w(system.problem, progress.extrapolated);
         progress.extrapolated = R::Mask::splat(false);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::capacity::Capacity;
 use crate::cone::masked;
-use crate::constraints::constraint_set::SweepLanes;
+use crate::constraints::constraint_set::{ConstraintList, SweepLanes};
 use crate::constraints::friction::MAX_CONTACT_ROWS;
 use crate::gauss_seidel::history::History;
 use crate::problem::{Problem, System};
@@ -119,11 +119,6 @@ fn copy_lanes<R: Real>(from: &[R], to: &mut [R], lanes: R::Mask) {
 }
 
 impl<R: Real> Iterate<R> {
-    /// Iterate without impulses, with memory for `dimension` coordinates, `scalars` scalar rows and `contacts` contacts with three rows.
-    pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
-        Self::new(&Capacity { dimension, scalars, contacts, ..Capacity::default() })
-    }
-
     /// Iterate without impulses, with memory for a problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
         let Snapshot { scalars, contacts, .. } = Snapshot::new(capacity);
@@ -168,7 +163,15 @@ impl<R: Real> Iterate<R> {
     /// of each row, N s or N m s, followed by zeros.
     #[inline(always)]
     pub fn take_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask) -> [R; MAX_CONTACT_ROWS] {
-        problem.contacts.take_impulse(i, lanes, &mut self.contacts, &mut self.w)
+        let lambda = &mut self.contacts[problem.contacts[i].rows()];
+        let [mut before, mut change] = [[R::zero(); MAX_CONTACT_ROWS]; 2];
+        for (k, lambda) in lambda.iter_mut().enumerate() {
+            before[k] = *lambda;
+            change[k] = -masked(lanes, *lambda);
+            *lambda = R::select(lanes, R::zero(), *lambda);
+        }
+        problem.contacts.add(i, &change[..lambda.len()], &mut self.w);
+        before
     }
 
     /// Impulse of each row of contact `i`, N s or N m s.
@@ -188,27 +191,28 @@ impl<R: Real> Iterate<R> {
     /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.
     #[inline(always)]
     pub fn friction_work(&self, problem: &Problem<R>, i: usize) -> R {
-        problem.contacts.friction_work(i, &self.contacts, &self.w)
+        let (velocity, [g, _]) = (problem.contacts.velocity(i, &self.w), problem.contacts.rows.offsets(i));
+        let (lambda, mut work) = (self.contact_impulse(problem, i), R::zero());
+        for k in 1..lambda.len() {
+            work += lambda[k] * (velocity[k] + g[k]);
+        }
+        work * R::of(0.5)
     }
 
-    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
+    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s. The residual of the contact cannot be smaller.
     #[inline(always)]
     pub fn impulse_rounding(&self, problem: &Problem<R>, i: usize) -> R {
-        problem.contacts.impulse_rounding(i, &self.contacts)
+        let contact = &problem.contacts[i];
+        self.contacts[contact.rows().start] * contact.step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
     }
 
-    /// Sets the impulses of all contacts to zero in the lanes `lanes`, and recomputes the scaled velocity change w there. `scratch` is a
-    /// buffer of the length of w.
-    pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask, scratch: &mut [R]) {
+    /// Sets the impulses of all contacts to zero in the lanes `lanes`, and recomputes the scaled velocity change w there.
+    pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask) {
         kernel!(R, || {
             for impulse in &mut self.contacts {
                 *impulse = R::select(lanes, R::zero(), *impulse);
             }
-            scratch.copy_from_slice(&self.w);
-            self.compute_w(problem);
-            for (w, &kept) in self.w.iter_mut().zip(&*scratch) {
-                *w = R::select(lanes, *w, kept);
-            }
+            self.recompute_w(problem, lanes);
         });
     }
 
@@ -234,6 +238,17 @@ impl<R: Real> Iterate<R> {
         problem.scalars.add_impulses(&self.scalars, &mut self.w);
         problem.contacts.add_impulses(&self.contacts, &mut self.w);
         self.multipliers.resize(problem.contacts.len(), R::zero());
+    }
+
+    /// Recomputes the scaled velocity change w from the impulses in the lanes `lanes`. The other lanes keep all bits. The history of sweeps
+    /// must begin anew.
+    #[inline(always)]
+    pub(crate) fn recompute_w(&mut self, problem: &Problem<R>, lanes: R::Mask) {
+        std::mem::swap(&mut self.w, &mut self.history.start);
+        self.compute_w(problem);
+        for (w, &before) in self.w.iter_mut().zip(&self.history.start) {
+            *w = R::select(lanes, *w, before);
+        }
     }
 
     /// Makes one Gauss-Seidel iteration over all rows, except the eliminated equalities, which are solved separately. Returns the largest

@@ -12,7 +12,7 @@
 //! the bounds c_d meets the targets (weak duality).
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{ConstraintList, Damping, ReferenceRows};
+use crate::constraints::constraint_set::{ConstraintList, Damping};
 use crate::constraints::friction::ContactList;
 use crate::constraints::scalar::ScalarList;
 use crate::iterate::Iterate;
@@ -72,13 +72,12 @@ impl<R: Real> PositionRows<R> {
         added_mobilities: &[R],
         reference: &mut Reference<R>,
     ) {
-        let Reference { w, lambda, g, .. } = reference;
+        let Reference { w, rows, .. } = reference;
         w.clone_from(&iterate.w);
-        lambda.clear();
-        g.clear();
+        rows.clear();
         let (scalars, contacts) = added_mobilities.split_at(problem.scalars.len());
-        problem.scalars.damp(&mut self.scalars, &iterate.scalars, damping, scalars, [&mut *lambda, &mut *g]);
-        problem.contacts.damp(&mut self.contacts, &iterate.contacts, damping, contacts, [lambda, g]);
+        problem.scalars.damp(&mut self.scalars, &iterate.scalars, damping, scalars, rows);
+        problem.contacts.damp(&mut self.contacts, &iterate.contacts, damping, contacts, rows);
     }
 }
 
@@ -87,7 +86,7 @@ impl<R: Real> System<'_, R> {
     /// impulses at which damping causes no velocity.
     #[inline(always)]
     fn for_each_shortfall(&self, iterate: &Iterate<R>, reference: &Reference<R>, mut f: impl FnMut(R)) {
-        let (scalars, contacts) = reference.lambda.split_at(self.problem.scalars.len());
+        let (scalars, contacts) = reference.rows.split_at(self.problem.scalars.len());
         self.problem.scalars.for_each_shortfall(self.scalars, &iterate.scalars, scalars, &mut f);
         self.problem.contacts.for_each_shortfall(self.contacts, &iterate.contacts, contacts, f);
     }
@@ -127,9 +126,9 @@ impl<R: Real> System<'_, R> {
         kernel!(R, || {
             let mut worst = WorstConstraint::new(lane);
             self.for_each_shortfall(iterate, reference, |x| worst.visit(x));
-            worst.restart();
+            worst.next = 0;
             self.for_each_immovable_target(|x| worst.visit(x));
-            worst.constraint().map(|(i, _)| i)
+            worst.worst.map(|(i, _)| i)
         })
     }
 
@@ -165,7 +164,7 @@ impl<R: Real> System<'_, R> {
         kernel!(R, || {
             let mut worst = WorstConstraint::new(lane);
             self.for_each_unmet_velocity(|x| worst.visit(x));
-            worst.constraint().map(|(i, _)| i)
+            worst.worst.map(|(i, _)| i)
         })
     }
 
@@ -176,11 +175,10 @@ impl<R: Real> System<'_, R> {
     /// in the reference.
     #[inline(always)]
     pub fn witness(&self, iterate: &Iterate<R>, reference: &mut Reference<R>) -> R {
-        let Reference { w, lambda, g, momentum } = reference;
+        let Reference { w, rows, momentum } = reference;
         momentum.clear();
         momentum.resize(w.len(), R::zero());
-        let n = self.problem.scalars.len();
-        let [scalars, contacts] = [(&lambda[..n], &g[..n]), (&lambda[n..], &g[n..])].map(|(lambda, g)| ReferenceRows { lambda, g });
+        let (scalars, contacts) = rows.split_at(self.problem.scalars.len());
         let work = self.problem.scalars.witness(self.scalars, &iterate.scalars, scalars, w, momentum, R::zero());
         self.problem.contacts.witness(self.contacts, &iterate.contacts, contacts, w, momentum, work)
     }

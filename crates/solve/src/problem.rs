@@ -1,7 +1,7 @@
 //! Constraint problem, which no solve changes, and the system of rows that one solve reads.
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{ConstraintList, ConstraintSet};
+use crate::constraints::constraint_set::{ConstraintList, ConstraintSet, LaneConstraint};
 use crate::constraints::friction::{ContactList, FrictionContacts, RowCount};
 use crate::constraints::scalar::{ScalarList, ScalarRows};
 use stepper_real::{Mask, Real};
@@ -12,7 +12,7 @@ use stepper_real::{Mask, Real};
 pub struct Problem<R: Real> {
     /// Number of coordinates of the scaled velocity change w, one per degree of freedom. In these coordinates the kinetic energy is
     /// |w|^2 / 2.
-    dimension: usize,
+    pub dimension: usize,
     /// Lanes with redundant supports that take up load for the first time. The solver first computes impulses of least norm in these
     /// lanes, which distribute the load evenly.
     ///
@@ -53,20 +53,6 @@ impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Empty problem with `dimension` coordinates, and with memory for `scalars` scalar rows and `contacts` contacts with three rows. Each
-    /// row may have entries at every coordinate.
-    pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
-        let capacity = Capacity {
-            dimension,
-            scalars,
-            scalar_entries: scalars * dimension,
-            contacts,
-            columns_per_contact: dimension,
-            ..Capacity::default()
-        };
-        Self::new(&capacity)
-    }
-
     /// Empty problem with memory for this capacity.
     pub fn new(capacity: &Capacity) -> Self {
         let columns = capacity.columns_per_contact;
@@ -85,12 +71,6 @@ impl<R: Real> Problem<R> {
         self.scalars.clear();
         self.contacts.clear();
         self.newly_loaded = R::Mask::splat(false);
-    }
-
-    /// Number of coordinates of the scaled velocity change w.
-    #[inline(always)]
-    pub fn dimension(&self) -> usize {
-        self.dimension
     }
 
     /// Whether the problem has no rows.
@@ -131,6 +111,14 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> System<'_, R> {
+    /// Admissible impulses and compliances, in the lane `lane`, of the constraint with the index `i`, which counts the scalar rows first.
+    pub(crate) fn lane_constraint(&self, i: usize, lane: usize) -> LaneConstraint {
+        match i.checked_sub(self.problem.scalars.len()) {
+            None => self.scalars.lane_constraint(i, lane),
+            Some(contact) => self.contacts.lane_constraint(contact, lane),
+        }
+    }
+
     /// Copy of the system whose solve need not end with an evaluation of the residual. Lanes whose last sweep changed little then report
     /// a residual of 0.
     #[inline(always)]

@@ -58,7 +58,7 @@ pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: 
             #[inline(always)]
             |r| worst.visit(r),
         );
-        worst.constraint()
+        worst.worst
     })
 }
 
@@ -78,8 +78,10 @@ pub fn for_each_load<'a, R: Real>(
 /// Search for the constraint of one lane with the largest error. It visits the scalar rows first, then the contacts.
 pub(crate) struct WorstConstraint {
     lane: usize,
-    next: usize,
-    worst: Option<(usize, f64)>,
+    /// Index of the next constraint. The caller sets it to 0 to begin again with the first constraint, for errors of another kind.
+    pub(crate) next: usize,
+    /// Index of the constraint with the largest error, and this error; `None` if all errors are 0.
+    pub(crate) worst: Option<(usize, f64)>,
 }
 
 impl WorstConstraint {
@@ -95,16 +97,6 @@ impl WorstConstraint {
             self.worst = Some((self.next, error));
         }
         self.next += 1;
-    }
-
-    /// Begins again with the first constraint, for errors of another kind.
-    pub(crate) fn restart(&mut self) {
-        self.next = 0;
-    }
-
-    /// Index of the constraint with the largest error, and this error; `None` if all errors are 0.
-    pub(crate) fn constraint(self) -> Option<(usize, f64)> {
-        self.worst
     }
 }
 

@@ -11,10 +11,11 @@ use crate::iterate::Iterate;
 use crate::newton::{Newton, Search};
 use crate::problem::System;
 use crate::residual::residual;
+use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Limits of a solve.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Settings<R> {
     /// Largest number of sweeps (Gauss-Seidel iterations) in each pass. A pass is a number of sweeps followed by Newton steps. A lane that
     /// sweeps makes at least one sweep.
@@ -36,6 +37,15 @@ impl<R: Real> Settings<R> {
     #[inline(always)]
     pub const fn new(sweeps: u32, newton_steps: u32, tolerance: R) -> Self {
         Self { sweeps, newton_steps, tolerance, newton_threshold: tolerance, accepted_residual: tolerance }
+    }
+}
+
+impl<R> Settings<R> {
+    /// Settings with the residuals that the function `f` returns for those of these settings.
+    pub(crate) fn map<T>(self, f: impl Fn(R) -> T) -> Settings<T> {
+        let Self { sweeps, newton_steps, .. } = self;
+        let [tolerance, newton_threshold, accepted_residual] = [self.tolerance, self.newton_threshold, self.accepted_residual].map(f);
+        Settings { sweeps, newton_steps, tolerance, newton_threshold, accepted_residual }
     }
 }
 
@@ -106,75 +116,65 @@ pub fn solve<'a, R: Real>(
     newton: &mut Newton,
 ) -> Outcome<R> {
     let system = system.into();
-    kernel!(R, || solve_system(system, iterate, settings, lanes, newton))
-}
-
-/// Improves the impulses of a system in the lanes `lanes`, until each lane meets the tolerance or the limits in `settings` are reached.
-#[inline(always)]
-fn solve_system<R: Real>(
-    system: System<'_, R>,
-    iterate: &mut Iterate<R>,
-    settings: Settings<R>,
-    lanes: R::Mask,
-    newton: &mut Newton,
-) -> Outcome<R> {
-    let Settings { sweeps, newton_steps, tolerance, newton_threshold, accepted_residual } = settings;
-    let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    let (mut rest, newly_loaded) = (lanes, lanes.and(system.problem.newly_loaded));
-    if newton_steps > 0 && newly_loaded.any() {
-        let goal = R::of(LEAST_NORM_GOAL).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
-        let (before, slip) = kernel!(R, || {
-            iterate.solve_eliminated(system, newly_loaded);
-            (residual(system, iterate), fastest_slip(system, iterate))
-        });
-        outcome.residual = masked(newly_loaded, before);
-        let redistributed = newly_loaded.and(before.gt(goal).or(slip.gt(R::of(SLIPS))));
-        let search = Search { steps: newton_steps, tolerance: goal, least_norm: true };
-        newton.solve(system, iterate, search, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
-        // A newly loaded lane that meets its tolerance needs no sweeps, with one exception: a lane that hardly moves, whose tolerance is
-        // the goal or less. There, sweeps bring the motion to rest, and hardly change the distribution of the load.
-        rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
-    }
-    let first_sweeps = if newton_steps > 0 { sweeps.min(FIRST_SWEEPS) } else { sweeps };
-    sweep_lanes(system, iterate, SweepSettings { sweeps: first_sweeps, tolerance }, rest, &mut outcome);
-    let mut left = lanes.and(outcome.residual.gt(newton_threshold));
-    if newton_steps == 0 || left.none() {
-        return outcome;
-    }
-    let search = Search { steps: newton_steps, tolerance, least_norm: false };
-    let sweeps = SweepSettings { sweeps, tolerance };
-    // A position correction whose residual need not be exact makes one pass. The next step corrects the remaining errors.
-    let passes = if system.needs_residual { PASSES } else { 1 };
-    for pass in 0..passes {
-        left = left.and(outcome.residual.gt(newton_threshold));
-        if left.none() {
-            break;
+    kernel!(R, || {
+        let Settings { sweeps, newton_steps, tolerance, newton_threshold, accepted_residual } = settings;
+        let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
+        let (mut rest, newly_loaded) = (lanes, lanes.and(system.problem.newly_loaded));
+        if newton_steps > 0 && newly_loaded.any() {
+            let goal = R::of(LEAST_NORM_GOAL).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
+            let (before, slip) = kernel!(R, || {
+                iterate.solve_eliminated(system, newly_loaded);
+                (residual(system, iterate), fastest_slip(system, iterate))
+            });
+            outcome.residual = masked(newly_loaded, before);
+            let redistributed = newly_loaded.and(before.gt(goal).or(slip.gt(R::of(SLIPS))));
+            let search = Search { steps: newton_steps, tolerance: goal, least_norm: true };
+            newton.solve(system, iterate, search, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
+            // A newly loaded lane that meets its tolerance needs no sweeps, with one exception: a lane that hardly moves, whose tolerance
+            // is the goal or less. There, sweeps bring the motion to rest, and hardly change the distribution of the load.
+            rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
         }
-        let (mut snapshot, before) = (std::mem::take(&mut iterate.snapshot), outcome.residual);
-        snapshot.save(iterate, left);
-        // Coulomb's law may have several solutions. Contacts that stick within the accepted residual are in one of them.
-        let accepted = left.and(before.le(accepted_residual)).and_not(newly_loaded);
-        let slip_before = if accepted.any() { fastest_slip(system, iterate) } else { R::zero() };
-        let mut worse = if pass == 0 { R::Mask::splat(false) } else { left };
-        if pass > 0 {
-            sweep_lanes(system, iterate, sweeps, left, &mut outcome);
+        let first_sweeps = if newton_steps > 0 { sweeps.min(FIRST_SWEEPS) } else { sweeps };
+        sweep_lanes(system, iterate, SweepSettings { sweeps: first_sweeps, tolerance }, rest, &mut outcome);
+        let mut left = lanes.and(outcome.residual.gt(newton_threshold));
+        if newton_steps == 0 || left.none() {
+            return outcome;
         }
-        let unsolved = left.and(outcome.residual.gt(newton_threshold));
-        newton.solve(system, iterate, search, unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
-        // A pass after the first that increases the residual is undone. So is a pass that makes sticking contacts slip.
-        worse = worse.and_not(outcome.residual.le(before));
-        if accepted.any() {
-            let most = slip_before.max(accepted_residual) * R::of(MAX_SLIP_RATIO);
-            let leaves = accepted.and(fastest_slip(system, iterate).gt(most));
-            (worse, left) = (worse.or(leaves), left.and_not(leaves));
+        let search = Search { steps: newton_steps, tolerance, least_norm: false };
+        let sweeps = SweepSettings { sweeps, tolerance };
+        // A position correction whose residual need not be exact makes one pass. The next step corrects the remaining errors.
+        let passes = if system.needs_residual { PASSES } else { 1 };
+        for pass in 0..passes {
+            left = left.and(outcome.residual.gt(newton_threshold));
+            if left.none() {
+                break;
+            }
+            let (mut snapshot, before) = (std::mem::take(&mut iterate.snapshot), outcome.residual);
+            snapshot.save(iterate, left);
+            // Coulomb's law may have several solutions. Contacts that stick within the accepted residual are in one of them.
+            let accepted = left.and(before.le(accepted_residual)).and_not(newly_loaded);
+            let slip_before = if accepted.any() { fastest_slip(system, iterate) } else { R::zero() };
+            let mut worse = if pass == 0 { R::Mask::splat(false) } else { left };
+            if pass > 0 {
+                sweep_lanes(system, iterate, sweeps, left, &mut outcome);
+            }
+            let unsolved = left.and(outcome.residual.gt(newton_threshold));
+            newton.solve(system, iterate, search, unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
+            // A pass after the first that increases the residual is undone. So is a pass that makes sticking contacts slip.
+            worse = worse.and_not(outcome.residual.le(before));
+            if accepted.any() {
+                let most = slip_before.max(accepted_residual) * R::of(MAX_SLIP_RATIO);
+                let leaves = accepted.and(fastest_slip(system, iterate).gt(most));
+                (worse, left) = (worse.or(leaves), left.and_not(leaves));
+            }
+            snapshot.restore(iterate, worse);
+            outcome.residual = R::select(worse, before, outcome.residual);
+            iterate.snapshot = snapshot;
+            // In newly loaded lanes, more sweeps would undo the even distribution of the load.
+            left = left.and_not(newly_loaded);
         }
-        snapshot.restore(iterate, worse);
-        outcome.residual = R::select(worse, before, outcome.residual);
-        iterate.snapshot = snapshot;
-        // In newly loaded lanes, more sweeps would undo the even distribution of the load.
-        left = left.and_not(newly_loaded);
-    }
-    outcome
+        outcome
+    })
 }
 
 /// Largest slip speed of all contacts with a positive normal impulse, m/s.
@@ -193,8 +193,6 @@ fn sweep_lanes<R: Real>(
     outcome: &mut Outcome<R>,
 ) {
     if lanes.any() {
-        let swept = gauss_seidel::solve(system, iterate, settings, lanes);
-        outcome.residual = R::select(lanes, swept.residual, outcome.residual);
-        outcome.sweeps += swept.sweeps;
+        outcome.replace(&gauss_seidel::solve(system, iterate, settings, lanes), lanes);
     }
 }

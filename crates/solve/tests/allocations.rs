@@ -4,7 +4,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use stepper_solve::newton::Newton;
-use stepper_solve::{Iterate, Problem, Settings, solve};
+use stepper_solve::{Capacity, Iterate, Problem, Settings, solve};
 
 thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
@@ -34,7 +34,8 @@ static ALLOCATOR: Counting = Counting;
 /// Chain of contacts: each has entries at three coordinates and shares one of them with the next contact, so that sweeps alone are slow.
 fn chain(contacts: usize) -> (Problem<f64>, Iterate<f64>) {
     let n = 2 * contacts + 1;
-    let (mut problem, mut iterate) = (Problem::with_capacity(n, 0, contacts), Iterate::with_capacity(n, 0, contacts));
+    let capacity = Capacity { contacts, columns_per_contact: n, ..Capacity::of_coordinates(n) };
+    let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
     iterate.clear();
     for k in 0..contacts {
         let at = 2 * k;

@@ -287,7 +287,7 @@ fn prove_infeasible<R: Real>(
 ) -> R::Mask {
     kernel!(R, || {
         let lack = system.witness(impulses, reference);
-        let momentum = reference.momentum();
+        let momentum = &mut reference.momentum;
         input.mass.momentum(input.compiled, momentum);
         let mut most = R::zero();
         for joint in &input.compiled.joints {

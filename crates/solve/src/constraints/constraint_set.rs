@@ -10,12 +10,13 @@ use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::masked;
 use crate::entries::Entries;
+use crate::reference::ReferenceRow;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Place of a constraint in the lists of its kind.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Span {
+pub(crate) struct Span {
     /// Index of the first coordinate in the list of coordinates.
     pub(super) first_column: usize,
     /// Number of coordinates at which the constraint has Jacobian entries.
@@ -106,9 +107,6 @@ pub trait ConstraintList<R: Real>: Clone + Debug {
     /// Adds the scaled velocity change by the impulse `lambda` to `w`.
     fn add(&self, i: usize, entries: RowEntries<'_, R>, lambda: &[R], w: &mut [R]);
 
-    /// Compliance that all rows of the constraint have, 1/kg, without the additional compliance of a contact's normal.
-    fn uniform_compliance(&self, i: usize) -> R;
-
     /// Residual |lambda - P_K(lambda - rho u)| / rho of the natural map at the scaled velocity change `w`, m/s. The velocity u of a contact
     /// has De Saxce's term mu |v_t| in the normal row. `has_eliminated` is whether the set has eliminated rows.
     fn residual(&self, i: usize, entries: RowEntries<'_, R>, w: &[R], lambda: &[R], has_eliminated: bool) -> R;
@@ -121,8 +119,8 @@ pub trait ConstraintList<R: Real>: Clone + Debug {
     /// relative to those of the velocity solve, and remain.)
     fn shift(&mut self, i: usize, entries: RowEntries<'_, R>, change: &[R]);
 
-    /// Offset of the normal row without damping, m/s or rad/s.
-    fn undamped_offset(&self, i: usize) -> R;
+    /// Velocity by which damping at assembly reduced the target of the normal row, m/s or rad/s; 0 for a contact.
+    fn damping_deficit(&self, i: usize) -> R;
 
     /// Adds a compliance that damps the position targets of the rows. It acts on the difference from the impulse `lambda`: this impulse
     /// itself causes no additional velocity. For a contact, `added_mobility`, 1/kg, is added to the mobility that scales the compliance.
@@ -133,13 +131,12 @@ pub trait ConstraintList<R: Real>: Clone + Debug {
     /// impulse since the reference solution, and zero for an eliminated row.
     fn shortfall(&self, i: usize, change: R) -> R;
 
-    /// Target velocity that the normal row misses in lanes in which no impulse can move it, m/s or rad/s. The caller ignores the other
-    /// lanes.
-    fn immovable_target(&self, i: usize) -> R;
-
-    /// Target velocity that the normal row misses in lanes in which no impulse can move it, without the part that corrects a position
-    /// error, m/s or rad/s. The caller ignores the other lanes.
-    fn unmet_velocity(&self, i: usize) -> R;
+    /// Velocity by which the normal row misses its target in lanes in which no impulse can move it, m/s or rad/s; 0 for dry friction. The
+    /// caller ignores the other lanes.
+    ///
+    /// For an equality the result is the absolute value of `equality`, the missed velocity with either sign. For a limit or a contact with
+    /// the offset `g` the result is -g, which is negative if the target is met.
+    fn unmet(&self, i: usize, equality: R, g: R) -> R;
 
     /// Impulse of the normal row in a proof of infeasibility, N s or N m s: the change from `before`, the impulse of the reference
     /// solution, to `now`.
@@ -169,16 +166,6 @@ pub struct Damping<R> {
     /// Velocity correction below which a row is not damped, m/s or rad/s. It is 0, or a larger number so that rounding errors do not count
     /// as corrections.
     pub negligible: R,
-}
-
-/// Normal impulses and offsets of a reference solution, for one kind of constraint.
-#[derive(Clone, Copy)]
-pub(crate) struct ReferenceRows<'a, R> {
-    /// Normal impulse of each constraint, N s or N m s.
-    pub(crate) lambda: &'a [R],
-    /// Offset g of each normal row without damping, m/s or rad/s: its velocity before any impulse, plus its bias (minus the target
-    /// velocity).
-    pub(crate) g: &'a [R],
 }
 
 /// Admissible impulses and compliances of one constraint in one lane, in scalar f64.
@@ -392,13 +379,6 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
         }
     }
 
-    /// Appends the compliance of each row, without the additional compliance of contact normals.
-    pub(crate) fn compliances(&self, rows: &T, out: &mut Vec<R>) {
-        for (i, row) in rows.items().iter().enumerate() {
-            out.extend(std::iter::repeat_n(rows.uniform_compliance(i), row.span.num_rows));
-        }
-    }
-
     /// Calls `f` with the natural-map residual |lambda - P_K(lambda - rho u)| / rho of each constraint in turn, m/s; 0 for constraints that
     /// are not active. See [`residual`](crate::residual()).
     #[inline(always)]
@@ -460,7 +440,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     /// cause no additional velocity.
     ///
     /// `added_mobilities` has a number for each constraint, 1/kg, which is added to the mobility of a contact. The function appends the
-    /// normal impulse of each constraint to `reference_lambda`, and the undamped offset of each normal row to `reference_g`.
+    /// normal row of each constraint to `reference`.
     #[inline(always)]
     pub(crate) fn damp(
         &self,
@@ -468,12 +448,11 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
         impulses: &[R],
         damping: Damping<R>,
         added_mobilities: &[R],
-        [reference_lambda, reference_g]: [&mut Vec<R>; 2],
+        reference: &mut Vec<ReferenceRow<R>>,
     ) {
         for (i, &added) in added_mobilities.iter().enumerate() {
             let lambda = &impulses[rows.items()[i].rows()];
-            reference_lambda.push(lambda[0]);
-            reference_g.push(rows.undamped_offset(i));
+            reference.push(ReferenceRow { lambda: lambda[0], g: rows.offsets(i)[0][0] + rows.damping_deficit(i) });
             // Eliminated rows are damped at assembly, because other rows are combined with them.
             if i >= self.eliminated {
                 rows.damp(i, lambda, damping, added);
@@ -482,11 +461,11 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     }
 
     /// Calls `f` with the velocity by which damping prevents the normal row of each constraint from meeting its target, m/s or rad/s.
-    /// `before` has the normal impulses of the reference solution, at which damping causes no velocity.
+    /// `reference` has the normal rows of the reference solution, at whose impulses damping causes no velocity.
     #[inline(always)]
-    pub(crate) fn for_each_shortfall(&self, rows: &T, impulses: &[R], before: &[R], mut f: impl FnMut(R)) {
-        for (i, (row, &before)) in rows.items().iter().zip(before).enumerate() {
-            let change = if i < self.eliminated { R::zero() } else { impulses[row.rows().start] - before };
+    pub(crate) fn for_each_shortfall(&self, rows: &T, impulses: &[R], reference: &[ReferenceRow<R>], mut f: impl FnMut(R)) {
+        for (i, (row, before)) in rows.items().iter().zip(reference).enumerate() {
+            let change = if i < self.eliminated { R::zero() } else { impulses[row.rows().start] - before.lambda };
             f(masked(row.active, rows.shortfall(i, change)));
         }
     }
@@ -495,7 +474,7 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     #[inline(always)]
     pub(crate) fn for_each_immovable_target(&self, rows: &T, mut f: impl FnMut(R)) {
         for (i, row) in rows.items().iter().enumerate() {
-            f(masked(row.immovable, rows.immovable_target(i)));
+            f(masked(row.immovable, rows.unmet(i, rows.damping_deficit(i), rows.offsets(i)[0][0])));
         }
     }
 
@@ -504,7 +483,8 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
     #[inline(always)]
     pub(crate) fn for_each_unmet_velocity(&self, rows: &T, mut f: impl FnMut(R)) {
         for (i, row) in rows.items().iter().enumerate() {
-            f(masked(row.immovable, rows.unmet_velocity(i)));
+            let [g, position_g] = rows.offsets(i);
+            f(masked(row.immovable, rows.unmet(i, g[0].abs().min(position_g[0].abs()), g[0].max(position_g[0]))));
         }
     }
 
@@ -517,15 +497,15 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
         &self,
         rows: &T,
         impulses: &[R],
-        reference: ReferenceRows<'_, R>,
+        reference: &[ReferenceRow<R>],
         w: &[R],
         momentum: &mut [R],
         mut missing_work: R,
     ) -> R {
-        for (i, (row, (&before, &g))) in rows.items().iter().zip(reference.lambda.iter().zip(reference.g)).enumerate() {
-            let z = rows.witness(i, impulses[row.rows().start], before);
+        for (i, (row, before)) in rows.items().iter().zip(reference).enumerate() {
+            let z = rows.witness(i, impulses[row.rows().start], before.lambda);
             let (columns, y) = self.entries(row);
-            let u = rows.normal_velocity(i, (columns, y), w) - rows.offsets(i)[0][0] + g;
+            let u = rows.normal_velocity(i, (columns, y), w) - rows.offsets(i)[0][0] + before.g;
             missing_work -= z * u;
             for (&c, y) in columns.iter().zip(y.chunks_exact(row.span.num_rows)) {
                 momentum[c as usize] += y[0] * z;

@@ -19,7 +19,7 @@ use crate::constraints::local_solver::{LocalSolver, NaturalStep};
 use crate::constraints::orthogonalisation::velocity_rounding;
 use crate::constraints::rolling::RollingSolver;
 use crate::constraints::sliding::SlidingSolver;
-use stepper_real::{Mask, Real, Scalar, kernel};
+use stepper_real::{Mask, Real, kernel};
 
 /// Largest number of rows of a contact.
 pub const MAX_CONTACT_ROWS: usize = 6;
@@ -44,7 +44,7 @@ pub struct FrictionContact<R: Real> {
     /// Compliance that damps all rows of the contact in the position solve, 1/kg.
     damping: R,
     /// Step of the contact's natural map, which scales its residual.
-    step: NaturalStep<R>,
+    pub(crate) step: NaturalStep<R>,
 }
 
 /// Number of rows of a contact, and index among the contacts with this number.
@@ -363,7 +363,7 @@ impl<R: Real> FrictionContacts<R> {
     pub fn clear_negligible_approach(&mut self, i: usize, negligible: R) {
         kernel!(R, || {
             let immovable = self[i].immovable;
-            let g = self.normal_offset_mut(i);
+            let g = &mut self.offsets_mut(i)[0];
             *g = R::select(immovable.and((-*g).le(negligible)), g.max(R::zero()), *g);
         })
     }
@@ -400,16 +400,11 @@ impl<R: Real> FrictionContacts<R> {
         }
     }
 
-    /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
+    /// Offset g of each row of contact `i` in the velocity solve, m/s.
     #[inline(always)]
-    pub fn normal_offset_mut(&mut self, i: usize) -> &mut R {
-        &mut self.rows.offsets_mut(i)[0][0]
-    }
-
-    /// Offsets g of the two sliding rows of contact `i` in the velocity solve, m/s.
-    #[inline(always)]
-    pub fn sliding_offsets_mut(&mut self, i: usize) -> &mut [R] {
-        &mut self.rows.offsets_mut(i)[0][1..3]
+    pub fn offsets_mut(&mut self, i: usize) -> &mut [R] {
+        let [g, _] = self.rows.offsets_mut(i);
+        g
     }
 
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
@@ -450,24 +445,6 @@ impl<R: Real> FrictionContacts<R> {
         self.rows.normal_velocity(i, self.entries(&self[i]), w)
     }
 
-    /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.
-    /// `impulses` are the impulses of all contacts, and `w` is the scaled velocity change by all impulses.
-    #[inline(always)]
-    pub(crate) fn friction_work(&self, i: usize, impulses: &[R], w: &[R]) -> R {
-        let (velocity, [g, _]) = (self.velocity(i, w), self.rows.offsets(i));
-        let (lambda, mut work) = (&impulses[self[i].rows()], R::zero());
-        for k in 1..lambda.len() {
-            work += lambda[k] * (velocity[k] + g[k]);
-        }
-        work * R::of(0.5)
-    }
-
-    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s. The residual of the contact cannot be smaller.
-    #[inline(always)]
-    pub(crate) fn impulse_rounding(&self, i: usize, impulses: &[R]) -> R {
-        impulses[self[i].span.first_row] * self[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
-    }
-
     /// Calls `f` with each coordinate at which contact `i` has entries in the lane `lane`, and with the entries of its rows there, followed
     /// by zeros.
     pub fn for_each_entry(&self, i: usize, lane: usize, mut f: impl FnMut(u32, [f64; MAX_CONTACT_ROWS])) {
@@ -479,21 +456,6 @@ impl<R: Real> FrictionContacts<R> {
                 f(c, entries);
             }
         }
-    }
-
-    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the previous
-    /// impulse in all lanes, N s or N m s, followed by zeros.
-    #[inline(always)]
-    pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [R], w: &mut [R]) -> [R; MAX_CONTACT_ROWS] {
-        let lambda = &mut impulses[self[i].rows()];
-        let [mut before, mut change] = [[R::zero(); MAX_CONTACT_ROWS]; 2];
-        for (k, lambda) in lambda.iter_mut().enumerate() {
-            before[k] = *lambda;
-            change[k] = -masked(lanes, *lambda);
-            *lambda = R::select(lanes, R::zero(), *lambda);
-        }
-        self.add(i, &change[..lambda.len()], w);
-        before
     }
 
     /// Sets the impulse of contact `i` to the first numbers of `lambda` in the lanes `lanes`, where it must be zero before, and updates the
@@ -702,10 +664,6 @@ impl<R: Real> ConstraintList<R> for ContactList<R> {
         }
     }
 
-    fn uniform_compliance(&self, i: usize) -> R {
-        self.items[i].damping
-    }
-
     #[inline(always)]
     fn residual(&self, i: usize, entries: RowEntries<'_, R>, w: &[R], lambda: &[R], _has_eliminated: bool) -> R {
         let contact = &self.items[i];
@@ -731,8 +689,8 @@ impl<R: Real> ConstraintList<R> for ContactList<R> {
     }
 
     #[inline(always)]
-    fn undamped_offset(&self, i: usize) -> R {
-        self.offsets(i)[0][0]
+    fn damping_deficit(&self, _i: usize) -> R {
+        R::zero()
     }
 
     #[inline(always)]
@@ -748,14 +706,8 @@ impl<R: Real> ConstraintList<R> for ContactList<R> {
     }
 
     #[inline(always)]
-    fn immovable_target(&self, i: usize) -> R {
-        -self.offsets(i)[0][0]
-    }
-
-    #[inline(always)]
-    fn unmet_velocity(&self, i: usize) -> R {
-        let [g, position_g] = self.offsets(i);
-        -(g[0].max(position_g[0]))
+    fn unmet(&self, _i: usize, _equality: R, g: R) -> R {
+        -g
     }
 
     #[inline(always)]

@@ -56,7 +56,7 @@ pub struct NaturalStep<R> {
     /// elimination of equality rows.
     pub(super) rho: R,
     /// Inverse 1 / rho of the step length, 1/kg.
-    pub(super) inv_rho: R,
+    pub(crate) inv_rho: R,
     /// Mobility of the contact before the elimination of equality rows, divided by that after it, at least 1. The mobility is trace(G_ii).
     pub(super) mobility_ratio: R,
 }

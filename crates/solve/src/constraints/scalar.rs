@@ -82,17 +82,6 @@ impl<R: Real> ScalarRow<R> {
         self.damping_deficit = R::select(self.immovable, correction, correction - met);
         met
     }
-
-    /// Velocity by which an immovable row misses its target, m/s or rad/s; 0 for dry friction.
-    ///
-    /// For an equality the result is the absolute value of `equality`, the missed velocity with either sign. For a limit with the offset
-    /// `g` the result is -g, which is negative if the limit is met.
-    #[inline(always)]
-    fn unmet(&self, equality: R, g: R) -> R {
-        let infinite = R::of(f64::INFINITY);
-        let either = self.lo.le(-infinite);
-        masked(self.hi.ge(infinite), R::select(either, equality.abs(), -g))
-    }
 }
 
 /// Scalar rows of one solve.
@@ -185,12 +174,6 @@ impl<R: Real> ScalarRows<R> {
     #[inline(always)]
     pub fn mark_eliminated(&mut self) {
         self.eliminated = self.rows.items.len();
-    }
-
-    /// Number of eliminated rows: equalities that are solved once, see [`ScalarRows::mark_eliminated`].
-    #[inline(always)]
-    pub fn eliminated(&self) -> usize {
-        self.eliminated
     }
 
     /// Removes the row with the index `first` and all rows after it.
@@ -344,10 +327,6 @@ impl<R: Real> ConstraintList<R> for ScalarList<R> {
         add_transposed(columns, y.as_chunks().0, [lambda[0]], w);
     }
 
-    fn uniform_compliance(&self, i: usize) -> R {
-        self.items[i].compliance
-    }
-
     #[inline(always)]
     fn residual(&self, i: usize, entries: RowEntries<'_, R>, w: &[R], lambda: &[R], has_eliminated: bool) -> R {
         let (row, lambda) = (&self.items[i], lambda[0]);
@@ -376,8 +355,8 @@ impl<R: Real> ConstraintList<R> for ScalarList<R> {
     }
 
     #[inline(always)]
-    fn undamped_offset(&self, i: usize) -> R {
-        self.items[i].g + self.items[i].damping_deficit
+    fn damping_deficit(&self, i: usize) -> R {
+        self.items[i].damping_deficit
     }
 
     #[inline(always)]
@@ -400,15 +379,9 @@ impl<R: Real> ConstraintList<R> for ScalarList<R> {
     }
 
     #[inline(always)]
-    fn immovable_target(&self, i: usize) -> R {
-        let row = &self.items[i];
-        row.unmet(row.damping_deficit, row.g)
-    }
-
-    #[inline(always)]
-    fn unmet_velocity(&self, i: usize) -> R {
-        let row = &self.items[i];
-        row.unmet(row.g.abs().min(row.position_g.abs()), row.g.max(row.position_g))
+    fn unmet(&self, i: usize, equality: R, g: R) -> R {
+        let (row, infinite) = (&self.items[i], R::of(f64::INFINITY));
+        masked(row.hi.ge(infinite), R::select(row.lo.le(-infinite), equality.abs(), -g))
     }
 
     #[inline(always)]

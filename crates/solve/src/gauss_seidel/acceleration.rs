@@ -6,7 +6,6 @@
 
 use crate::gauss_seidel::history::{MEMORY, SweepChange};
 use crate::iterate::Iterate;
-use crate::problem::Problem;
 use stepper_real::{Mask, Real};
 
 /// Clears the stored differences between sweeps of all lanes, from which the acceleration extrapolates.
@@ -21,16 +20,6 @@ pub(super) fn reset_history<R: Real>(iterate: &mut Iterate<R>) {
     past.image.resize(n, R::zero());
     for dt in &mut past.dt {
         dt.resize(n, R::zero());
-    }
-}
-
-/// Recomputes the scaled velocity change w from the impulses in the lanes `lanes`. The other lanes keep all bits.
-#[inline(always)]
-pub(super) fn recompute_w<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R>, lanes: R::Mask) {
-    std::mem::swap(&mut iterate.w, &mut iterate.history.start);
-    iterate.compute_w(problem);
-    for (w, &before) in iterate.w.iter_mut().zip(&iterate.history.start) {
-        *w = R::select(lanes, *w, before);
     }
 }
 

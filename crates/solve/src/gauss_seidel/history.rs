@@ -25,7 +25,7 @@ pub(super) const MEMORY: usize = 4;
 #[derive(Clone, Debug)]
 pub(crate) struct History<R: Real> {
     /// Scaled velocity change w by all impulses before the current sweep, in coordinates in which its kinetic energy is |w|^2 / 2.
-    pub(super) start: Vec<R>,
+    pub(crate) start: Vec<R>,
     /// Change f of the scaled velocity change w by the previous sweep.
     pub(super) f: Vec<R>,
     /// Squared length |f|^2 of the change of w (scaled velocity change) by the previous sweep.

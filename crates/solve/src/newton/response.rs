@@ -75,8 +75,6 @@ pub struct Response<R: Real> {
     impulses: Vec<R>,
     /// Velocities of all rows, m/s.
     velocities: Vec<R>,
-    /// Compliances of all rows of a position solve. The list is empty for a velocity solve.
-    compliances: Vec<R>,
     /// Buffer for the rows of one lane.
     lane: Lane,
     /// Buffer for the linear system of one lane.
@@ -100,15 +98,23 @@ struct LaneResponse {
     /// Sets of impulses that change no velocity, one set after the other, with a number for each active row. The equations do not determine
     /// such impulses.
     undetermined: Vec<f64>,
-    /// For each stored constraint, index of its first row in the current problem; `None` if the current problem does not have the
-    /// constraint.
-    found: Vec<Option<usize>>,
+    /// For each stored constraint, its place in the current problem; `None` if the current problem does not have the constraint.
+    found: Vec<Option<Found>>,
     /// Changes of the velocities of the active rows, m/s.
     change: Vec<f64>,
 }
 
-/// Rows of one constraint of a lane, at the solution.
+/// Stored constraint in the current problem.
 #[derive(Clone, Copy, Debug)]
+struct Found {
+    /// Index of the constraint's first row among the rows of all lanes, which counts the scalar rows first.
+    first: usize,
+    /// Compliance of each row in a position solve, 1/kg. For a velocity solve it is that of the stored constraint.
+    compliance: f64,
+}
+
+/// Rows of one constraint of a lane, at the solution.
+#[derive(Clone, Debug)]
 struct Block {
     /// Set of the constraint's admissible impulses.
     set: AdmissibleSet,
@@ -120,10 +126,8 @@ struct Block {
     source: usize,
     /// Number that identifies the constraint, the same in similar problems.
     name: u64,
-    /// Index of the constraint's first row in the lists of the lane.
-    first: usize,
-    /// Number of rows of the constraint.
-    dim: usize,
+    /// Range of the constraint's rows in the lists of the lane.
+    rows: Range<usize>,
     /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u), kg. Here lambda is the impulse, u the velocity, and P_K the
     /// projection on the admissible impulses. The map is zero at the solution.
     rho: f64,
@@ -132,11 +136,6 @@ struct Block {
 }
 
 impl Block {
-    /// Range of the rows in the lists of the lane.
-    fn rows(&self) -> Range<usize> {
-        self.first..self.first + self.dim
-    }
-
     /// Whether the constraint is a contact. The names of contacts and of scalar rows may be equal.
     fn is_contact(&self) -> bool {
         matches!(self.set, AdmissibleSet::Cone { .. })
@@ -174,7 +173,6 @@ impl<R: Real> Default for Response<R> {
             eliminated: 0,
             impulses: vec![],
             velocities: vec![],
-            compliances: vec![],
             lane: Lane::default(),
             system: Linear::default(),
         }
@@ -200,7 +198,7 @@ impl<R: Real> Response<R> {
         before: Option<&Self>,
     ) -> u32 {
         let rows = system.into();
-        self.eliminated = rows.problem.scalars.eliminated();
+        self.eliminated = rows.problem.scalars.eliminated;
         self.compute_velocities(rows, iterate);
         let mut sound = lanes;
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
@@ -236,7 +234,7 @@ impl<R: Real> Response<R> {
         before: Option<&Self>,
     ) -> u32 {
         let system = system.into();
-        let mut lost = if system.problem.scalars.eliminated() == self.eliminated { 0 } else { lanes };
+        let mut lost = if system.problem.scalars.eliminated == self.eliminated { 0 } else { lanes };
         self.collect_impulses(iterate);
         let (scalars, count) = (iterate.scalars.len(), iterate.scalars.len() + system.problem.contacts.len());
         let row_of = |source: usize| source.checked_sub(scalars).map_or(source, |i| scalars + system.problem.contacts[i].rows().start);
@@ -250,12 +248,16 @@ impl<R: Real> Response<R> {
                 let kind = if block.is_contact() { scalars..count } else { 0..scalars };
                 let is_it = |source: &usize| name(*source, l) == block.name;
                 let source = Some(block.source).filter(|s| kind.contains(s)).filter(is_it);
-                let has_rows = |&source: &usize| !block.is_contact() || system.problem.contacts[source - scalars].rows().len() == block.dim;
-                let first = source.or_else(|| kind.clone().find(is_it)).filter(has_rows).map(row_of);
-                found.push(first);
-                let own = &lambda[block.rows()];
-                match first {
-                    Some(first) => set_lanes(&mut impulses[first..first + block.dim], l, own.iter().copied()),
+                let has_rows =
+                    |&source: &usize| !block.is_contact() || system.problem.contacts[source - scalars].rows().len() == block.rows.len();
+                let source = source.or_else(|| kind.clone().find(is_it)).filter(has_rows);
+                found.push(source.map(|source| Found {
+                    first: row_of(source),
+                    compliance: if before.is_some() { system.lane_constraint(source, l).compliance } else { block.compliance },
+                }));
+                let own = &lambda[block.rows.clone()];
+                match source.map(row_of) {
+                    Some(first) => set_lanes(&mut impulses[first..first + block.rows.len()], l, own.iter().copied()),
                     None if own.iter().any(|&x| x != 0.0) => lost |= 1 << l,
                     None => {}
                 }
@@ -263,14 +265,10 @@ impl<R: Real> Response<R> {
         }
         self.write_impulses(system, iterate);
         self.compute_velocities(system, iterate);
-        self.compliances.clear();
-        if before.is_some() {
-            self.collect_compliances(system);
-        }
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
-            let Self { lanes: all, velocities, compliances, impulses, .. } = self;
+            let Self { lanes: all, velocities, impulses, .. } = self;
             if let Some(before) = before {
-                all[l].keep_damping(velocities, compliances, &before.impulses, l);
+                all[l].keep_damping(velocities, &before.impulses, l);
             }
             all[l].update_impulses(velocities, impulses, l);
         }
@@ -286,17 +284,17 @@ impl<R: Real> Response<R> {
         let (mut lambda, mut v) = ([0.0; MAX_CONTACT_ROWS], [0.0; MAX_CONTACT_ROWS]);
         for lane in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             let own = &self.lanes[lane];
-            for (block, first) in own.blocks.iter().zip(&own.found) {
-                let Some(first) = *first else { continue };
-                if self.compliances.get(first).is_some_and(|&c| block.switches_damping(number_of(c, lane))) {
+            for (block, found) in own.blocks.iter().zip(&own.found) {
+                let Some(Found { first, compliance }) = *found else { continue };
+                if block.switches_damping(compliance) {
                     f(SwitchDistance { lane, switch: Switch::Gap, distance: 1.0 });
                 }
-                for i in 0..block.dim {
+                for i in 0..block.rows.len() {
                     lambda[i] = number_of(self.impulses[first + i], lane);
                     v[i] = number_of(self.velocities[first + i], lane);
                 }
-                let (lambda, v) = (&lambda[..block.dim], &v[..block.dim]);
-                let (margin, slips) = block.set.margin(block.mode, &moved(block, lambda, v)[..block.dim]);
+                let (lambda, v) = (&lambda[..block.rows.len()], &v[..block.rows.len()]);
+                let (margin, slips) = block.set.margin(block.mode, &moved(block, lambda, v)[..block.rows.len()]);
                 if margin >= block.margin || margin.is_nan() {
                     continue;
                 }
@@ -339,12 +337,6 @@ impl<R: Real> Response<R> {
             system.problem.contacts.velocities(system.contacts, &iterate.contacts, &iterate.w, velocities);
         });
     }
-
-    /// Appends the compliances of all rows of a system to the list `compliances`.
-    fn collect_compliances(&mut self, system: System<'_, R>) {
-        system.problem.scalars.compliances(system.scalars, &mut self.compliances);
-        system.problem.contacts.compliances(system.contacts, &mut self.compliances);
-    }
 }
 
 /// Replaces the numbers `to` in lane `lane` by the numbers `from`. The other lanes remain.
@@ -377,8 +369,7 @@ impl LaneResponse {
                 margin: 0.0,
                 source: block.source,
                 name: name(block.source),
-                first: block.rows.start,
-                dim: block.rows.len(),
+                rows: block.rows.clone(),
                 rho: natural_step(lane, block),
                 compliance: block.constraint.compliance,
             });
@@ -389,10 +380,10 @@ impl LaneResponse {
     fn find_modes(&mut self) {
         self.active.clear();
         for block in &mut self.blocks {
-            let rows = block.rows();
+            let rows = block.rows.clone();
             let z = moved(block, &self.lambda[rows.clone()], &self.velocity[rows.clone()]);
-            block.mode = block.set.mode(&z[..block.dim]);
-            block.margin = block.set.margin(block.mode, &z[..block.dim]).0;
+            block.mode = block.set.mode(&z[..block.rows.len()]);
+            block.margin = block.set.margin(block.mode, &z[..block.rows.len()]).0;
             if block.mode.is_active() {
                 self.active.extend(rows);
             }
@@ -402,14 +393,13 @@ impl LaneResponse {
     /// Corrects the velocities of the rows of lane `l` whose damping was switched on or off since the solution was stored. The corrected
     /// velocities are those with the damping of the stored problem.
     ///
-    /// `compliances` are those of the current problem, 1/kg. `before` are the impulses at which damping causes no velocity.
-    fn keep_damping<R: Real>(&self, velocities: &mut [R], compliances: &[R], before: &[R], l: usize) {
-        for (block, first) in self.blocks.iter().zip(&self.found) {
-            let Some(first) = *first else { continue };
-            let compliance = number_of(compliances[first], l);
+    /// `before` are the impulses at which damping causes no velocity.
+    fn keep_damping<R: Real>(&self, velocities: &mut [R], before: &[R], l: usize) {
+        for (block, found) in self.blocks.iter().zip(&self.found) {
+            let Some(Found { first, compliance }) = *found else { continue };
             if block.switches_damping(compliance) {
-                for i in 0..block.dim {
-                    let change = self.lambda[block.first + i] - number_of(before[first + i], l);
+                for i in 0..block.rows.len() {
+                    let change = self.lambda[block.rows.start + i] - number_of(before[first + i], l);
                     let v = number_of(velocities[first + i], l) + (block.compliance - compliance) * change;
                     velocities[first + i].set_lane(l, Scalar::from_f64(v));
                 }
@@ -422,17 +412,19 @@ impl LaneResponse {
     fn update_impulses<R: Real>(&mut self, velocities: &[R], impulses: &mut [R], l: usize) {
         let Self { blocks, lambda, velocity, matrix, found, change, .. } = self;
         change.clear();
-        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.mode.is_active()) {
+        for (block, found) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.mode.is_active()) {
             // A constraint that no longer exists has been reported already.
-            change
-                .extend((0..block.dim).map(|i| first.map_or(0.0, |first| number_of(velocities[first + i], l) - velocity[block.first + i])));
+            change.extend(
+                (0..block.rows.len())
+                    .map(|i| found.map_or(0.0, |found| number_of(velocities[found.first + i], l) - velocity[block.rows.start + i])),
+            );
         }
         change.resize(change.len().next_multiple_of(TILE), 0.0);
         let mut rows = matrix.chunks_exact(change.len().max(1));
-        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.mode.is_active()) {
-            for (i, row) in (0..block.dim).zip(&mut rows) {
-                if let Some(first) = first {
-                    let answer = lambda[block.first + i] + inner_of_tiles(row, change);
+        for (block, found) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.mode.is_active()) {
+            for (i, row) in (0..block.rows.len()).zip(&mut rows) {
+                if let Some(Found { first, .. }) = found {
+                    let answer = lambda[block.rows.start + i] + inner_of_tiles(row, change);
                     impulses[first + i].set_lane(l, Scalar::from_f64(answer));
                 }
             }
@@ -457,14 +449,14 @@ impl Linear {
         let (mut blocks, mut next) = (vec![], 0);
         for (block, from) in own.blocks.iter().zip(&lane.blocks).filter(|(block, _)| block.mode.is_active()) {
             blocks.push((next, block, from));
-            next += block.dim;
+            next += block.rows.len();
         }
         let width = (dimension + lane.blocks.len()).next_multiple_of(TILE);
         self.dense.clear();
         self.dense.resize(n * width, 0.0);
         for &(row, block, from) in &blocks {
             let (columns, entries) = lane.entries(from);
-            for (&c, entries) in columns.iter().zip(entries.chunks_exact(block.dim)) {
+            for (&c, entries) in columns.iter().zip(entries.chunks_exact(block.rows.len())) {
                 for (i, &y) in entries.iter().enumerate() {
                     self.dense[(row + i) * width + c as usize] = y;
                 }
@@ -481,14 +473,14 @@ impl Linear {
             }
         }
         for (row, block, _) in &blocks {
-            (*row..row + block.dim).for_each(|i| self.delassus[i * stride + i] += block.compliance);
+            (*row..row + block.rows.len()).for_each(|i| self.delassus[i * stride + i] += block.compliance);
         }
         self.left.clear();
         self.left.resize(n * stride, 0.0);
         self.right.clear();
         self.right.resize(n * stride, 0.0);
         for &(row, block, _) in &blocks {
-            let (dim, rows) = (block.dim, block.rows());
+            let (dim, rows) = (block.rows.len(), block.rows.clone());
             let (lambda, v) = (&own.lambda[rows.clone()], &own.velocity[rows]);
             let z = &moved(block, lambda, v)[..dim];
             let own_width = dim.next_multiple_of(TILE);
@@ -569,7 +561,7 @@ impl Linear {
         let [n, stride] = [own.active.len(), own.active.len().next_multiple_of(TILE)];
         let mut compliance = vec![0.0; own.lambda.len()];
         for (block, before) in own.blocks.iter().zip(&before.blocks) {
-            compliance[block.rows()].fill(block.compliance - before.compliance);
+            compliance[block.rows.clone()].fill(block.compliance - before.compliance);
         }
         before.undetermined.chunks_exact(before.active.len().max(1)).any(|load| {
             let mut yielding = vec![0.0; own.lambda.len()];
@@ -649,12 +641,6 @@ impl Linear {
 
 /// Subtracts `factor` times the row `from` of whole tiles from the row that begins at index `to`.
 fn subtract_row(matrix: &mut [f64], to: usize, from: Range<usize>, factor: f64) {
-    let (to, from) = if to < from.start {
-        let (before, after) = matrix.split_at_mut(from.start);
-        (&mut before[to..to + from.len()], &after[..from.len()])
-    } else {
-        let (before, after) = matrix.split_at_mut(to);
-        (&mut after[..from.len()], &before[from])
-    };
+    let [to, from] = matrix.get_disjoint_mut([to..to + from.len(), from]).expect("two different rows");
     add_scaled(to, -factor, from);
 }

@@ -1,6 +1,6 @@
 //! Tests that the solvers stay within their limits of steps and sweeps for any numbers, also infinite ones and NaN.
 
-use crate::common::cases;
+use crate::common::{capacity, cases};
 use proptest::prelude::*;
 use stepper_real::{F64Lanes, Mask, Real};
 use stepper_solve::newton::{Newton, STEPS_RATIO, Search, Work};
@@ -42,7 +42,7 @@ fn case(decades: f64, odd: impl Strategy<Value = f64> + Clone + 'static) -> impl
 }
 
 fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
-    let (mut problem, mut iterate) = (Problem::with_capacity(N, 1, ROWS), Iterate::with_capacity(N, 1, ROWS));
+    let (mut problem, mut iterate) = (Problem::new(&capacity(N, 1, ROWS)), Iterate::new(&capacity(N, 1, ROWS)));
     let columns = |row: usize| (0..N as u32).filter(|&c| case.touches(row, c as usize)).collect::<Vec<_>>();
     let y = |at: usize, c: usize| R::of(case.y[at + c] * case.scale[c]);
     let all = R::Mask::splat(true);
@@ -119,7 +119,7 @@ proptest! {
         let (mut problem, iterate) = build::<F64Lanes>(&case);
         match at {
             0 => problem.scalars[0].g.set_lane(3, f64::NAN),
-            k => problem.contacts.normal_offset_mut(k - 1).set_lane(3, f64::NAN),
+            k => problem.contacts.offsets_mut(k - 1)[0].set_lane(3, f64::NAN),
         }
         prop_assert!(residual(&problem, &iterate).lane(3).is_nan());
     }
@@ -131,7 +131,7 @@ proptest! {
         let mut worse = problem.clone();
         match at {
             0 => worse.scalars[0].g.set_lane(3, bad),
-            k => worse.contacts.normal_offset_mut(k - 1).set_lane(3, bad),
+            k => worse.contacts.offsets_mut(k - 1)[0].set_lane(3, bad),
         }
         let settings = Settings::new(20, STEPS, F64Lanes::of(1e-9));
         let run = |problem: &Problem<F64Lanes>| {

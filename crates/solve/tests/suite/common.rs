@@ -5,6 +5,14 @@
 use std::cell::Cell;
 
 use proptest::test_runner::Config;
+use stepper_solve::Capacity;
+
+/// Capacity for `dimension` coordinates, `scalars` scalar rows and `contacts` contacts with three rows. Each row may have entries at every
+/// coordinate.
+pub(crate) fn capacity(dimension: usize, scalars: usize, contacts: usize) -> Capacity {
+    let scalar_entries = scalars * dimension;
+    Capacity { dimension, scalars, scalar_entries, contacts, columns_per_contact: dimension, ..Capacity::default() }
+}
 
 /// Configuration of a property test with `usual` random cases, or with the number in the environment variable PROPTEST_CASES. The number of
 /// rejected cases has no limit; [`Share`] counts them.

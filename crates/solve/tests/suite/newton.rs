@@ -1,6 +1,6 @@
 //! Tests of Newton's method against the conditions that define its solution, against sweeps, and on problems without a solution.
 
-use crate::common::{Share, cases};
+use crate::common::{Share, capacity, cases};
 use proptest::prelude::*;
 use stepper_real::{F32Lanes, F64Lanes, Mask, Real};
 use stepper_solve::newton::{Newton, STEPS_RATIO, Search};
@@ -49,8 +49,8 @@ fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
     let n = cases.iter().map(|c| c.n).max().unwrap();
     let most = |count: fn(&Case) -> usize| cases.iter().map(count).max().unwrap();
     let (limits, contacts) = (most(|c| c.limits.len()), most(|c| c.contacts.len()));
-    let mut problem = Problem::with_capacity(n, limits, contacts);
-    let mut iterate = Iterate::with_capacity(n, limits, contacts);
+    let mut problem = Problem::new(&capacity(n, limits, contacts));
+    let mut iterate = Iterate::new(&capacity(n, limits, contacts));
     problem.clear();
     iterate.clear();
     let columns: Vec<u32> = (0..n as u32).collect();

@@ -1,6 +1,6 @@
 //! Tests of scalar rows: orthogonal equality rows, their elimination from other rows, and compliance.
 
-use crate::common::cases;
+use crate::common::{capacity, cases};
 use proptest::prelude::*;
 use stepper_real::{F32Lanes, Mask, Real};
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
@@ -24,7 +24,7 @@ fn equalities() -> impl Strategy<Value = (usize, Vec<Vec<f64>>, Vec<f64>)> {
 /// For each row, whether it remains after all rows have been made orthogonal. Coordinate i has a mass of `10^decades[i]`.
 fn independent<R: Real>(jacobian: &[Vec<f64>], decades: &[f64]) -> Vec<bool> {
     let (rows, n) = (jacobian.len(), jacobian[0].len());
-    let mut problem = Problem::<R>::with_capacity(n, rows, 0);
+    let mut problem = Problem::<R>::new(&capacity(n, rows, 0));
     let columns: Vec<u32> = (0..n as u32).collect();
     let entry = |x: f64, i: usize| R::of(x) * R::of(10f64.powf(-0.5 * decades[i]));
     let (mut lengths, mut entries) = (Vec::new(), Vec::new());
@@ -53,8 +53,8 @@ proptest! {
     #[test]
     fn one_sweep_solves_orthogonal_equalities_and_drops_dependent_ones((n, y, g) in equalities()) {
         let rows = y.len();
-        let mut problem = Problem::with_capacity(n, rows, 0);
-        let mut iterate = Iterate::with_capacity(n, rows, 0);
+        let mut problem = Problem::new(&capacity(n, rows, 0));
+        let mut iterate = Iterate::new(&capacity(n, rows, 0));
         let columns: Vec<u32> = (0..n as u32).collect();
         for (y, &g) in y.iter().zip(&g) {
             problem.scalars.push(&columns, |i| y[i], 1.0, true, g, FREE);
@@ -113,7 +113,7 @@ proptest! {
         let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
         let limits = [0.0, f64::INFINITY];
         let [mut together, mut apart] = [(); 2].map(|()| {
-            let mut problem = Problem::with_capacity(n, rows + 1, 0);
+            let mut problem = Problem::new(&capacity(n, rows + 1, 0));
             for (y, &g) in y.iter().zip(&g) {
                 problem.scalars.push(&columns, |i| y[i], 1.0, true, g, FREE);
             }
@@ -138,7 +138,7 @@ proptest! {
         apart.scalars.set_mobility_ratio(whole / left);
         // One sweep is enough if the equalities are eliminated. Otherwise sweeps alternate between the equalities and the limit.
         let [one, many] = [(&apart, 1), (&together, 20_000)].map(|(problem, sweeps)| {
-            let mut iterate = Iterate::with_capacity(n, rows + 1, 0);
+            let mut iterate = Iterate::new(&capacity(n, rows + 1, 0));
             iterate.scalars.extend(vec![0.0; rows + 1]);
             iterate.compute_w(problem);
             let outcome = solve(problem, &mut iterate, SweepSettings { sweeps, tolerance: 1e-12 }, true);
@@ -161,8 +161,8 @@ proptest! {
     #[test]
     fn a_compliant_row_gives_way_in_proportion_to_its_impulse(y in prop::collection::vec(-1.0..1.0f64, 3), g in -2.0..2.0f64, r in 0.0..10.0f64) {
         prop_assume!(dot(&y, &y) > 1e-3);
-        let mut problem = Problem::with_capacity(3, 1, 0);
-        let mut iterate = Iterate::with_capacity(3, 1, 0);
+        let mut problem = Problem::new(&capacity(3, 1, 0));
+        let mut iterate = Iterate::new(&capacity(3, 1, 0));
         problem.scalars.push(&[0, 1, 2], |i| y[i], 1.0, true, g, FREE);
         problem.scalars.set_compliance(r);
         iterate.scalars.push(0.0);

@@ -1,6 +1,6 @@
 //! Tests of the solver against the conditions that define its solution, and against brute force.
 
-use crate::common::{Share, cases};
+use crate::common::{Share, capacity, cases};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stepper_real::{F32Lanes, Mask, Real};
@@ -28,8 +28,8 @@ fn case() -> impl Strategy<Value = Case> {
 
 fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     let contacts = case.y.len();
-    let mut problem = Problem::with_capacity(case.n, 1, contacts);
-    let mut iterate = Iterate::with_capacity(case.n, 1, contacts);
+    let mut problem = Problem::new(&capacity(case.n, 1, contacts));
+    let mut iterate = Iterate::new(&capacity(case.n, 1, contacts));
     problem.clear();
     iterate.clear();
     let columns: Vec<u32> = (0..case.n as u32).collect();

@@ -49,7 +49,7 @@ impl<R: Real> ConstraintProblem<R> {
     pub(crate) fn remove_curvature(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         let (Self { rows, curvature_terms, .. }, mut changed) = (self, R::Mask::splat(false));
         let CurvatureTerms { contact, terms } = &mut curvature_terms[i];
-        for (g, term) in rows.contacts.sliding_offsets_mut(*contact).iter_mut().zip(terms) {
+        for (g, term) in rows.contacts.offsets_mut(*contact)[1..3].iter_mut().zip(terms) {
             let dropped = R::select(lanes, *term, R::zero());
             changed = changed.or(dropped.abs().gt(R::zero()));
             *g -= dropped;

@@ -496,7 +496,7 @@ impl<R: Real> ContactGroups<R> {
     fn find_clusters(&mut self, groups: Range<usize>, problem: &ConstraintProblem<R>) {
         let Self { members, groups: all, owners, .. } = self;
         owners.clear();
-        owners.resize(problem.rows.dimension(), usize::MAX);
+        owners.resize(problem.rows.dimension, usize::MAX);
         let lane = all[groups.start].lane;
         for p in groups.clone() {
             for i in all[p].contacts(members, problem) {

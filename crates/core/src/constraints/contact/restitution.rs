@@ -122,7 +122,7 @@ impl<R: Real> ConstraintProblem<R> {
                 if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
                     contact.bias -= rebound;
                 }
-                *rows.contacts.normal_offset_mut(i) -= rebound;
+                rows.contacts.offsets_mut(i)[0] -= rebound;
                 impact.rebound -= rebound;
                 changed = changed.or(lanes);
             }

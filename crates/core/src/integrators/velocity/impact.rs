@@ -35,7 +35,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         let energy = smooth.mass.kinetic_energy(compiled, v, scratch);
         let lanes = problem.drop_restitution(impulses, [energy, R::of(MAX_TRUSTED_RESIDUAL)], [unsolved, inelastic]);
         if lanes.any() {
-            impulses.clear_contacts(&problem.rows, lanes, scratch);
+            impulses.clear_contacts(&problem.rows, lanes);
         }
         lanes
     }

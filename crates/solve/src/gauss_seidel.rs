@@ -12,9 +12,9 @@ use crate::constraints::constraint_set::SweepLanes;
 use crate::gauss_seidel::acceleration::reset_history;
 use crate::gauss_seidel::sweep::Progress;
 use crate::iterate::Iterate;
+use crate::outcome::Outcome;
 use crate::problem::{Problem, System};
 use crate::residual::residual;
-use crate::solver::Outcome;
 use stepper_real::{Mask, Real, kernel};
 
 /// Limits of a solve by sweeps (Gauss-Seidel iterations).

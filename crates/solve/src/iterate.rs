@@ -241,7 +241,7 @@ impl<R: Real> Iterate<R> {
     }
 
     /// Recomputes the scaled velocity change w from the impulses in the lanes `lanes`. The other lanes keep all bits. The history of sweeps
-    /// must begin anew.
+    /// must be reset before the next sweep.
     #[inline(always)]
     pub(crate) fn recompute_w(&mut self, problem: &Problem<R>, lanes: R::Mask) {
         std::mem::swap(&mut self.w, &mut self.history.start);

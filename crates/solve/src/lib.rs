@@ -33,6 +33,7 @@ mod file;
 pub mod gauss_seidel;
 mod iterate;
 pub mod newton;
+mod outcome;
 mod position_rows;
 mod problem;
 mod reference;
@@ -50,8 +51,9 @@ pub use constraints::orthogonalisation::{EntryScales, ROUNDING_RATIO, RowScales,
 pub use constraints::scalar::{ScalarRow, ScalarRows};
 pub use file::{FORMAT_VERSION, FileError, LoadedProblem};
 pub use iterate::{Iterate, Snapshot};
+pub use outcome::Outcome;
 pub use position_rows::PositionRows;
 pub use problem::{Problem, System};
 pub use reference::Reference;
 pub use residual::{energy_is_ambiguous, for_each_load, max_residual_for_energy, residual, worst_constraint};
-pub use solver::{Outcome, PASSES, Settings, solve};
+pub use solver::{PASSES, Settings, solve};

@@ -9,6 +9,7 @@ use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
 use crate::iterate::Iterate;
 use crate::newton::{Newton, Search};
+use crate::outcome::Outcome;
 use crate::problem::System;
 use crate::residual::residual;
 use serde::{Deserialize, Serialize};
@@ -46,28 +47,6 @@ impl<R> Settings<R> {
         let Self { sweeps, newton_steps, .. } = self;
         let [tolerance, newton_threshold, accepted_residual] = [self.tolerance, self.newton_threshold, self.accepted_residual].map(f);
         Settings { sweeps, newton_steps, tolerance, newton_threshold, accepted_residual }
-    }
-}
-
-/// Result of a solve, in each lane.
-#[derive(Clone, Copy, Debug)]
-pub struct Outcome<R: Real> {
-    /// Residual of the returned impulses, m/s.
-    pub residual: R,
-    /// Number of sweeps (Gauss-Seidel iterations) of each lane.
-    pub sweeps: R,
-    /// Number of Newton steps of each lane, over all its islands.
-    pub newton_steps: R,
-}
-
-impl<R: Real> Outcome<R> {
-    /// Replaces the residual by that of a second solve, `again`, in the lanes `lanes`. In all lanes, adds the numbers of sweeps and Newton
-    /// steps of the second solve.
-    #[inline(always)]
-    pub fn replace(&mut self, again: &Self, lanes: R::Mask) {
-        self.residual = R::select(lanes, again.residual, self.residual);
-        self.sweeps += again.sweeps;
-        self.newton_steps += again.newton_steps;
     }
 }
 

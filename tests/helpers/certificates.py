@@ -2,7 +2,7 @@
 
 It updates docs/benchmarks/calibration_weaker.csv: python tests/helpers/certificates.py TASK LAW WORLDS [SEED [NAME]]. It leaves out
 each measured parameter, and doubles tolerances, one at a time and all together. With NAME it runs only alternatives with this text.
-An alternative that surely fails or passes in some quarters of the worlds stops.
+Alternatives stop after the first quarter of the worlds that decides them.
 """
 
 import sys
@@ -57,7 +57,7 @@ def main(task: str, law: str, worlds: str, seed: str = "2", part: str = "") -> N
             rows.append(about | dict(zip(COLUMNS, (name, seed, str(count), str(counts[name]), f"{low:.6f}", f"{high:.6f}"), strict=True)))
             print("; ".join(rows[-1].values()), flush=True)
             write_rows(WEAKER, rows)
-            # The certificate has all worlds, and so has the number without measurements beside it.
+            # These two always run in all worlds.
             if name not in ("as certified", "nothing measured") and not low <= 0.05 < high:
                 del sets[name]
 

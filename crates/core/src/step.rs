@@ -24,8 +24,8 @@ use crate::stages::s10_record::Record;
 /// the inputs, and receives the next state.
 ///
 /// The order is: stages 1 to 8, acceptance of the next state, stage 10, stage 9. With hard contact, loops in `locate` and
-/// `solve_velocities` repeat some of stages 1 to 6. With MuJoCo's law, its Runge-Kutta method makes stages 1 to 5 four times. A step with an elastic impact, or one that keeps an error, repeats stages 1 to 8 and 10 for each of its parts
-/// (`step_in_parts`).
+/// `solve_velocities` repeat some of stages 1 to 6. With MuJoCo's law, its Runge-Kutta method makes stages 1 to 5 four times. A step with an
+/// elastic impact, or one that keeps an error, repeats stages 1 to 8 and 10 for each of its parts (`step_in_parts`).
 ///
 /// The stages call kernels: functions that are compiled once for every lane type and CPU level. This function is a kernel too, because it
 /// has lane masks, which are vectors. Outside a kernel every operation on a vector is a function call.

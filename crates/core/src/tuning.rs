@@ -198,7 +198,7 @@ pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 /// as after a motion that is too fast for the time step.
 pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
-/// Tolerance of the repeated solve in lanes with an ambiguous kinetic energy (`acceptance.rs`). It is a fraction of the largest residual at
+/// Tolerance of the repeated solve in lanes with an ambiguous kinetic energy (`ambiguous_energy.rs`). It is a fraction of the largest residual at
 /// which the impulses determine the kinetic energy.
 pub(crate) const TARGET_RATIO: f64 = 0.1;
 

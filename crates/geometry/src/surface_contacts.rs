@@ -307,7 +307,7 @@ impl Narrow {
 ///
 /// A contact joins a point x of the surface and a point y of the shape. For contacts that can push, [`Approach::max_components`] bounds y -
 /// x. The box can therefore be smaller with `approach`, but is never smaller than for a shape at rest.
-pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
+fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
     let [low, high] = whole.extent_b(core);
     let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));
     let reach = |most: f64| reach.min(whole.b.radius() + most);

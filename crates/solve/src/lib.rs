@@ -44,7 +44,7 @@ mod vectors;
 
 pub use admissible_set::AdmissibleSet;
 pub use capacity::Capacity;
-pub use constraints::constraint_set::{Constraint, Damping};
+pub use constraints::constraint_set::{ConstraintBase, Damping};
 pub use constraints::friction::{FrictionContact, FrictionContacts, MAX_CONTACT_ROWS, RowCount};
 pub use constraints::local_solver::LocalSolver;
 pub use constraints::orthogonalisation::{EntryScales, ROUNDING_RATIO, RowScales, dependence_threshold, velocity_rounding};

@@ -193,7 +193,7 @@ impl<R: Real> CollisionWorkspace<R> {
 
     /// Merges the listed pairs that the search for static pairs ([`CollisionWorkspace::find_static`]) found into `near`.
     pub(crate) fn add_static(&mut self, compiled: &LaneModel<R>) {
-        let (listed, _) = self.statics.listed_and_dynamic(compiled.pairs.len());
+        let [listed, _] = self.statics.listed_and_dynamic(compiled.pairs.len());
         merge(listed, &mut self.near, self.near_count);
         self.near_count += listed.len();
     }
@@ -206,7 +206,7 @@ impl<R: Real> CollisionWorkspace<R> {
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             let Self { poses, slack, broad, statics, .. } = self;
             broad.find(compiled, dynamic_pairs, alive.bits(), &poses.pos, displacements(poses), *slack);
-            broad.add(statics.listed_and_dynamic(compiled.pairs.len()).1);
+            broad.add(statics.listed_and_dynamic(compiled.pairs.len())[1]);
         }
     }
 

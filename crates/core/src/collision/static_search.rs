@@ -8,7 +8,7 @@
 use stepper_geometry::BoundingBox;
 use stepper_real::{Mask, Real, Scalar, kernel};
 
-use crate::compile::{GeomParams, LaneModel, StaticPairs};
+use crate::compile::{LaneModel, Params, StaticPairs};
 use crate::math::lanes::{MAX_LANES, each_of, merge_lanes, with_lane};
 use crate::math::spatial::*;
 
@@ -68,9 +68,9 @@ impl<R: Real> StaticSearch<R> {
         let StaticPairs { fixed, nodes, .. } = &compiled.static_pairs;
         let params = &compiled.params;
         let lanes =
-            |of: fn(GeomParams<R>) -> R| fixed.iter().flat_map(move |f| (0..R::LANES).map(move |lane| of(params.geom(f.geom)).lane(lane)));
-        self.largest = lanes(|geom| geom.bounding_radius).fold(R::Scalar::ZERO, |x, y| if y > x { y } else { x });
-        self.thinnest = lanes(|geom| geom.inscribed_radius).fold(self.largest, |x, y| if y < x { y } else { x });
+            |of: fn(&Params<R>, usize) -> R| fixed.iter().flat_map(move |f| (0..R::LANES).map(move |lane| of(params, f.geom).lane(lane)));
+        self.largest = lanes(|params, g| params.geom(g).bounding_radius).fold(R::Scalar::ZERO, |x, y| if y > x { y } else { x });
+        self.thinnest = lanes(|params, g| params.geom(g).inscribed_radius).fold(self.largest, |x, y| if y < x { y } else { x });
         for (at, node) in nodes.iter().enumerate().rev() {
             self.nodes[at] = match node.leaf() {
                 Some(leaf) => {
@@ -184,8 +184,9 @@ impl<R: Real> StaticSearch<R> {
 
     /// Listed pairs and dynamic pairs that the search found. `listed` is the number of listed pairs of the model; dynamic pairs have larger
     /// indices.
-    pub(crate) fn listed_and_dynamic(&self, listed: usize) -> (&[(u32, u32)], &[(u32, u32)]) {
-        self.pairs.split_at(self.pairs.partition_point(|pair| (pair.0 as usize) < listed))
+    pub(crate) fn listed_and_dynamic(&self, listed: usize) -> [&[(u32, u32)]; 2] {
+        let (listed, dynamic) = self.pairs.split_at(self.pairs.partition_point(|pair| (pair.0 as usize) < listed));
+        [listed, dynamic]
     }
 }
 

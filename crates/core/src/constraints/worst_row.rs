@@ -8,7 +8,7 @@ use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::lanes::{MAX_LANES, each_of};
 
 /// Number that encodes the cause of an unsolved step in a saved state. 0 means none. Each kind of cause has the numbers from its first one
-/// in [`KINDS`] on, by the index of the constraint.
+/// in [`KINDS`] on, by the index that the cause has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ConstraintCode(pub u64);
 
@@ -31,8 +31,11 @@ pub enum CodedConstraint {
     TooFast(usize),
 }
 
+/// Variant of [`CodedConstraint`] as a function of the index.
+type Variant = fn(usize) -> CodedConstraint;
+
 /// First code of each kind of cause, ascending, and the cause with a given index.
-const KINDS: [(u64, fn(usize) -> CodedConstraint); 7] = [
+const KINDS: [(u64, Variant); 7] = [
     (1, CodedConstraint::Scalar),
     (1 << 32, CodedConstraint::Contact),
     (1 << 40, CodedConstraint::NotFiniteActuator),

@@ -31,7 +31,7 @@ pub(crate) struct Span {
 
 /// Part that constraints of all kinds have: one scalar row, or the rows of one contact.
 #[derive(Clone, Copy, Debug)]
-pub struct Constraint<R: Real> {
+pub struct ConstraintBase<R: Real> {
     /// Place in the lists of the kind.
     pub(super) span: Span,
     /// Lanes in which the solver reads the constraint: it exists there, an impulse can move it, and it is not deferred.
@@ -41,7 +41,7 @@ pub struct Constraint<R: Real> {
     pub immovable: R::Mask,
 }
 
-impl<R: Real> Constraint<R> {
+impl<R: Real> ConstraintBase<R> {
     /// Range of the constraint's rows among the rows of all constraints of the kind.
     #[inline(always)]
     pub fn rows(&self) -> Range<usize> {
@@ -70,7 +70,7 @@ pub(crate) type RowEntries<'a, R> = (&'a [u32], &'a [R]);
 /// impulse, with a number for each row.
 pub trait ConstraintList<R: Real>: Clone + Debug {
     /// One constraint.
-    type Item: Copy + Debug + Deref<Target = Constraint<R>>;
+    type Item: Copy + Debug + Deref<Target = ConstraintBase<R>>;
 
     /// Empty list with memory for a problem of this capacity.
     fn with_capacity(capacity: &Capacity) -> Self;
@@ -134,9 +134,9 @@ pub trait ConstraintList<R: Real>: Clone + Debug {
     /// Velocity by which the normal row misses its target in lanes in which no impulse can move it, m/s or rad/s; 0 for dry friction. The
     /// caller ignores the other lanes.
     ///
-    /// For an equality the result is the absolute value of `equality`, the missed velocity with either sign. For a limit or a contact with
+    /// For an equality the result is the absolute value of `missed`, the missed velocity with either sign. For a limit or a contact with
     /// the offset `g` the result is -g, which is negative if the target is met.
-    fn unmet(&self, i: usize, equality: R, g: R) -> R;
+    fn unmet(&self, i: usize, missed: R, g: R) -> R;
 
     /// Impulse of the normal row in a proof of infeasibility, N s or N m s: the change from `before`, the impulse of the reference
     /// solution, to `now`.

@@ -12,7 +12,7 @@ use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{masked, movable, project};
 use crate::constraints::constraint_set::{
-    Constraint, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, SweepLanes, add_transposed,
+    ConstraintBase, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, SweepLanes, add_transposed,
     is_nonzero, multiply, number_of,
 };
 use crate::constraints::local_solver::{LocalSolver, NaturalStep};
@@ -28,7 +28,7 @@ pub const MAX_CONTACT_ROWS: usize = 6;
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real> {
     /// Place of the contact, and the lanes in which it is active and in which it is immovable.
-    common: Constraint<R>,
+    common: ConstraintBase<R>,
     /// Number of rows, and index of the contact among the contacts with this number.
     index: RowsIndex,
     /// Lanes in which the contact is deferred: the solver ignores its rows until they are activated.
@@ -315,7 +315,7 @@ impl<R: Real> FrictionContacts<R> {
         position_g[0] = g[0];
         let index = <[R; N] as RowCount<R, N>>::push(&mut self.rows, FrictionRows { g, position_g, local });
         self.rows.items.push(FrictionContact {
-            common: Constraint { span, active, immovable: exists.and_not(active) },
+            common: ConstraintBase { span, active, immovable: exists.and_not(active) },
             index,
             deferred: R::Mask::splat(false),
             mu,
@@ -561,10 +561,10 @@ fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
 }
 
 impl<R: Real> Deref for FrictionContact<R> {
-    type Target = Constraint<R>;
+    type Target = ConstraintBase<R>;
 
     #[inline(always)]
-    fn deref(&self) -> &Constraint<R> {
+    fn deref(&self) -> &ConstraintBase<R> {
         &self.common
     }
 }
@@ -706,7 +706,7 @@ impl<R: Real> ConstraintList<R> for ContactList<R> {
     }
 
     #[inline(always)]
-    fn unmet(&self, _i: usize, _equality: R, g: R) -> R {
+    fn unmet(&self, _i: usize, _missed: R, g: R) -> R {
         -g
     }
 

@@ -6,7 +6,7 @@ use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{clamp, masked};
 use crate::constraints::constraint_set::{
-    Constraint, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, SweepLanes, add_transposed,
+    ConstraintBase, ConstraintList, ConstraintSet, Damping, LaneConstraint, RowEntries, SavedConstraint, SweepLanes, add_transposed,
     is_nonzero, number_of,
 };
 use stepper_real::{Mask, Real};
@@ -16,7 +16,7 @@ use stepper_real::{Mask, Real};
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
     /// Place of the row, and the lanes in which it exists and in which an impulse can move it.
-    pub(super) common: Constraint<R>,
+    pub(super) common: ConstraintBase<R>,
     /// Velocity g of the row before any impulse, plus its bias (the negated velocity target), m/s or rad/s. This value is for the velocity
     /// solve; `position_g` is for the position solve.
     pub g: R,
@@ -111,7 +111,7 @@ impl<R: Real> ScalarRows<R> {
         );
         let movable = diagonal.gt(R::zero());
         self.rows.items.push(ScalarRow {
-            common: Constraint { span, active: exists.and(movable), immovable: exists.and_not(movable) },
+            common: ConstraintBase { span, active: exists.and(movable), immovable: exists.and_not(movable) },
             g,
             position_g: g,
             lo: bounds[0],
@@ -246,10 +246,10 @@ impl<R: Real> IndexMut<usize> for ScalarRows<R> {
 }
 
 impl<R: Real> Deref for ScalarRow<R> {
-    type Target = Constraint<R>;
+    type Target = ConstraintBase<R>;
 
     #[inline(always)]
-    fn deref(&self) -> &Constraint<R> {
+    fn deref(&self) -> &ConstraintBase<R> {
         &self.common
     }
 }
@@ -379,9 +379,9 @@ impl<R: Real> ConstraintList<R> for ScalarList<R> {
     }
 
     #[inline(always)]
-    fn unmet(&self, i: usize, equality: R, g: R) -> R {
+    fn unmet(&self, i: usize, missed: R, g: R) -> R {
         let (row, infinite) = (&self.items[i], R::of(f64::INFINITY));
-        masked(row.hi.ge(infinite), R::select(row.lo.le(-infinite), equality.abs(), -g))
+        masked(row.hi.ge(infinite), R::select(row.lo.le(-infinite), missed.abs(), -g))
     }
 
     #[inline(always)]

@@ -3,33 +3,46 @@
 use numpy::PyArrayDescr;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyByteArray, PyDict, PyTuple};
 use stepper_core::Contact;
 
-use crate::array::shaped;
+/// Contact as a row of the structured array of contacts, with the memory layout of its dtype.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct Row {
+    env: i32,
+    geom: [i32; 2],
+    body: [i32; 2],
+    /// Padding that aligns the following numbers.
+    unused: i32,
+    pos: [f64; 3],
+    normal: [f64; 3],
+    distance: f64,
+    force: [f64; 3],
+    torque: [f64; 3],
+    frame: [[f64; 3]; 3],
+}
 
-/// Function that appends the numbers of a field of a contact in an environment to a list.
-type Read = fn(usize, &Contact, &mut Vec<f64>);
-
-/// Names, NumPy types, shapes and values of the fields of the structured array.
-const FIELDS: [(&str, &str, &[usize], Read); 9] = [
-    ("env", "i4", &[], |env, _, out| out.push(env as f64)),
-    ("geom", "i4", &[2], |_, contact, out| out.extend(contact.geoms.map(|geom| geom as f64))),
-    ("body", "i4", &[2], |_, contact, out| out.extend(contact.bodies.map(|body| body as f64))),
-    ("pos", "f8", &[3], |_, contact, out| out.extend(contact.pos)),
-    ("normal", "f8", &[3], |_, contact, out| out.extend(contact.normal)),
-    ("distance", "f8", &[], |_, contact, out| out.push(contact.distance)),
-    ("force", "f8", &[3], |_, contact, out| out.extend(contact.force)),
-    ("torque", "f8", &[3], |_, contact, out| out.extend(contact.torque)),
-    ("frame", "f8", &[3, 3], |_, contact, out| out.extend(contact.frame().as_flattened())),
+/// Names, NumPy types and shapes of the fields of the structured array, as in [`Row`].
+const FIELDS: [(&str, &str, &[usize]); 9] = [
+    ("env", "i4", &[]),
+    ("geom", "i4", &[2]),
+    ("body", "i4", &[2]),
+    ("pos", "f8", &[3]),
+    ("normal", "f8", &[3]),
+    ("distance", "f8", &[]),
+    ("force", "f8", &[3]),
+    ("torque", "f8", &[3]),
+    ("frame", "f8", &[3, 3]),
 ];
 
 fn dtype(py: Python<'_>) -> PyResult<Py<PyArrayDescr>> {
     let fields: Vec<_> =
-        FIELDS.iter().map(|(name, kind, shape, _)| PyTuple::new(py, *shape).map(|s| (*name, *kind, s))).collect::<PyResult<_>>()?;
+        FIELDS.iter().map(|(name, kind, shape)| PyTuple::new(py, *shape).map(|s| (*name, *kind, s))).collect::<PyResult<_>>()?;
     let aligned = PyDict::new(py);
     aligned.set_item("align", true)?;
     let made = py.import("numpy")?.getattr("dtype")?.call((fields,), Some(&aligned))?;
+    assert_eq!(made.getattr("itemsize")?.extract::<usize>()?, size_of::<Row>(), "NumPy aligns as C does");
     Ok(made.cast_into::<PyArrayDescr>()?.unbind())
 }
 
@@ -37,14 +50,26 @@ fn dtype(py: Python<'_>) -> PyResult<Py<PyArrayDescr>> {
 pub(crate) fn structured<'py>(py: Python<'py>, envs: &[usize], contacts: &[Vec<Contact>]) -> PyResult<Bound<'py, PyAny>> {
     static DTYPE: PyOnceLock<Py<PyArrayDescr>> = PyOnceLock::new();
     let dtype = DTYPE.get_or_try_init(py, || dtype(py))?;
-    let count = contacts.iter().map(Vec::len).sum::<usize>();
-    let array = py.import("numpy")?.call_method1("zeros", (count, dtype))?;
-    for (name, _, shape, read) in FIELDS {
-        let mut numbers = Vec::new();
-        for (&env, contacts) in envs.iter().zip(contacts) {
-            contacts.iter().for_each(|contact| read(env, contact, &mut numbers));
-        }
-        array.set_item(name, shaped(py, &[&[count], shape].concat(), numbers)?)?;
+    let mut rows = Vec::new();
+    for (env, contacts) in envs.iter().zip(contacts) {
+        rows.extend(contacts.iter().map(|c| Row {
+            env: *env as i32,
+            geom: c.geoms.map(|g| g as i32),
+            body: c.bodies.map(|b| b as i32),
+            unused: 0,
+            pos: c.pos,
+            normal: c.normal,
+            distance: c.distance,
+            force: c.force,
+            torque: c.torque,
+            frame: c.frame(),
+        }));
     }
-    Ok(array)
+    // SAFETY: rows are plain numbers without a gap between them.
+    let bytes = unsafe { std::slice::from_raw_parts(rows.as_ptr().cast::<u8>(), size_of_val(&rows[..])) };
+    let numpy = py.import("numpy")?;
+    match rows.is_empty() {
+        true => numpy.call_method1("empty", (0, dtype)),
+        false => numpy.call_method1("frombuffer", (PyByteArray::new(py, bytes), dtype)),
+    }
 }

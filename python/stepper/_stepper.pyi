@@ -114,7 +114,7 @@ class Body:
 
 @final
 class Joint:
-    """Joint of a model: `model.joint("hip").qposadr`."""
+    """Joint of a model, which `model.joint("hip")` returns."""
 
     id: Final[int]
     """Index of the joint."""

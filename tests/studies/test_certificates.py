@@ -15,7 +15,7 @@ WORLDS, SEED = 96, (20261130, 62)
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['task']}, {row['law']}")
 def test_published_certificates_hold_on_fresh_worlds(row: dict[str, str], tmp_path: Path) -> None:
-    """No more fresh worlds exceed the margin than the bound of the certificate allows. Without measurements more do, where the published share is 25 %.
+    """No more fresh worlds exceed the margin than the bound allows. Without measurements more do, where the published share is 25 %.
 
     True certificates fail the comparison of found and allowed worlds with a probability below 1e-4, all together. If 25 % of worlds exceed
     the margin, the test finds it with a probability of at least 0.96, and with 0.75 if 20 % do. A share of 10 % mostly remains unseen.

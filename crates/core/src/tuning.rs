@@ -198,8 +198,8 @@ pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 /// as after a motion that is too fast for the time step.
 pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
-/// Tolerance of the repeated solve in lanes with an ambiguous kinetic energy (`ambiguous_energy.rs`). It is a fraction of the largest residual at
-/// which the impulses determine the kinetic energy.
+/// Tolerance of the repeated solve in lanes with an ambiguous kinetic energy (`ambiguous_energy.rs`). It is a fraction of the largest
+/// residual at which the impulses determine the kinetic energy.
 pub(crate) const TARGET_RATIO: f64 = 0.1;
 
 /// Increase of the largest joint rate in a step that turns a joint by more than [`MAX_IMPULSE_ROTATION`], as a fraction, above which the

@@ -63,7 +63,7 @@ macro_rules! named {
             /// All variants, in the order of their declaration.
             $vis const ALL: [Self; [$($text,)+].len()] = [$(Self::$variant,)+];
 
-            /// Name of the variant in messages and reports, and in Python.
+            /// Name of the variant in messages and reports, and of most enumerations in Python.
             $vis const fn name(self) -> &'static str {
                 match self {
                     $(Self::$variant => $text,)+
@@ -80,7 +80,7 @@ macro_rules! named {
         }
 
         impl $name {
-            /// Name of the variant in messages and reports, and in Python.
+            /// Name of the variant in messages and reports, and of most enumerations in Python.
             $vis const fn name(&self) -> &'static str {
                 match self {
                     $(Self::$variant { .. } => $text,)+

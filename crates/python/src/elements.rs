@@ -131,7 +131,7 @@ elements! {
         geomnum: v.of(geomnum),
     }
 
-    /// Joint of a model: `model.joint("hip").qposadr`.
+    /// Joint of a model, which `model.joint("hip")` returns.
     Joint: joint, joint_names in joints, |v, model, i| {
         let (qposadr, dofadr) = model.joint_addresses()[i];
     } {

@@ -5,17 +5,18 @@ use std::path::PathBuf;
 use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use std::sync::Arc;
 
-use pyo3::exceptions::{PyKeyError, PyValueError};
+use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyTuple, PyType};
 use serde::de::DeserializeOwned;
 use stepper_core::analysis::contact_stiffness::{EquivalentSpring, equivalent_springs};
 use stepper_core::analysis::overlaps;
-use stepper_core::model::{Description, ElementKind, Field, HeightField, Mesh, Model as Core, Omission, Overlap, REPLACEABLE, Sensor};
+use stepper_core::model::{Description, Field, HeightField, Mesh, Model as Core, Omission, Overlap, REPLACEABLE, Sensor};
 use stepper_core::{Integrator, Options, Parameter, Precision};
 
-use crate::arguments::index_of;
-use crate::array::{array, assign_attribute, check_shape, check_shape_of, float64_array, hint, no_mapping, read_only, unknown_field};
+use crate::array::{
+    array, assign_attribute, check_shape, check_shape_of, float64_array, hint, no_mapping, read_only, unknown_field, whole,
+};
 use crate::error::{ModelError, to_py, value_error};
 use crate::getters::getters;
 use crate::phrases::in_python;
@@ -290,7 +291,11 @@ impl Model {
 
     /// Indices of the geoms that rays from the site with index `site` can hit: geoms of other bodies with a shape in the model.
     fn geoms_seen_from(&self, site: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
-        Ok(self.core.geoms_seen_from(index_of(&self.core, ElementKind::Site, site)?))
+        let (site, count) = (whole(site, "site", 0)? as usize, self.core.sites.len());
+        if site >= count {
+            return Err(PyIndexError::new_err(format!("site {site} of {count}")));
+        }
+        Ok(self.core.geoms_seen_from(site))
     }
 
     fn __getattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {

@@ -107,8 +107,8 @@ impl SeparationCache {
         }
     }
 
-    /// Cache with the entries of the `n` lanes that begin with lane `first`. The number of all lanes is not needed here; `lane_arrays!` passes
-    /// it to all parts.
+    /// Cache with the entries of the `n` lanes that begin with lane `first`. `lane_arrays!` passes the number of all lanes to all parts;
+    /// here it is not needed.
     pub(crate) fn copy_lanes(&self, _lanes: usize, first: usize, n: usize) -> Self {
         let count = self.count.get(first..first + n).unwrap_or_default().to_vec();
         Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }

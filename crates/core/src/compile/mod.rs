@@ -35,7 +35,7 @@ pub use compiled_model::{CompiledModel, ModelStructure};
 pub(crate) use equality::coupling_error;
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, FramePath, Spring};
 pub use lane_model::LaneModel;
-pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, GeomParams, Inertial, Params};
+pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};
 pub(crate) use paths::obstacle_count;
 pub use paths::{CompiledObstacle, CompiledPath, CompiledSegment, PathLengths, PathTerm, Spot};

@@ -2,14 +2,79 @@
 //!
 //! Python owns their memory, and other Python threads may write to it during a step. So each call first copies the arrays to the core.
 
-use numpy::{PyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use std::borrow::Cow;
+
+use numpy::{BorrowError, Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use stepper_core::AppliedInput;
 
-use crate::array::{float64_array, shape_text, shaped};
+use crate::array::shape_text;
 use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
+
+/// NumPy array of one applied input (applied forces, mocap poses or active equalities) for all environments. It has f64 numbers, or
+/// booleans for `eq_active`.
+enum Applied<'py> {
+    Numbers(Bound<'py, PyArrayDyn<f64>>),
+    Truths(Bound<'py, PyArrayDyn<bool>>),
+}
+
+impl<'py> Applied<'py> {
+    /// New array of an applied input with the given numbers. For `eq_active`, 0 is false.
+    fn new(py: Python<'py>, input: AppliedInput, numbers: Vec<f64>, shape: Vec<usize>) -> PyResult<Self> {
+        Ok(match input {
+            AppliedInput::EqActive => Self::Truths(PyArray1::from_vec(py, numbers.into_iter().map(|x| x != 0.0).collect()).reshape(shape)?),
+            _ => Self::Numbers(PyArray1::from_vec(py, numbers).reshape(shape)?),
+        })
+    }
+
+    /// Casts an array to the type of an applied input. The result is None if the array is not C-contiguous, or has another type or shape.
+    fn of(array: &Bound<'py, PyUntypedArray>, input: AppliedInput, shape: &[usize]) -> Option<Self> {
+        if array.shape() != shape || !array.is_c_contiguous() {
+            return None;
+        }
+        match input {
+            AppliedInput::EqActive => array.cast::<PyArrayDyn<bool>>().ok().cloned().map(Self::Truths),
+            _ => array.cast::<PyArrayDyn<f64>>().ok().cloned().map(Self::Numbers),
+        }
+    }
+
+    fn untyped(&self) -> &Bound<'py, PyUntypedArray> {
+        match self {
+            Self::Numbers(array) => array.as_untyped(),
+            Self::Truths(array) => array.as_untyped(),
+        }
+    }
+
+    /// Writes `row` to the array, in the row of each of the environments `envs`. For `eq_active`, 0 is false.
+    fn write_rows(&self, envs: &[usize], row: &[f64]) -> PyResult<()> {
+        fn write<T: Element + Copy>(array: &Bound<'_, PyArrayDyn<T>>, envs: &[usize], row: &[T]) -> PyResult<()> {
+            let mut array = array.try_readwrite()?;
+            let all = array.as_slice_mut()?;
+            envs.iter().for_each(|&env| all[env * row.len()..][..row.len()].copy_from_slice(row));
+            Ok(())
+        }
+        match self {
+            Self::Numbers(array) => write(array, envs, row),
+            Self::Truths(array) => write(array, envs, &row.iter().map(|x| *x != 0.0).collect::<Vec<_>>()),
+        }
+    }
+
+    /// Calls `read` with the numbers of the array, and returns its result. Booleans are passed as 0 and 1. `name` is the name of the array
+    /// in errors.
+    fn with_numbers<T>(&self, name: &str, read: impl FnOnce(&[f64]) -> PyResult<T>) -> PyResult<T> {
+        let taken = |e: BorrowError| PyValueError::new_err(format!("{name}: {e}"));
+        match self {
+            Self::Numbers(array) => read(array.try_readonly().map_err(taken)?.as_slice()?),
+            Self::Truths(array) => {
+                let truths: PyReadonlyArrayDyn<'_, bool> = array.try_readonly().map_err(taken)?;
+                let numbers: Cow<'_, [f64]> = truths.as_slice()?.iter().map(|&truth| f64::from(u8::from(truth))).collect();
+                read(&numbers)
+            }
+        }
+    }
+}
 
 impl Stepper {
     /// Shape of the array of an applied input: (num_envs, ...), or without the leading axis if the stepper was created without `num_envs`.
@@ -22,40 +87,31 @@ impl Stepper {
     pub(super) fn reset_applied(&mut self, py: Python<'_>, envs: &[usize]) -> PyResult<()> {
         for input in AppliedInput::ALL {
             let Some(array) = self.made(py, input)? else { continue };
-            let model = self.simulation.model();
-            let row = shaped(py, &input.shape(model), input.at_reset(model))?;
-            let written = if self.batched { array.set_item(envs, row) } else { array.set_item(py.Ellipsis(), row) };
-            written.map_err(|e| PyValueError::new_err(format!("{}: {}", input.name(), e.value(py))))?;
+            let row = input.at_reset(self.simulation.model());
+            array.write_rows(envs, &row).map_err(|e| PyValueError::new_err(format!("{}: {e}", input.name())))?;
         }
         Ok(())
     }
 
     /// Array of an applied input, such as `xfrc_applied`; None if the array was not created yet. If the user has changed its type or shape,
     /// the result is an error.
-    fn made<'py>(&self, py: Python<'py>, input: AppliedInput) -> PyResult<Option<Bound<'py, PyUntypedArray>>> {
+    fn made<'py>(&self, py: Python<'py>, input: AppliedInput) -> PyResult<Option<Applied<'py>>> {
         let Some(array) = &self.applied[input as usize] else { return Ok(None) };
-        let (array, shape) = (array.bind(py), self.applied_shape(input));
         // NumPy allows users to change the dtype and shape of an existing array.
-        let (kind, is_kind) = match input {
-            AppliedInput::EqActive => ("bool", array.cast::<PyArrayDyn<bool>>().is_ok()),
-            _ => ("float64", array.cast::<PyArrayDyn<f64>>().is_ok()),
-        };
-        if is_kind && array.shape() == shape && array.is_c_contiguous() {
-            return Ok(Some(array.clone()));
-        }
-        let (name, shape) = (input.name(), shape_text(&shape));
-        Err(PyValueError::new_err(format!(
-            "{name} was changed in place to another type or shape, must stay a {kind} array {shape}: assign to its elements, as {name}[...] = values"
-        )))
+        let shape = self.applied_shape(input);
+        Applied::of(array.bind(py), input, &shape).map(Some).ok_or_else(|| {
+            let (name, shape) = (input.name(), shape_text(&shape));
+            let kind = if input == AppliedInput::EqActive { "bool" } else { "float64" };
+            PyValueError::new_err(format!("{name} was changed in place to another type or shape, must stay a {kind} array {shape}: assign to its elements, as {name}[...] = values"))
+        })
     }
 
-    /// Writable NumPy array of an applied input, such as `xfrc_applied`: float64, or bool for `eq_active`. The first call creates it with
-    /// the values of a reset.
+    /// Writable NumPy array of an applied input, such as `xfrc_applied`. The first call creates it with the values of a reset.
     pub(super) fn applied_array<'py>(&mut self, py: Python<'py>, input: AppliedInput) -> PyResult<Bound<'py, PyUntypedArray>> {
         if self.applied[input as usize].is_none() {
-            let all = shaped(py, &self.applied_shape(input), input.at_reset(self.simulation.model()).repeat(self.n()))?;
-            let all = if input == AppliedInput::EqActive { all.call_method1("astype", ("bool",))? } else { all };
-            self.applied[input as usize] = Some(all.cast_into::<PyUntypedArray>()?.unbind());
+            let all = input.at_reset(self.simulation.model()).repeat(self.n());
+            let made = Applied::new(py, input, all, self.applied_shape(input))?;
+            self.applied[input as usize] = Some(made.untyped().clone().unbind());
         }
         Ok(self.applied[input as usize].as_ref().expect("made above").bind(py).clone())
     }
@@ -74,7 +130,7 @@ impl Stepper {
         } else {
             py.import("stepper._arrays")?.call_method1("array_of", (name, value))?
         };
-        self.made(py, input)?.expect("made above").set_item(py.Ellipsis(), numbers).map_err(|error| {
+        self.made(py, input)?.expect("made above").untyped().set_item(py.Ellipsis(), numbers).map_err(|error| {
             if error.is_instance_of::<PyValueError>(py) {
                 PyValueError::new_err(format!("{name} has shape {shape}: {error}"))
             } else {
@@ -91,7 +147,8 @@ impl Stepper {
         }
         self.applied_array(py, AppliedInput::EqActive)?;
         let Some(array) = self.made(py, AppliedInput::EqActive)? else { return Ok(()) };
-        array.set_item(py.Ellipsis(), shaped(py, array.shape(), all)?)
+        let width = all.len() / self.n();
+        all.chunks(width).enumerate().try_for_each(|(env, row)| array.write_rows(&[env], row))
     }
 
     /// Copies the writable arrays that exist to the core, before a step or an evaluation.
@@ -103,9 +160,7 @@ impl Stepper {
     fn apply_arrays(&mut self, py: Python<'_>) -> PyResult<()> {
         for input in AppliedInput::ALL {
             let Some(array) = self.made(py, input)? else { continue };
-            let numbers = if input == AppliedInput::EqActive { array.call_method1("astype", ("float64",))? } else { array.into_any() };
-            let numbers = float64_array(&numbers, input.name())?;
-            self.simulation.apply(input, numbers.as_slice()?).map_err(value_error)?;
+            array.with_numbers(input.name(), |numbers| self.simulation.apply(input, numbers).map_err(value_error))?;
         }
         Ok(())
     }

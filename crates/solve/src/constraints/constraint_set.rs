@@ -327,8 +327,8 @@ impl<R: Real, T: ConstraintList<R>> ConstraintSet<R, T> {
         self.eliminated = 0;
     }
 
-    /// Calls `f` for each constraint that is active in a lane ([`Constraint::active`]). `f` gets an iterator over the coordinates at which
-    /// this constraint has entries in the lane, ascending.
+    /// Calls `f` for each constraint that is active in a lane ([`ConstraintBase::active`]). `f` gets an iterator over the coordinates at
+    /// which this constraint has entries in the lane, ascending.
     pub(crate) fn for_each_column_set(&self, rows: &T, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
         for row in rows.items().iter().filter(|row| has_lane::<R>(row.active, lane)) {
             f(&mut self.columns_in(row, lane));

@@ -91,7 +91,7 @@ impl ProximalStep {
     /// Makes one Newton step, and evaluates the equation at the new scaled velocity change w. Returns an upper bound of the error,
     /// expressed as the velocity of a row, m/s, or infinity if the matrix cannot be factorised.
     ///
-    /// It runs with the instructions of the CPU level of `R`.
+    /// The function runs with the instructions of the CPU level of `R`.
     pub(super) fn advance<R: Real>(&mut self, rows: &mut Island) -> f64 {
         kernel!(R, || self.step(rows))
     }

@@ -80,8 +80,6 @@ struct SavedImpulses {
     lambda: Vec<f64>,
     /// Scaled velocity change w by the impulses, in coordinates in which its kinetic energy is |w|^2 / 2.
     w: Vec<f64>,
-    /// Velocities of all rows, m/s, see [`Island::v`].
-    v: Vec<f64>,
 }
 
 impl SavedImpulses {
@@ -89,14 +87,12 @@ impl SavedImpulses {
     fn save(&mut self, rows: &Island) {
         self.lambda.clone_from(&rows.lambda);
         self.w.clone_from(&rows.w);
-        self.v.clone_from(&rows.v);
     }
 
     /// Copies the saved impulses back to an island.
     fn restore(&self, rows: &mut Island) {
         rows.lambda.clone_from(&self.lambda);
         rows.w.clone_from(&self.w);
-        rows.v.clone_from(&self.v);
     }
 }
 

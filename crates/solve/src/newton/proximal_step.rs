@@ -63,9 +63,10 @@ impl ProximalStep {
         }
     }
 
-    /// Computes the impulses and the error of the equation at the scaled velocity change w of an island, whose residual has been computed
-    /// there: a proximal step that fails moves w and restores it, and leaves the velocities in the island as they are. Returns an upper
-    /// bound of the error, expressed as the velocity of a row, m/s.
+    /// Computes the impulses and the error of the equation at the scaled velocity change w of an island. Returns an upper bound of the
+    /// error, expressed as the velocity of a row, m/s.
+    ///
+    /// The velocities are those of the last residual of the island. A proximal step that fails restores w and leaves them as they are.
     #[inline(always)]
     pub(super) fn evaluate(&mut self, rows: &Island) -> f64 {
         self.v.clone_from(&rows.v);

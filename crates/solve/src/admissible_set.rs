@@ -3,7 +3,7 @@
 //! A set has the residual of its natural map, and Alart and Curnier's map (1991) with its derivative. The impulses lambda are a solution if
 //! the map of `lambda - rho v` is lambda, where v are the velocities of the rows. Only `newton/response.rs` lists the types of sets too.
 
-use crate::vectors::{TILE, add_scaled, norm, tile};
+use crate::vectors::{Tile, add_multiple, norm, scaled};
 
 /// Set of the admissible impulses of one constraint.
 #[derive(Clone, Copy, Debug)]
@@ -23,20 +23,25 @@ pub enum AdmissibleSet {
 }
 
 impl AdmissibleSet {
-    /// Impulses by Alart and Curnier's map for the argument `x`, N s or N m s; written to `z`.
+    /// Impulses by Alart and Curnier's map for the argument `x`, N s or N m s, and the mode of the constraint there.
     ///
     /// For a cone, the normal impulse is `max(0, x_n)`. The tangential one is `x_t`, shortened to mu times the normal impulse if it is
     /// longer.
     #[inline(always)]
-    pub(crate) fn map(&self, x: &[f64], z: &mut [f64]) {
+    pub(crate) fn map<const N: usize>(&self, x: [f64; N]) -> ([f64; N], Mode) {
         match *self {
-            Self::Interval { lo, hi } => z[0] = x[0].max(lo).min(hi),
+            Self::Interval { lo, .. } if x[0] <= lo => ([lo; N], Mode::Lower),
+            Self::Interval { hi, .. } if x[0] >= hi => ([hi; N], Mode::Upper),
+            Self::Interval { .. } => (x, Mode::Held),
+            Self::Cone { .. } if x[0] <= 0.0 => ([0.0; N], Mode::Open),
             Self::Cone { mu } => {
-                let (normal, tangent) = (x[0].max(0.0), norm(&x[1..]));
-                let scale = if tangent > mu * normal { mu * normal / tangent } else { 1.0 };
-                z[0] = normal;
-                for (z, x) in z[1..].iter_mut().zip(&x[1..]) {
-                    *z = x * scale;
+                let (bound, tangent) = (mu * x[0], norm(&x[1..]));
+                if tangent > bound {
+                    let mut z = scaled(bound / tangent, x);
+                    z[0] = x[0];
+                    (z, Mode::Slipping)
+                } else {
+                    (x, Mode::Held)
                 }
             }
         }
@@ -71,70 +76,74 @@ impl AdmissibleSet {
         }
     }
 
-    /// Computes rho DP Y into `out`. DP is the derivative of [`AdmissibleSet::map`] at the argument `x`, and Y a matrix such as the
-    /// constraint's scaled Jacobian. `mode` is the mode of the constraint at `x`; it must be [`Mode::Held`] or [`Mode::Slipping`].
-    ///
-    /// `y` are the rows of Y with `n` entries each, in whole tiles (four numbers).
+    /// Slip of a contact at the argument `x` of [`AdmissibleSet::map`], if its mode is [`Mode::Slipping`].
     #[inline(always)]
-    pub(crate) fn differentiate(&self, mode: Mode, rho: f64, x: &[f64], y: &[f64], n: usize, out: &mut Product) {
-        out.rows.clear();
-        out.friction.clear();
-        out.coupling.clear();
+    pub(crate) fn slip<const N: usize>(&self, mode: Mode, x: [f64; N]) -> Option<Slip<N>> {
         match *self {
             Self::Cone { mu } if mode == Mode::Slipping => {
-                out.rows.resize(y.len(), 0.0);
-                out.friction.resize(n, 0.0);
-                // With a constant number of rows the compiler unrolls the loops over them.
-                match x.len() {
-                    3 => differentiate_slip([rho, mu], x, y, [3, n], out),
-                    4 => differentiate_slip([rho, mu], x, y, [4, n], out),
-                    6 => differentiate_slip([rho, mu], x, y, [6, n], out),
-                    rows => differentiate_slip([rho, mu], x, y, [rows, n], out),
-                }
+                let inverse = 1.0 / norm(&x[1..]);
+                Some(Slip { direction: scaled(inverse, x), mu, shrink: mu * x[0] * inverse })
             }
-            _ => out.rows.extend(y.iter().map(|y| rho * y)),
+            _ => None,
         }
+    }
+
+    /// Derivative DP of [`AdmissibleSet::map`] at the argument `x`. `mode` is the mode of the constraint at `x`; it must be
+    /// [`Mode::Held`] or [`Mode::Slipping`].
+    pub(crate) fn derivative<const N: usize>(&self, mode: Mode, x: [f64; N]) -> [[f64; N]; N] {
+        let identity = |i, j| f64::from(u8::from(i == j));
+        let slip = self.slip(mode, x);
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| match slip {
+                Some(Slip { direction: t, mu, .. }) if i > 0 && j == 0 => mu * t[i],
+                Some(Slip { direction: t, shrink, .. }) if i > 0 => shrink * (identity(i, j) - t[i] * t[j]),
+                _ => identity(i, j),
+            })
+        })
     }
 }
 
-/// Computes rho DP Y of a slipping contact into `out`, tile by tile.
+/// Derivative DP of the map of a contact that slips.
 ///
 /// With the direction `t = x_t / |x_t|`, DP is 1 for the normal row, and `(mu x_n / |x_t|) (I - t t^T)` for the tangential rows. The bound
-/// mu x_n of friction adds mu t times the normal row to the tangential rows: this part is not symmetric.
-#[inline(always)]
-fn differentiate_slip([rho, mu]: [f64; 2], x: &[f64], y: &[f64], [rows, n]: [usize; 2], out: &mut Product) {
-    let tangent = norm(&x[1..]);
-    let inverse = if tangent > 0.0 { 1.0 / tangent } else { 0.0 };
-    let shrink = mu * x[0] * inverse;
-    out.coupling.extend(x[1..].iter().map(|x| rho * mu * (x * inverse)));
-    for at in (0..n).step_by(TILE) {
-        let mut radial = [0.0; TILE];
-        for k in 1..rows {
-            add_scaled(&mut radial, x[k] * inverse, &tile(y, k * n + at));
-        }
-        put_tile(&mut out.rows, at, scaled(rho, tile(y, at)));
-        put_tile(&mut out.friction, at, scaled(rho * mu, radial));
-        for k in 1..rows {
-            let mut row = scaled(rho * shrink, tile(y, k * n + at));
-            add_scaled(&mut row, -rho * shrink * (x[k] * inverse), &radial);
-            put_tile(&mut out.rows, k * n + at, row);
-        }
-    }
+/// mu x_n of friction adds mu t times the normal row to the tangential rows. This part is not symmetric.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Slip<const N: usize> {
+    /// Direction t = x_t / |x_t| of the map's argument x. The first component has no meaning.
+    direction: [f64; N],
+    /// Friction coefficient of the contact.
+    mu: f64,
+    /// Ratio mu x_n / |x_t|.
+    shrink: f64,
 }
 
-/// Product of the number `s` and the four numbers `y`.
-#[inline(always)]
-fn scaled(s: f64, mut y: [f64; TILE]) -> [f64; TILE] {
-    for y in &mut y {
-        *y *= s;
+impl<const N: usize> Slip<N> {
+    /// Factors of the product `rho Y^T DP Y`, where Y has `N` rows, for four columns `y` of Y.
+    ///
+    /// The product is `a^T n + sum_k q_k^T q_k`, where n is the normal row of Y. The first result is `a = rho (n + mu t Y_t)`. The second
+    /// one has the N - 2 rows q_k, followed by rows of zeros. They are the tangential rows Y_t, reflected so that they are
+    /// orthogonal to t, times a factor.
+    #[inline(always)]
+    pub(crate) fn factors(&self, rho: f64, y: &[Tile; N]) -> (Tile, [Tile; N]) {
+        let (t, last) = (&self.direction, N - 1);
+        let mut radial = [0.0; _];
+        for k in 1..N {
+            add_multiple(&mut radial, t[k], &y[k]);
+        }
+        let mut a = y[0];
+        add_multiple(&mut a, self.mu, &radial);
+        // Householder's reflection that maps t to the last axis (Golub & Van Loan 2013, section 5.1).
+        let mut normal = radial;
+        add_multiple(&mut normal, 1.0_f64.copysign(t[last]), &y[last]);
+        let (factor, inverse) = ((rho * self.shrink).sqrt(), 1.0 / (1.0 + t[last].abs()));
+        let mut q = [[0.0; _]; N];
+        for k in 1..last {
+            q[k - 1] = y[k];
+            add_multiple(&mut q[k - 1], -inverse * t[k], &normal);
+            q[k - 1] = scaled(factor, q[k - 1]);
+        }
+        (scaled(rho, a), q)
     }
-    y
-}
-
-/// Writes the four numbers of a tile to `x` from index `at` on.
-#[inline(always)]
-fn put_tile(x: &mut [f64], at: usize, numbers: [f64; TILE]) {
-    x[at..at + TILE].copy_from_slice(&numbers);
 }
 
 /// Mode of a constraint: a region of the map's argument in which the map is differentiable.
@@ -161,21 +170,6 @@ impl Mode {
 }
 
 impl AdmissibleSet {
-    /// Mode of a constraint whose map has the argument `x`.
-    #[inline(always)]
-    pub(crate) fn mode(&self, x: &[f64]) -> Mode {
-        match *self {
-            Self::Interval { lo, hi } => match x[0] {
-                x if x <= lo => Mode::Lower,
-                x if x >= hi => Mode::Upper,
-                _ => Mode::Held,
-            },
-            Self::Cone { .. } if x[0] <= 0.0 => Mode::Open,
-            Self::Cone { mu } if norm(&x[1..]) > mu * x[0] => Mode::Slipping,
-            Self::Cone { .. } => Mode::Held,
-        }
-    }
-
     /// Measure of how far the map's argument `x` is from the boundary of the region of `mode`, N s; negative outside the region. It is
     /// linear in the distance.
     ///
@@ -198,29 +192,6 @@ impl AdmissibleSet {
                     _ => (-excess, true),
                 }
             }
-        }
-    }
-}
-
-/// Product rho DP Y of one constraint: step rho times the derivative DP of the constraint's map times a matrix Y.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Product {
-    /// Product with the symmetric part of DP, row by row.
-    pub(crate) rows: Vec<f64>,
-    /// Coefficients rho mu t of the rest of the product: the tangential rows are these multiples of the normal row of Y. The list is empty
-    /// if the contact does not slip.
-    coupling: Vec<f64>,
-    /// Sum of the tangential rows of Y with the coefficients `coupling`; empty if the contact does not slip. The rest of `Y^T rho DP Y` is
-    /// the outer product of this row and the normal row of Y.
-    pub(crate) friction: Vec<f64>,
-}
-
-impl Product {
-    /// Adds the unsymmetric part to `rows`. `normal` is the normal row of Y.
-    #[inline(always)]
-    pub(crate) fn complete(&mut self, normal: &[f64]) {
-        for (row, c) in self.rows.chunks_exact_mut(normal.len()).skip(1).zip(&self.coupling) {
-            add_scaled(row, *c, normal);
         }
     }
 }

@@ -6,11 +6,52 @@
 /// Number of coordinates in a tile, the unit of vectorised loops.
 pub(crate) const TILE: usize = 4;
 
-/// Four consecutive numbers (a tile) of `x`, from index `at` on.
+/// Numbers at four consecutive coordinates.
+pub(crate) type Tile = [f64; TILE];
+
+/// Evaluates an expression for a constraint with `$n` rows, in which the number of rows is the constant `$N`, so that loops over the rows
+/// are unrolled.
+macro_rules! with_rows {
+    ($n:expr, $N:ident => $body:expr) => {
+        $crate::vectors::with_rows!(@ $n, $N => $body; 1 2 3 4 5 6)
+    };
+    (@ $n:expr, $N:ident => $body:expr; $($rows:literal)*) => {
+        match $n {
+            $($rows => {
+                const $N: usize = $rows;
+                $body
+            })*
+            rows => unreachable!("a constraint has {rows} rows, at most MAX_CONTACT_ROWS"),
+        }
+    };
+}
+pub(crate) use with_rows;
+
+/// The numbers `x` times `s`.
 #[inline(always)]
-pub(crate) fn tile(x: &[f64], at: usize) -> [f64; TILE] {
-    let x = &x[at..at + TILE];
-    [x[0], x[1], x[2], x[3]]
+pub(crate) fn scaled<const N: usize>(s: f64, mut x: [f64; N]) -> [f64; N] {
+    for x in &mut x {
+        *x *= s;
+    }
+    x
+}
+
+/// Adds s y to the numbers `x`.
+#[inline(always)]
+pub(crate) fn add_multiple<const N: usize>(x: &mut [f64; N], s: f64, y: &[f64; N]) {
+    for k in 0..N {
+        x[k] += s * y[k];
+    }
+}
+
+/// Sum of the rows `y`, each times its number of `x`.
+#[inline(always)]
+pub(crate) fn combined<const N: usize>(x: &[f64; N], y: &[Tile; N]) -> Tile {
+    let mut sum = [0.0; TILE];
+    for (&x, y) in x.iter().zip(y) {
+        add_multiple(&mut sum, x, y);
+    }
+    sum
 }
 
 /// Euclidean length of a vector.
@@ -40,9 +81,7 @@ pub(crate) fn inner_of_tiles(a: &[f64], b: &[f64]) -> f64 {
 /// Adds s y to `x`. The length of both is a multiple of four.
 #[inline(always)]
 pub(crate) fn add_scaled(x: &mut [f64], s: f64, y: &[f64]) {
-    for (x, y) in x.chunks_exact_mut(TILE).zip(y.chunks_exact(TILE)) {
-        for k in 0..TILE {
-            x[k] += s * y[k];
-        }
+    for (x, y) in x.as_chunks_mut::<TILE>().0.iter_mut().zip(y.as_chunks().0) {
+        add_multiple(x, s, y);
     }
 }

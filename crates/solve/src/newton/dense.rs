@@ -1,7 +1,7 @@
 //! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has pivots that
 //! are too small for the skyline factorisation.
 
-use crate::vectors::TILE;
+use crate::vectors::{TILE, Tile};
 
 /// Full matrix, replaced by the factors L U of its rows in the order of partial pivoting.
 #[derive(Clone, Debug, Default)]
@@ -25,22 +25,19 @@ impl Dense {
 
     /// Adds `sum_r a_r^T b_r` to the entries between the coordinates of the tiles `tiles`. A tile is four consecutive coordinates.
     ///
-    /// `a` and `b` are lists of rows a_r and b_r. Each row has the numbers of its tiles, one tile after the other.
+    /// `a` and `b` have the numbers of the `N` rows a_r and b_r in each tile.
     #[inline(always)]
-    pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
-        let n = TILE * tiles.len();
-        for i in 0..n {
-            let row = (TILE * tiles[i / TILE] + i % TILE) * self.dimension;
-            for (k, &tile) in tiles.iter().enumerate() {
-                let at = row + TILE * tile;
-                let mut sum = [0.0; TILE];
-                sum.copy_from_slice(&self.entries[at..at + TILE]);
-                for (a, b) in a.chunks_exact(n).zip(b.chunks_exact(n)) {
-                    for c in 0..TILE {
-                        sum[c] += a[i] * b[TILE * k + c];
+    pub(super) fn add_product<const N: usize>(&mut self, tiles: &[usize], a: &[[Tile; N]], b: &[[Tile; N]]) {
+        for (&j, a) in tiles.iter().zip(a) {
+            for (&k, b) in tiles.iter().zip(b) {
+                for i in 0..TILE {
+                    let at = (TILE * j + i) * self.dimension + TILE * k;
+                    for (c, entry) in self.entries[at..at + TILE].iter_mut().enumerate() {
+                        for r in 0..N {
+                            *entry += a[r][i] * b[r][c];
+                        }
                     }
                 }
-                self.entries[at..at + TILE].copy_from_slice(&sum);
             }
         }
     }
@@ -106,11 +103,11 @@ impl Dense {
 
 #[cfg(test)]
 mod tests {
-    use super::Dense;
+    use super::{Dense, Tile};
 
-    /// Matrix rows of four numbers (one tile), of which the last is 0, from their first three numbers.
-    fn rows(rows: &[[f64; 3]]) -> Vec<f64> {
-        rows.iter().flat_map(|&[a, b, c]| [a, b, c, 0.0]).collect()
+    /// Rows of a matrix in one tile, whose last numbers are 0, from their first three numbers.
+    fn rows<const N: usize>(rows: [[f64; 3]; N]) -> [[Tile; N]; 1] {
+        [rows.map(|[a, b, c]| [a, b, c, 0.0])]
     }
 
     #[test]
@@ -118,8 +115,8 @@ mod tests {
         let mut matrix = Dense::default();
         matrix.set_identity(8);
         // [0 2 0; 3 0 0; 0 0 -4] in the coordinates of the second tile.
-        let unit = rows(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
-        matrix.add_product(&[1], &unit, &rows(&[[-1.0, 2.0, 0.0], [3.0, -1.0, 0.0], [0.0, 0.0, -5.0]]));
+        let unit = rows([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        matrix.add_product(&[1], &unit, &rows([[-1.0, 2.0, 0.0], [3.0, -1.0, 0.0], [0.0, 0.0, -5.0]]));
         assert!(matrix.factor());
         let mut x = [1.0, 1.0, 1.0, 1.0, 2.0, 9.0, 8.0, 1.0];
         matrix.solve(&mut x);
@@ -130,7 +127,7 @@ mod tests {
     fn a_singular_matrix_has_no_factors() {
         let mut matrix = Dense::default();
         matrix.set_identity(4);
-        matrix.add_product(&[0], &rows(&[[1.0, 0.0, 0.0]]), &rows(&[[-1.0, 0.0, 0.0]]));
+        matrix.add_product(&[0], &rows([[1.0, 0.0, 0.0]]), &rows([[-1.0, 0.0, 0.0]]));
         assert!(!matrix.factor());
     }
 }

@@ -1,7 +1,7 @@
 //! Rows of one island (constraints that are coupled directly or by others), dense in the tiles of coordinates at which they have entries.
 //!
 //! Coordinates come in tiles of four (`vectors.rs`). The rows of a contact between two bodies have entries in a few tiles that may be far
-//! apart.
+//! apart. Entries are stored tile by tile, and in each tile row by row.
 
 use stepper_real::Real;
 
@@ -10,7 +10,7 @@ use std::ops::Range;
 use crate::admissible_set::AdmissibleSet;
 use crate::constraints::constraint_set::LaneConstraint;
 use crate::newton::lane::Lane;
-use crate::vectors::{TILE, inner, tile};
+use crate::vectors::{TILE, Tile, add_multiple, inner, norm, with_rows};
 
 /// Rows of one constraint of an island, whose impulses are projected together.
 #[derive(Clone, Debug)]
@@ -19,8 +19,8 @@ pub(super) struct Block {
     pub(super) set: AdmissibleSet,
     /// Range in [`Island::tiles`] of the tiles (of four coordinates) at which the constraint has entries.
     tiles: Range<usize>,
-    /// Range in [`Island::y`] of the constraint's entries, one row after the other, tile by tile.
-    pub(super) y: Range<usize>,
+    /// Range of the constraint's entries in [`Island::y`].
+    y: Range<usize>,
     /// Range of the constraint's rows in [`Island::g`] and [`Island::lambda`].
     pub(super) rows: Range<usize>,
     /// Rows of the constraint that are in the island, as bits. Rows without effect (types of friction that a contact lacks) are left out.
@@ -48,8 +48,11 @@ pub(super) struct Island {
     pub(super) blocks: Vec<Block>,
     /// Tiles (of four coordinates) at which each constraint has entries, ascending, one constraint after the other.
     tiles: Vec<usize>,
-    /// Entries of the scaled Jacobian of all constraints of the island.
-    pub(super) y: Vec<f64>,
+    /// Of each tile, whether the constraint that is being gathered has entries there, and the tile's place in the list of the last such
+    /// constraint.
+    place_of_tile: Vec<(bool, usize)>,
+    /// Entries of the scaled Jacobian of all constraints of the island: for each tile of a constraint, those of all rows.
+    y: Vec<Tile>,
     /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
     pub(super) g: Vec<f64>,
     /// Impulse of each row, N s.
@@ -76,24 +79,29 @@ impl Island {
         self.w.clear();
         self.w.extend(coordinates.iter().map(|&c| lane.w[c as usize]));
         self.w.resize(coordinates.len().next_multiple_of(TILE), 0.0);
+        self.place_of_tile.resize(self.w.len() / TILE, (false, 0));
         for block in members.iter().map(|&i| &lane.blocks[i]) {
             let (columns, entries) = lane.entries(block);
             let places = || columns.iter().map(|&c| number[c as usize] as usize);
             let first = self.tiles.len();
             for tile in places().map(|c| c / TILE) {
-                if let Err(place) = self.tiles[first..].binary_search(&tile) {
-                    self.tiles.insert(first + place, tile);
+                if !std::mem::replace(&mut self.place_of_tile[tile].0, true) {
+                    self.tiles.push(tile);
                 }
             }
             let tiles = first..self.tiles.len();
+            self.tiles[tiles.clone()].sort_unstable();
+            for (place, &tile) in self.tiles[tiles.clone()].iter().enumerate() {
+                self.place_of_tile[tile] = (false, place);
+            }
             let (dim, at, row) = (block.rows.len(), self.y.len(), self.g.len());
-            let n = TILE * tiles.len();
             let used_rows = lane.used_rows(block);
-            self.y.resize(at + used_rows.count_ones() as usize * n, 0.0);
+            let rows = used_rows.count_ones() as usize;
+            self.y.resize(at + rows * tiles.len(), [0.0; TILE]);
             for (c, entries) in places().zip(entries.chunks_exact(dim)) {
-                let tile = self.tiles[tiles.clone()].partition_point(|&tile| tile < c / TILE);
+                let (_, place) = self.place_of_tile[c / TILE];
                 for (k, r) in bits(used_rows).enumerate() {
-                    self.y[at + k * n + TILE * tile + c % TILE] = entries[r];
+                    self.y[at + rows * place + k][c % TILE] = entries[r];
                 }
             }
             self.g.extend(bits(used_rows).map(|r| lane.g[block.rows.start + r]));
@@ -138,44 +146,33 @@ impl Island {
         &self.tiles[block.tiles.clone()]
     }
 
-    /// Number of entries of each row of a constraint.
+    /// Entries of the `N` rows of a constraint in each of its tiles.
     #[inline(always)]
-    pub(super) fn width(&self, block: &Block) -> usize {
-        TILE * block.tiles.len()
+    pub(super) fn entries<const N: usize>(&self, block: &Block) -> &[[Tile; N]] {
+        self.y[block.y.clone()].as_chunks().0
     }
 
     /// Multiplies the island's scaled Jacobian Y by the vector `x`, and writes Y x to `out`.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[f64], out: &mut Vec<f64>) {
         out.resize(self.g.len(), 0.0);
+        let x = x.as_chunks().0;
         for block in &self.blocks {
-            let (tiles, n) = (self.tiles(block), self.width(block));
-            let (y, out) = (&self.y[block.y.clone()], &mut out[block.rows.clone()]);
-            let (threes, others) = out.as_chunks_mut::<3>();
-            for (out, y) in threes.iter_mut().zip(y.chunks_exact(3 * n)) {
-                *out = multiply_rows(y, tiles, x);
-            }
-            for (out, y) in others.iter_mut().zip(y[3 * threes.len() * n..].chunks_exact(n)) {
-                [*out] = multiply_rows(y, tiles, x);
-            }
+            let out = &mut out[block.rows.clone()];
+            with_rows!(out.len(), N => out.copy_from_slice(&multiply_rows::<N>(self.tiles(block), self.entries(block), x)));
         }
     }
 
-    /// Adds sign times Y^T x to `out`, where Y is the scaled Jacobian of the island.
+    /// Adds Y^T x to `out` for the rows of one constraint, where Y is the scaled Jacobian.
     #[inline(always)]
-    pub(super) fn add_transposed(&self, x: &[f64], sign: f64, out: &mut [f64]) {
-        for block in &self.blocks {
-            let (tiles, n) = (self.tiles(block), self.width(block));
-            let (y, x) = (&self.y[block.y.clone()], &x[block.rows.clone()]);
-            if x.iter().all(|x| *x == 0.0) {
-                continue;
-            }
-            let (threes, others) = x.as_chunks::<3>();
-            for (x, y) in threes.iter().zip(y.chunks_exact(3 * n)) {
-                add_rows(out, tiles, x.map(|x| sign * x), y);
-            }
-            for (x, y) in others.iter().zip(y[3 * threes.len() * n..].chunks_exact(n)) {
-                add_rows(out, tiles, [sign * x], y);
+    pub(super) fn add_transposed<const N: usize>(&self, block: &Block, x: [f64; N], out: &mut [f64]) {
+        if x == [0.0; N] {
+            return;
+        }
+        let out = out.as_chunks_mut().0;
+        for (y, &t) in self.entries::<N>(block).iter().zip(self.tiles(block)) {
+            for r in 0..N {
+                add_multiple(&mut out[t], x[r], &y[r]);
             }
         }
     }
@@ -185,12 +182,21 @@ impl Island {
         self.lambda.iter().map(|x| x.abs()).sum()
     }
 
+    /// Largest slip speed of all contacts with an impulse at the last call of [`Island::residual`], m/s.
+    pub(super) fn fastest_slip(&self) -> f64 {
+        let loaded = self.blocks.iter().filter(|block| self.lambda[block.rows.start] > 0.0);
+        loaded.fold(0.0, |most, Block { rows, .. }| most.max(norm(&self.v[rows.start + 1..rows.end])))
+    }
+
     /// Computes the scaled velocity change w from the impulses.
     #[inline(always)]
     pub(super) fn compute_w(&mut self) {
         let mut w = std::mem::take(&mut self.w);
         w.fill(0.0);
-        self.add_transposed(&self.lambda, 1.0, &mut w);
+        for block in &self.blocks {
+            let lambda = &self.lambda[block.rows.clone()];
+            with_rows!(lambda.len(), N => self.add_transposed::<N>(block, std::array::from_fn(|r| lambda[r]), &mut w));
+        }
         self.w = w;
     }
 
@@ -213,36 +219,20 @@ impl Island {
     }
 }
 
-/// Dot products of `N` rows with the numbers of `x` in the tiles `tiles` (four consecutive numbers each). The rows are in `y`, one after
-/// the other. Of each product, four partial sums are added at the end, so that additional tiles of zeros would change nothing.
+/// Dot products of `N` rows with the vector `x`. The rows have the entries `y` in the tiles `tiles`. Of each product, four partial sums are
+/// added at the end, so that additional tiles of zeros would change nothing.
 #[inline(always)]
-fn multiply_rows<const N: usize>(y: &[f64], tiles: &[usize], x: &[f64]) -> [f64; N] {
+fn multiply_rows<const N: usize>(tiles: &[usize], y: &[[Tile; N]], x: &[Tile]) -> [f64; N] {
     let mut sums = [[0.0; TILE]; N];
-    for (k, &t) in tiles.iter().enumerate() {
-        let x = tile(x, TILE * t);
-        for (r, sum) in sums.iter_mut().enumerate() {
-            let y = tile(y, TILE * (r * tiles.len() + k));
+    for (y, &t) in y.iter().zip(tiles) {
+        let x = x[t];
+        for r in 0..N {
             for c in 0..TILE {
-                sum[c] += y[c] * x[c];
+                sums[r][c] += y[r][c] * x[c];
             }
         }
     }
     sums.map(|sum| (sum[0] + sum[1]) + (sum[2] + sum[3]))
-}
-
-/// Adds the rows of `y`, each times its number of `x`, to the numbers of `out` in the tiles `tiles` (four consecutive numbers each).
-#[inline(always)]
-fn add_rows<const N: usize>(out: &mut [f64], tiles: &[usize], x: [f64; N], y: &[f64]) {
-    for (k, &t) in tiles.iter().enumerate() {
-        let mut sum = tile(out, TILE * t);
-        for (r, x) in x.iter().enumerate() {
-            let y = tile(y, TILE * (r * tiles.len() + k));
-            for c in 0..TILE {
-                sum[c] += x * y[c];
-            }
-        }
-        out[TILE * t..TILE * (t + 1)].copy_from_slice(&sum);
-    }
 }
 
 /// Indices of the bits of `set` that are 1, ascending.

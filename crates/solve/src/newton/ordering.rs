@@ -9,6 +9,10 @@ use crate::newton::lane::Lane;
 /// Placeholder for a coordinate or an island that has no number yet.
 const NONE: u32 = u32::MAX;
 
+/// Largest number of coordinates of an island whose order begins at the first coordinate of its first constraint. In a robot this is near
+/// the root of its tree, which the reversed order eliminates last.
+const SMALL: usize = 64;
+
 /// Islands of one lane: sets of constraints that are coupled directly or by others. Coordinates without rows belong to no island.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Islands {
@@ -29,10 +33,12 @@ impl Islands {
         self.parent.extend(0..lane.w.len() as u32);
         for block in &lane.blocks {
             let columns = lane.columns(block);
-            for pair in columns.windows(2) {
-                let (a, b) = (self.root(pair[0]), self.root(pair[1]));
+            let mut root = self.root(columns[0]);
+            for &c in &columns[1..] {
+                let other = self.root(c);
                 // The smaller index is the root, independent of the order of the rows.
-                self.parent[a.max(b) as usize] = a.min(b);
+                self.parent[root.max(other) as usize] = root.min(other);
+                root = root.min(other);
             }
         }
         self.name.clear();
@@ -109,8 +115,8 @@ impl Ordering {
     /// Computes the order of the coordinates of the island that contains the constraint `any`.
     pub(super) fn order_island(&mut self, lane: &Lane, any: usize) {
         self.search(lane, lane.columns(&lane.blocks[any])[0]);
-        // The search is repeated twice from the coordinate that it reached last, so that the levels are narrow.
-        for _ in 0..2 {
+        // In a large island, the search is repeated twice from the coordinate that it reached last, so that the levels are narrow.
+        for _ in 0..(if self.coordinates.len() > SMALL { 2 } else { 0 }) {
             let last = *self.coordinates.last().expect("a block has coordinates");
             self.search(lane, last);
         }

@@ -5,11 +5,11 @@
 //! row gives `c = 1 / (1 + rho R)` and multiplies rho by the same factor. Newton's matrix is `I + sum_i rho_i Y_i^T DP_i Y_i`, which is not
 //! symmetric where contacts slip. No function is minimised.
 
-use crate::admissible_set::{Mode, Product};
+use crate::admissible_set::Mode;
 use crate::newton::dense::Dense;
 use crate::newton::island::{Block, Island};
 use crate::newton::skyline::Skyline;
-use crate::vectors::{add_scaled, norm};
+use crate::vectors::{TILE, Tile, add_scaled, combined, inner_of_tiles, scaled, with_rows};
 use stepper_real::{Real, kernel};
 
 /// Smallest size of a pivot of Newton's matrix. Without constraints the matrix is the identity. Friction may reduce a pivot to zero, in
@@ -28,14 +28,19 @@ pub(super) struct ProximalStep {
     v: Vec<f64>,
     /// Argument x of each row's map, N s.
     x: Vec<f64>,
+    /// Mode of each constraint at its argument.
+    modes: Vec<Mode>,
     /// Change of the rows' velocities along Newton's direction, m/s.
     dv: Vec<f64>,
     /// Error w - Y^T z of the equation.
     error: Vec<f64>,
     /// Newton's direction of the scaled velocity change w.
     direction: Vec<f64>,
-    /// Product rho DP Y of one constraint: step rho times the derivative DP of its map times its scaled Jacobian Y.
-    product: Product,
+    /// Rows of one constraint, in each tile: those of its scaled Jacobian times the step rho, or factors of a slipping contact's product
+    /// ([`Slip::factors`](crate::admissible_set::Slip::factors)).
+    product: Vec<Tile>,
+    /// Normal row of a slipping contact, and the factor that multiplies it, in each tile.
+    coupling: [Vec<Tile>; 2],
     /// Largest norm of one constraint's rows: root of the trace of its block of the Delassus matrix.
     longest: f64,
     /// Matrix of a Newton step, replaced by its factors. Its kept sum is that over the constraints in `kept`, for kappa = 1.
@@ -49,7 +54,7 @@ pub(super) struct ProximalStep {
 impl ProximalStep {
     /// Allocates the matrix and the buffers for an island.
     pub(super) fn reset(&mut self, rows: &Island) {
-        self.matrix.reset(rows.w.len());
+        self.matrix.reset(rows.w.len() / TILE);
         for block in &rows.blocks {
             self.matrix.reserve(rows.tiles(block));
         }
@@ -77,17 +82,28 @@ impl ProximalStep {
     /// the error, expressed as the velocity of a row, m/s.
     #[inline(always)]
     fn compute_error(&mut self, rows: &Island) -> f64 {
+        self.error.clone_from(&rows.w);
+        self.modes.clear();
         for block in &rows.blocks {
             let own = block.rows.clone();
             let (scale, rho) = stiffness(block, self.kappa);
-            for k in own.clone() {
-                self.x[k] = scale * rows.lambda[k] - rho * self.v[k];
-            }
-            block.set.map(&self.x[own.clone()], &mut self.z[own]);
+            let (lambda, v, out) = (&rows.lambda[own.clone()], &self.v[own.clone()], &mut self.x[own.clone()]);
+            with_rows!(own.len(), N => {
+                let x: [f64; N] = std::array::from_fn(|k| scale * lambda[k] - rho * v[k]);
+                let (z, mode) = block.set.map(x);
+                self.modes.push(mode);
+                out.copy_from_slice(&x);
+                self.z[own].copy_from_slice(&z);
+                rows.add_transposed(block, scaled(-1.0, z), &mut self.error);
+            });
         }
-        self.error.clone_from(&rows.w);
-        rows.add_transposed(&self.z, -1.0, &mut self.error);
-        self.longest * norm(&self.error)
+        self.error_bound()
+    }
+
+    /// Upper bound of the error of the equation, expressed as the velocity of a row, m/s.
+    #[inline(always)]
+    fn error_bound(&self) -> f64 {
+        self.longest * inner_of_tiles(&self.error, &self.error).sqrt()
     }
 
     /// Makes one Newton step, and evaluates the equation at the new scaled velocity change w. Returns an upper bound of the error,
@@ -104,12 +120,8 @@ impl ProximalStep {
         self.update_kept_sum(rows);
         self.matrix.set_to_kept(self.kappa);
         for (i, block) in rows.blocks.iter().enumerate() {
-            if !self.kept[i] && self.differentiate(rows, block) {
-                let (tiles, y) = (rows.tiles(block), &rows.y[block.y.clone()]);
-                self.matrix.add_symmetric(tiles, y, &self.product.rows);
-                if !self.product.friction.is_empty() {
-                    self.matrix.add_outer(tiles, &self.product.friction, y);
-                }
+            if !self.kept[i] {
+                self.add_block(rows, block, self.modes[i]);
             }
         }
         self.matrix.complete();
@@ -125,7 +137,7 @@ impl ProximalStep {
         }
         rows.multiply(&self.direction, &mut self.dv);
         // If the full step increases the error, the length is halved repeatedly.
-        let before = self.longest * norm(&self.error);
+        let before = self.error_bound();
         let mut length = 1.0;
         self.move_along(rows, length);
         loop {
@@ -148,27 +160,68 @@ impl ProximalStep {
             self.matrix.clear_kept();
             self.kept.fill(false);
         }
-        for (kept, block) in self.kept.iter_mut().zip(&rows.blocks) {
-            let is_held = block.compliance == 0.0 && block.set.mode(&self.x[block.rows.clone()]) == Mode::Held;
+        for ((kept, block), &mode) in self.kept.iter_mut().zip(&rows.blocks).zip(&self.modes) {
+            let is_held = block.compliance == 0.0 && mode == Mode::Held;
             if is_held != *kept {
                 *kept = is_held;
-                let (rho, y) = (if is_held { block.rho } else { -block.rho }, &rows.y[block.y.clone()]);
-                self.product.rows.clear();
-                self.product.rows.extend(y.iter().map(|y| rho * y));
-                self.matrix.add_to_kept(rows.tiles(block), y, &self.product.rows);
+                let rho = if is_held { block.rho } else { -block.rho };
+                with_rows!(block.rows.len(), N => {
+                    let y = rows.entries::<N>(block);
+                    self.product.clear();
+                    self.product.extend(y.as_flattened().iter().map(|&y| scaled(rho, y)));
+                    self.matrix.add_to_kept(rows.tiles(block), y, self.product.as_chunks().0);
+                });
             }
         }
+    }
+
+    /// Adds the product `rho Y^T DP Y` of one constraint to Newton's matrix: step rho, scaled Jacobian Y, and derivative DP of its map.
+    #[inline(always)]
+    fn add_block(&mut self, rows: &Island, block: &Block, mode: Mode) {
+        if !mode.is_active() {
+            return;
+        }
+        let (x, tiles) = (&self.x[block.rows.clone()], rows.tiles(block));
+        let (_, rho) = stiffness(block, self.kappa);
+        with_rows!(x.len(), N => {
+            let y = rows.entries::<N>(block);
+            self.product.clear();
+            match block.set.slip(mode, std::array::from_fn(|k| x[k])) {
+                None => {
+                    self.product.extend(y.as_flattened().iter().map(|&y| scaled(rho, y)));
+                    self.matrix.add_symmetric(tiles, self.product.as_chunks::<N>().0, y);
+                }
+                Some(slip) => {
+                    let [a, normal] = &mut self.coupling;
+                    a.clear();
+                    normal.clear();
+                    for y in y {
+                        let (coupling, others) = slip.factors(rho, y);
+                        a.push(coupling);
+                        normal.push(y[0]);
+                        self.product.extend_from_slice(&others[..N.saturating_sub(2).max(1)]);
+                    }
+                    with_rows!(N.saturating_sub(2).max(1), M => self.matrix.add_unsymmetric::<M>(tiles, [a, normal], self.product.as_chunks().0));
+                }
+            }
+        });
     }
 
     /// Factorises Newton's matrix as a full matrix with pivoting. Returns false if it is singular.
     #[inline(always)]
     fn factor_dense(&mut self, rows: &Island) -> bool {
         self.dense.set_identity(rows.w.len());
-        for block in &rows.blocks {
-            if self.differentiate(rows, block) {
-                let y = &rows.y[block.y.clone()];
-                self.product.complete(&y[..rows.width(block)]);
-                self.dense.add_product(rows.tiles(block), y, &self.product.rows);
+        for (block, &mode) in rows.blocks.iter().zip(&self.modes) {
+            let (x, (_, rho)) = (&self.x[block.rows.clone()], stiffness(block, self.kappa));
+            if mode.is_active() {
+                with_rows!(x.len(), N => {
+                    let (y, derivative) = (rows.entries::<N>(block), block.set.derivative::<N>(mode, std::array::from_fn(|k| x[k])));
+                    self.product.clear();
+                    for y in y {
+                        self.product.extend(derivative.iter().map(|row| combined(&scaled(rho, *row), y)));
+                    }
+                    self.dense.add_product(rows.tiles(block), y, self.product.as_chunks().0);
+                });
             }
         }
         self.dense.factor()
@@ -181,19 +234,6 @@ impl ProximalStep {
         for (v, d) in self.v.iter_mut().zip(&self.dv) {
             *v += length * d;
         }
-    }
-
-    /// Computes rho DP Y of one constraint into `product`: step times the derivative of the constraint's map times its scaled Jacobian.
-    /// Returns false if the derivative is zero.
-    #[inline(always)]
-    fn differentiate(&mut self, rows: &Island, block: &Block) -> bool {
-        let x = &self.x[block.rows.clone()];
-        let mode = block.set.mode(x);
-        if mode.is_active() {
-            let (_, rho) = stiffness(block, self.kappa);
-            block.set.differentiate(mode, rho, x, &rows.y[block.y.clone()], rows.width(block), &mut self.product);
-        }
-        mode.is_active()
     }
 }
 

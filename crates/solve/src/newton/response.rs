@@ -13,13 +13,13 @@
 
 use std::ops::Range;
 
-use crate::admissible_set::{AdmissibleSet, Mode, Product};
+use crate::admissible_set::{AdmissibleSet, Mode};
 use crate::constraints::constraint_set::number_of;
 use crate::constraints::friction::MAX_CONTACT_ROWS;
 use crate::iterate::Iterate;
 use crate::newton::lane::{Lane, LaneBlock};
 use crate::problem::System;
-use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm};
+use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm, with_rows};
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Ratio of a pivot to the largest one below which a row depends linearly on the previous rows. Independent rows of a robot have far larger
@@ -155,7 +155,7 @@ struct Linear {
     /// Delassus matrix of the rows in `dense`, 1/kg.
     delassus: Vec<f64>,
     /// Derivative of the map of one constraint, times a matrix.
-    product: Product,
+    product: Vec<f64>,
     /// Matrix on the left side of the linear equations, which multiplies the change of the impulses.
     left: Vec<f64>,
     /// Matrix on the right side of the linear equations, which multiplies the change of the velocities.
@@ -382,7 +382,7 @@ impl LaneResponse {
         for block in &mut self.blocks {
             let rows = block.rows.clone();
             let z = moved(block, &self.lambda[rows.clone()], &self.velocity[rows.clone()]);
-            block.mode = block.set.mode(&z[..block.rows.len()]);
+            block.mode = with_rows!(block.rows.len(), N => block.set.map::<N>(std::array::from_fn(|k| z[k])).1);
             block.margin = block.set.margin(block.mode, &z[..block.rows.len()]).0;
             if block.mode.is_active() {
                 self.active.extend(rows);
@@ -488,7 +488,7 @@ impl Linear {
             let unit = &mut unit[..dim * own_width];
             (0..dim).for_each(|i| unit[i * own_width + i] = 1.0);
             self.differentiate(block, 1.0, z, unit, own_width);
-            for (i, derivative) in self.product.rows.chunks_exact(own_width).enumerate() {
+            for (i, derivative) in self.product.chunks_exact(own_width).enumerate() {
                 for j in 0..dim {
                     self.left[(row + i) * stride + row + j] = unit[i * own_width + j] - derivative[j];
                 }
@@ -496,11 +496,11 @@ impl Linear {
             let delassus = std::mem::take(&mut self.delassus);
             self.differentiate(block, block.rho, z, &delassus[row * stride..][..dim * stride], stride);
             self.delassus = delassus;
-            for (left, x) in self.left[row * stride..][..dim * stride].iter_mut().zip(&self.product.rows) {
+            for (left, x) in self.left[row * stride..][..dim * stride].iter_mut().zip(&self.product) {
                 *left += x;
             }
             self.differentiate(block, block.rho, z, unit, own_width);
-            for (i, derivative) in self.product.rows.chunks_exact(own_width).enumerate() {
+            for (i, derivative) in self.product.chunks_exact(own_width).enumerate() {
                 for j in 0..dim {
                     self.right[(row + i) * stride + row + j] = -derivative[j];
                 }
@@ -520,8 +520,16 @@ impl Linear {
     /// Computes rho DP Y of an active constraint into `product`: step times the derivative of its map at `z` times a matrix whose rows have
     /// `n` entries.
     fn differentiate(&mut self, block: &Block, rho: f64, z: &[f64], y: &[f64], n: usize) {
-        block.set.differentiate(block.mode, rho, z, y, n, &mut self.product);
-        self.product.complete(&y[..n]);
+        self.product.clear();
+        self.product.resize(y.len(), 0.0);
+        with_rows!(z.len(), N => {
+            let derivative = block.set.derivative::<N>(block.mode, std::array::from_fn(|k| z[k]));
+            for (product, derivative) in self.product.chunks_exact_mut(n).zip(derivative) {
+                for (y, x) in y.chunks_exact(n).zip(derivative) {
+                    add_scaled(product, rho * x, y);
+                }
+            }
+        });
     }
 
     /// Impulses of the active rows that the equations do not determine. The unknown in place `k` of the elimination order is 1, where k is

@@ -5,7 +5,7 @@ use crate::constraints::constraint_set::LaneConstraint;
 use crate::newton::lane::Lane;
 use crate::newton::skyline::Skyline;
 use crate::newton::{Newton, Search};
-use crate::vectors::TILE;
+use crate::vectors::{TILE, Tile};
 
 const SEARCH: Search<f64> = Search { steps: 100, tolerance: 1e-11, least_norm: false };
 const FREE: AdmissibleSet = AdmissibleSet::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
@@ -122,6 +122,35 @@ fn islands_are_solved_apart() {
     assert_eq!((newton.lane.w[2], newton.lane.w[6]), (0.0, 0.0));
 }
 
+/// Numbers of `N` rows in each of `tiles` tiles.
+fn random_rows<const N: usize>(seed: usize, tiles: usize) -> Vec<[Tile; N]> {
+    (0..tiles).map(|t| std::array::from_fn(|r| std::array::from_fn(|c| noise(seed + (N * t + r) * TILE + c)))).collect()
+}
+
+/// Adds `f` to the entries of a matrix between all coordinates of the tiles `tiles`. The arguments of `f` are the row and the column, each
+/// as the index of the tile in `tiles` and the place in the tile.
+fn add_products(dense: &mut [Vec<f64>], tiles: &[usize], f: impl Fn([usize; 2], [usize; 2]) -> f64) {
+    let places = || (0..tiles.len() * TILE).map(|i| [i / TILE, i % TILE]);
+    for (row, column) in places().flat_map(|row| places().map(move |column| (row, column))) {
+        let [i, j] = [row, column].map(|[tile, place]| TILE * tiles[tile] + place);
+        dense[i][j] += f(row, column);
+    }
+}
+
+/// Adds a symmetric sum over `N` rows to both matrices, and an outer product of two rows unless `symmetric`.
+fn add_blocks<const N: usize>(matrix: &mut Skyline, dense: &mut [Vec<f64>], [seed, other]: [usize; 2], tiles: &[usize], symmetric: bool) {
+    let a = random_rows::<N>(seed, tiles.len());
+    let b: Vec<Tile> = random_rows::<1>(other, tiles.len()).iter().map(|[row]| row.map(|x| 0.1 * x)).collect();
+    add_products(dense, tiles, |[i, p], [j, q]| (0..N).map(|r| a[i][r][p] * a[j][r][q]).sum());
+    if symmetric {
+        matrix.add_symmetric(tiles, &a, &a);
+    } else {
+        let first: Vec<Tile> = a.iter().map(|rows| rows[0]).collect();
+        matrix.add_unsymmetric(tiles, [&b, &first], &a);
+        add_products(dense, tiles, |[i, p], [j, q]| b[i][p] * a[j][0][q]);
+    }
+}
+
 /// The factors of a chain of coupled tiles solve a linear system, for a symmetric and an unsymmetric matrix. The identity plus a half of
 /// the kept sum is part of it.
 #[test]
@@ -133,42 +162,25 @@ fn factors_solve() {
         (0..n).for_each(|i| dense[i][i] = 1.0);
         // The tiles 1 and 4 of one block lie apart.
         let blocks: [&[usize]; 6] = [&[0, 1], &[1, 2], &[2, 3, 4], &[4], &[0], &[1, 4]];
-        matrix.reset(n);
+        matrix.reset(n / TILE);
         blocks.iter().for_each(|tiles| matrix.reserve(tiles));
         matrix.complete_pattern();
-        let coordinate = |tiles: &[usize], i: usize| TILE * tiles[i / TILE] + i % TILE;
         for (k, tiles) in blocks.iter().enumerate() {
-            let width = TILE * tiles.len();
-            let a: Vec<f64> = (0..width).map(|i| noise(700 * k + i)).collect();
-            let minus: Vec<f64> = a.iter().map(|x| -x).collect();
+            let a = random_rows::<1>(700 * k, tiles.len());
+            let minus: Vec<[Tile; 1]> = a.iter().map(|[a]| [a.map(|a| -a)]).collect();
             // The first block is taken away again.
             matrix.add_to_kept(tiles, &a, &a);
             if k == 0 {
                 matrix.add_to_kept(tiles, &minus, &a);
             } else {
-                for (i, j) in (0..width).flat_map(|i| (0..width).map(move |j| (i, j))) {
-                    dense[coordinate(tiles, i)][coordinate(tiles, j)] += 0.5 * a[i] * a[j];
-                }
+                add_products(&mut dense, tiles, |[i, p], [j, q]| 0.5 * a[i][0][p] * a[j][0][q]);
             }
         }
         matrix.set_to_kept(0.5);
         for (k, tiles) in blocks.iter().enumerate() {
-            let width = TILE * tiles.len();
-            let coordinate = |i: usize| coordinate(tiles, i);
-            for rows in [1, 3, 5] {
-                let a: Vec<f64> = (0..rows * width).map(|i| noise(500 * k + i)).collect();
-                let b: Vec<f64> = (0..width).map(|i| 0.1 * noise(i)).collect();
-                matrix.add_symmetric(tiles, &a, &a);
-                if !symmetric {
-                    matrix.add_outer(tiles, &b, &a);
-                }
-                for (i, j) in (0..width).flat_map(|i| (0..width).map(move |j| (i, j))) {
-                    for r in 0..rows {
-                        dense[coordinate(i)][coordinate(j)] += a[r * width + i] * a[r * width + j];
-                    }
-                    dense[coordinate(i)][coordinate(j)] += if symmetric { 0.0 } else { b[i] * a[j] };
-                }
-            }
+            add_blocks::<1>(&mut matrix, &mut dense, [500 * k, 1], tiles, symmetric);
+            add_blocks::<3>(&mut matrix, &mut dense, [500 * k, 1], tiles, symmetric);
+            add_blocks::<5>(&mut matrix, &mut dense, [500 * k, 1], tiles, symmetric);
         }
         matrix.complete();
         assert!(matrix.factor(0.0));
@@ -187,11 +199,11 @@ fn factors_solve() {
 fn indefinite_matrices_have_factors_unless_a_pivot_is_tiny() {
     for (diagonal, factored) in [(-4.0, true), (-1.0, false)] {
         let mut matrix = Skyline::default();
-        matrix.reset(TILE);
+        matrix.reset(1);
         matrix.reserve(&[0]);
         matrix.complete_pattern();
         matrix.set_to_kept(1.0);
-        matrix.add_outer(&[0], &[1.0, 0.0, 0.0, 0.0], &[diagonal, 2.0, 0.0, 0.0]);
+        matrix.add_unsymmetric::<0>(&[0], [&[[1.0, 0.0, 0.0, 0.0]], &[[diagonal, 2.0, 0.0, 0.0]]], &[]);
         matrix.complete();
         assert_eq!(matrix.factor(1e-3), factored);
         if factored {

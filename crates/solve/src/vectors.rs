@@ -11,9 +11,9 @@ pub(crate) type Tile = [f64; TILE];
 
 /// Evaluates an expression for a constraint with `$n` rows, in which the number of rows is the constant `$N`, so that loops over the rows
 /// are unrolled.
-macro_rules! with_rows {
+macro_rules! with_row_count {
     ($n:expr, $N:ident => $body:expr) => {
-        $crate::vectors::with_rows!(@ $n, $N => $body; 1 2 3 4 5 6)
+        $crate::vectors::with_row_count!(@ $n, $N => $body; 1 2 3 4 5 6)
     };
     (@ $n:expr, $N:ident => $body:expr; $($rows:literal)*) => {
         match $n {
@@ -25,7 +25,7 @@ macro_rules! with_rows {
         }
     };
 }
-pub(crate) use with_rows;
+pub(crate) use with_row_count;
 
 /// The numbers `x` times `s`.
 #[inline(always)]

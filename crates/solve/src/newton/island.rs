@@ -10,7 +10,7 @@ use std::ops::Range;
 use crate::admissible_set::AdmissibleSet;
 use crate::constraints::constraint_set::LaneConstraint;
 use crate::newton::lane::Lane;
-use crate::vectors::{TILE, Tile, add_multiple, inner, norm, with_rows};
+use crate::vectors::{TILE, Tile, add_multiple, inner, norm, with_row_count};
 
 /// Rows of one constraint of an island, whose impulses are projected together.
 #[derive(Clone, Debug)]
@@ -48,8 +48,8 @@ pub(super) struct Island {
     pub(super) blocks: Vec<Block>,
     /// Tiles (of four coordinates) at which each constraint has entries, ascending, one constraint after the other.
     tiles: Vec<usize>,
-    /// Of each tile, whether the constraint that is being gathered has entries there, and the tile's place in the list of the last such
-    /// constraint.
+    /// Workspace of [`Island::gather`] with two entries for each tile. The first is whether the list of tiles that is being made has the
+    /// tile; the second is the tile's place in the last list that had it.
     place_of_tile: Vec<(bool, usize)>,
     /// Entries of the scaled Jacobian of all constraints of the island: for each tile of a constraint, those of all rows.
     y: Vec<Tile>,
@@ -159,7 +159,7 @@ impl Island {
         let x = x.as_chunks().0;
         for block in &self.blocks {
             let out = &mut out[block.rows.clone()];
-            with_rows!(out.len(), N => out.copy_from_slice(&multiply_rows::<N>(self.tiles(block), self.entries(block), x)));
+            with_row_count!(out.len(), N => out.copy_from_slice(&multiply_rows::<N>(self.tiles(block), self.entries(block), x)));
         }
     }
 
@@ -195,7 +195,7 @@ impl Island {
         w.fill(0.0);
         for block in &self.blocks {
             let lambda = &self.lambda[block.rows.clone()];
-            with_rows!(lambda.len(), N => self.add_transposed::<N>(block, std::array::from_fn(|r| lambda[r]), &mut w));
+            with_row_count!(lambda.len(), N => self.add_transposed::<N>(block, std::array::from_fn(|r| lambda[r]), &mut w));
         }
         self.w = w;
     }

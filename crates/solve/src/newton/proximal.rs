@@ -136,7 +136,7 @@ impl ProximalPoint {
             inner_error = if is_exact { 0.1 * search.tolerance } else { INNER_ERROR * self.residual.max(search.tolerance) };
         }
         // The remaining error of a held body would accumulate from one time step to the next. One more proximal step with a large kappa
-        // removes nearly all of it. If a contact slips, such a step seldom converges, and the next time step differs by more than the error.
+        // removes nearly all of it. Where a contact slips, such a step seldom converges, and bodies move by more than the error.
         let is_solved = self.steps > 0 && self.steps < most_steps && self.best_residual <= search.tolerance;
         if is_solved && rows.fastest_slip() <= search.tolerance {
             self.rounds += 1;

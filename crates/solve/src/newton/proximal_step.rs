@@ -9,7 +9,7 @@ use crate::admissible_set::Mode;
 use crate::newton::dense::Dense;
 use crate::newton::island::{Block, Island};
 use crate::newton::skyline::Skyline;
-use crate::vectors::{TILE, Tile, add_scaled, combined, inner_of_tiles, scaled, with_rows};
+use crate::vectors::{TILE, Tile, add_scaled, combined, inner_of_tiles, scaled, with_row_count};
 use stepper_real::{Real, kernel};
 
 /// Smallest size of a pivot of Newton's matrix. Without constraints the matrix is the identity. Friction may reduce a pivot to zero, in
@@ -88,7 +88,7 @@ impl ProximalStep {
             let own = block.rows.clone();
             let (scale, rho) = stiffness(block, self.kappa);
             let (lambda, v, out) = (&rows.lambda[own.clone()], &self.v[own.clone()], &mut self.x[own.clone()]);
-            with_rows!(own.len(), N => {
+            with_row_count!(own.len(), N => {
                 let x: [f64; N] = std::array::from_fn(|k| scale * lambda[k] - rho * v[k]);
                 let (z, mode) = block.set.map(x);
                 self.modes.push(mode);
@@ -165,7 +165,7 @@ impl ProximalStep {
             if is_held != *kept {
                 *kept = is_held;
                 let rho = if is_held { block.rho } else { -block.rho };
-                with_rows!(block.rows.len(), N => {
+                with_row_count!(block.rows.len(), N => {
                     let y = rows.entries::<N>(block);
                     self.product.clear();
                     self.product.extend(y.as_flattened().iter().map(|&y| scaled(rho, y)));
@@ -183,7 +183,7 @@ impl ProximalStep {
         }
         let (x, tiles) = (&self.x[block.rows.clone()], rows.tiles(block));
         let (_, rho) = stiffness(block, self.kappa);
-        with_rows!(x.len(), N => {
+        with_row_count!(x.len(), N => {
             let y = rows.entries::<N>(block);
             self.product.clear();
             match block.set.slip(mode, std::array::from_fn(|k| x[k])) {
@@ -201,7 +201,7 @@ impl ProximalStep {
                         normal.push(y[0]);
                         self.product.extend_from_slice(&others[..N.saturating_sub(2).max(1)]);
                     }
-                    with_rows!(N.saturating_sub(2).max(1), M => self.matrix.add_unsymmetric::<M>(tiles, [a, normal], self.product.as_chunks().0));
+                    with_row_count!(N.saturating_sub(2).max(1), M => self.matrix.add_unsymmetric::<M>(tiles, [a, normal], self.product.as_chunks().0));
                 }
             }
         });
@@ -214,7 +214,7 @@ impl ProximalStep {
         for (block, &mode) in rows.blocks.iter().zip(&self.modes) {
             let (x, (_, rho)) = (&self.x[block.rows.clone()], stiffness(block, self.kappa));
             if mode.is_active() {
-                with_rows!(x.len(), N => {
+                with_row_count!(x.len(), N => {
                     let (y, derivative) = (rows.entries::<N>(block), block.set.derivative::<N>(mode, std::array::from_fn(|k| x[k])));
                     self.product.clear();
                     for y in y {

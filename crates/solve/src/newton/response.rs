@@ -19,7 +19,7 @@ use crate::constraints::friction::MAX_CONTACT_ROWS;
 use crate::iterate::Iterate;
 use crate::newton::lane::{Lane, LaneBlock};
 use crate::problem::System;
-use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm, with_rows};
+use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm, with_row_count};
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Ratio of a pivot to the largest one below which a row depends linearly on the previous rows. Independent rows of a robot have far larger
@@ -382,7 +382,7 @@ impl LaneResponse {
         for block in &mut self.blocks {
             let rows = block.rows.clone();
             let z = moved(block, &self.lambda[rows.clone()], &self.velocity[rows.clone()]);
-            block.mode = with_rows!(block.rows.len(), N => block.set.map::<N>(std::array::from_fn(|k| z[k])).1);
+            block.mode = with_row_count!(block.rows.len(), N => block.set.map::<N>(std::array::from_fn(|k| z[k])).1);
             block.margin = block.set.margin(block.mode, &z[..block.rows.len()]).0;
             if block.mode.is_active() {
                 self.active.extend(rows);
@@ -522,7 +522,7 @@ impl Linear {
     fn differentiate(&mut self, block: &Block, rho: f64, z: &[f64], y: &[f64], n: usize) {
         self.product.clear();
         self.product.resize(y.len(), 0.0);
-        with_rows!(z.len(), N => {
+        with_row_count!(z.len(), N => {
             let derivative = block.set.derivative::<N>(block.mode, std::array::from_fn(|k| z[k]));
             for (product, derivative) in self.product.chunks_exact_mut(n).zip(derivative) {
                 for (y, x) in y.chunks_exact(n).zip(derivative) {

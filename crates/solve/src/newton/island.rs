@@ -48,8 +48,8 @@ pub(super) struct Island {
     pub(super) blocks: Vec<Block>,
     /// Tiles (of four coordinates) at which each constraint has entries, ascending, one constraint after the other.
     tiles: Vec<usize>,
-    /// Workspace of [`Island::gather`] with two entries for each tile. The first is whether the list of tiles that is being made has the
-    /// tile; the second is the tile's place in the last list that had it.
+    /// Workspace of [`Island::gather`] with two entries for each tile. The first is whether the list of tiles that is being made has it.
+    /// The second is its place in the last list that had it.
     place_of_tile: Vec<(bool, usize)>,
     /// Entries of the scaled Jacobian of all constraints of the island: for each tile of a constraint, those of all rows.
     y: Vec<Tile>,

@@ -342,8 +342,8 @@ ENVS = 16
 # s. The slowest is the ant: rotors of 1 kg m^2 on legs of 0.1 kg fold up with time constants of seconds (measured: 20 to 40 s).
 SETTLE = 60.0
 CREEP = 1e-9  # m/s and rad/s, of issue 2.
-# Of twelve seeds, two leave one of 16 ants in a pose in which the accepted residual (1e-12 m/s) turns its legs at 1e-9 to 1e-8 rad/s for ever. Which
-# seeds these are depends on rounding while the ants fall.
+# Two of twelve seeds leave one of 16 ants in a pose in which the accepted residual (1e-12 m/s) turns its legs for ever,
+# at 1e-9 to 1e-8 rad/s. Rounding in the fall decides which seeds: they were 4 and 11, later 0 and 4.
 SEED = 1
 
 

@@ -3,7 +3,7 @@
 //! A set has the residual of its natural map, and Alart and Curnier's map (1991) with its derivative. The impulses lambda are a solution if
 //! the map of `lambda - rho v` is lambda, where v are the velocities of the rows. Only `newton/response.rs` lists the types of sets too.
 
-use crate::vectors::{Tile, add_multiple, norm, scaled};
+use crate::vectors::{TILE, Tile, add_multiple, norm, scaled};
 
 /// Set of the admissible impulses of one constraint.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +26,7 @@ impl AdmissibleSet {
     /// Impulses by Alart and Curnier's map for the argument `x`, N s or N m s, and the mode of the constraint there.
     ///
     /// For a cone, the normal impulse is `max(0, x_n)`. The tangential one is `x_t`, shortened to mu times the normal impulse if it is
-    /// longer.
+    /// longer. An interval has one row. For a NaN, the result is `x` with the mode [`Mode::Held`].
     #[inline(always)]
     pub(crate) fn map<const N: usize>(&self, x: [f64; N]) -> ([f64; N], Mode) {
         match *self {
@@ -76,13 +76,13 @@ impl AdmissibleSet {
         }
     }
 
-    /// Slip of a contact at the argument `x` of [`AdmissibleSet::map`], if its mode is [`Mode::Slipping`].
+    /// Derivative of the map at the argument `x` of a contact that slips. `None` if the mode `mode` is not [`Mode::Slipping`].
     #[inline(always)]
-    pub(crate) fn slip<const N: usize>(&self, mode: Mode, x: [f64; N]) -> Option<Slip<N>> {
+    pub(crate) fn slip<const N: usize>(&self, mode: Mode, x: [f64; N]) -> Option<SlipDerivative<N>> {
         match *self {
             Self::Cone { mu } if mode == Mode::Slipping => {
                 let inverse = 1.0 / norm(&x[1..]);
-                Some(Slip { direction: scaled(inverse, x), mu, shrink: mu * x[0] * inverse })
+                Some(SlipDerivative { direction: scaled(inverse, x), mu, shrink: mu * x[0] * inverse })
             }
             _ => None,
         }
@@ -95,8 +95,8 @@ impl AdmissibleSet {
         let slip = self.slip(mode, x);
         std::array::from_fn(|i| {
             std::array::from_fn(|j| match slip {
-                Some(Slip { direction: t, mu, .. }) if i > 0 && j == 0 => mu * t[i],
-                Some(Slip { direction: t, shrink, .. }) if i > 0 => shrink * (identity(i, j) - t[i] * t[j]),
+                Some(SlipDerivative { direction: t, mu, .. }) if i > 0 && j == 0 => mu * t[i],
+                Some(SlipDerivative { direction: t, shrink, .. }) if i > 0 => shrink * (identity(i, j) - t[i] * t[j]),
                 _ => identity(i, j),
             })
         })
@@ -108,8 +108,8 @@ impl AdmissibleSet {
 /// With the direction `t = x_t / |x_t|`, DP is 1 for the normal row, and `(mu x_n / |x_t|) (I - t t^T)` for the tangential rows. The bound
 /// mu x_n of friction adds mu t times the normal row to the tangential rows. This part is not symmetric.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Slip<const N: usize> {
-    /// Direction t = x_t / |x_t| of the map's argument x. The first component has no meaning.
+pub(crate) struct SlipDerivative<const N: usize> {
+    /// Direction t = x_t / |x_t| of the friction impulse, where x is the map's argument. The first component has no meaning.
     direction: [f64; N],
     /// Friction coefficient of the contact.
     mu: f64,
@@ -117,29 +117,30 @@ pub(crate) struct Slip<const N: usize> {
     shrink: f64,
 }
 
-impl<const N: usize> Slip<N> {
+impl<const N: usize> SlipDerivative<N> {
     /// Factors of the product `rho Y^T DP Y`, where Y has `N` rows, for four columns `y` of Y.
     ///
-    /// The product is `a^T n + sum_k q_k^T q_k`, where n is the normal row of Y. The first result is `a = rho (n + mu t Y_t)`. The second
-    /// one has the N - 2 rows q_k, followed by rows of zeros. They are the tangential rows Y_t, reflected so that they are
-    /// orthogonal to t, times a factor.
+    /// The product is `a^T n + sum_k q_k^T q_k`, where n is the normal row of Y, and Y_t are the others. The first result is
+    /// `a = rho (n + mu t Y_t)`. The second one has the N - 2 rows `q_k = sqrt(rho shrink) h_k Y_t`, followed by rows of zeros. The h_k are
+    /// an orthonormal basis of the directions orthogonal to t.
     #[inline(always)]
     pub(crate) fn factors(&self, rho: f64, y: &[Tile; N]) -> (Tile, [Tile; N]) {
         let (t, last) = (&self.direction, N - 1);
-        let mut radial = [0.0; _];
+        let mut radial = [0.0; TILE];
         for k in 1..N {
             add_multiple(&mut radial, t[k], &y[k]);
         }
         let mut a = y[0];
         add_multiple(&mut a, self.mu, &radial);
-        // Householder's reflection that maps t to the last axis (Golub & Van Loan 2013, section 5.1).
-        let mut normal = radial;
-        add_multiple(&mut normal, 1.0_f64.copysign(t[last]), &y[last]);
+        // Householder's reflection `I - u u^T / (1 + |t_last|)` with u = t + sign(t_last) e_last maps t to the last axis up to its sign
+        // (Golub & Van Loan 2013, section 5.1). Its other rows are the h_k.
+        let mut mirror = radial;
+        add_multiple(&mut mirror, 1.0_f64.copysign(t[last]), &y[last]);
         let (factor, inverse) = ((rho * self.shrink).sqrt(), 1.0 / (1.0 + t[last].abs()));
-        let mut q = [[0.0; _]; N];
+        let mut q = [[0.0; TILE]; N];
         for k in 1..last {
             q[k - 1] = y[k];
-            add_multiple(&mut q[k - 1], -inverse * t[k], &normal);
+            add_multiple(&mut q[k - 1], -inverse * t[k], &mirror);
             q[k - 1] = scaled(factor, q[k - 1]);
         }
         (scaled(rho, a), q)
@@ -207,5 +208,60 @@ fn project_cone(n: f64, tangent: f64, mu: f64) -> (f64, f64) {
     } else {
         let height = (mu * tangent + n) / (1.0 + mu * mu);
         (height, if tangent > 0.0 { mu * height / tangent } else { 0.0 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{AdmissibleSet, TILE, Tile};
+    use crate::vectors::combined;
+
+    /// Pseudorandom number in [-1, 1] that depends on the seed alone.
+    fn noise(seed: usize) -> f64 {
+        let x = (seed as f64 * 12.9898).sin() * 43758.5453;
+        2.0 * (x - x.floor()) - 1.0
+    }
+
+    /// The factors of a slipping contact multiply to `rho Y^T DP Y`, also without friction, and if the last component of t is zero. Central
+    /// differences of the map confirm DP.
+    fn factors_multiply_to_the_derivative<const N: usize>() {
+        for seed in 0..40 {
+            let (mu, rho) = (if seed % 4 == 0 { 0.0 } else { 0.7 }, 3.0);
+            let number = |k| noise(100 * seed + k);
+            let mut x: [f64; N] = std::array::from_fn(|k| if k == 0 { 0.3 } else { 2.0 * number(k).signum() + number(k) });
+            if N > 2 && seed % 3 == 0 {
+                x[N - 1] = 0.0_f64.copysign(number(0));
+            }
+            let set = AdmissibleSet::Cone { mu };
+            let mode = set.map(x).1;
+            let y: [Tile; N] = std::array::from_fn(|r| std::array::from_fn(|c| noise(1000 + 100 * seed + 10 * r + c)));
+            let (a, q) = set.slip(mode, x).expect("the contact slips").factors(rho, &y);
+            assert!(q[N - 2..].iter().flatten().all(|&q| q == 0.0));
+            let derivative = set.derivative(mode, x);
+            for k in 0..N {
+                let moved =
+                    [1e-6, -1e-6].map(|step| set.map(std::array::from_fn::<f64, N, _>(|i| x[i] + if i == k { step } else { 0.0 })).0);
+                for i in 0..N {
+                    // The map has second derivatives of order 1, so that central differences of 1e-6 have rounding errors of 1e-10.
+                    let slope = (moved[0][i] - moved[1][i]) / 2e-6;
+                    assert!((slope - derivative[i][k]).abs() < 1e-8, "{N} rows: {slope} {}", derivative[i][k]);
+                }
+            }
+            for (i, j) in (0..TILE).flat_map(|i| (0..TILE).map(move |j| (i, j))) {
+                let expected: f64 = (0..N).map(|r| y[r][i] * rho * combined(&derivative[r], &y)[j]).sum();
+                let product = a[i] * y[0][j] + q.iter().map(|q| q[i] * q[j]).sum::<f64>();
+                // Sums of some tens of numbers of order 1.
+                assert!((product - expected).abs() < 1e-12, "{N} rows: {product} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn newton_s_matrix_has_the_derivative_of_slipping_contacts() {
+        factors_multiply_to_the_derivative::<2>();
+        factors_multiply_to_the_derivative::<3>();
+        factors_multiply_to_the_derivative::<4>();
+        factors_multiply_to_the_derivative::<5>();
+        factors_multiply_to_the_derivative::<6>();
     }
 }

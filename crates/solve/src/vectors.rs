@@ -21,7 +21,7 @@ macro_rules! with_row_count {
                 const $N: usize = $rows;
                 $body
             })*
-            rows => unreachable!("a constraint has {rows} rows, at most MAX_CONTACT_ROWS"),
+            rows => unreachable!("a constraint has {rows} rows, not 1 to 6"),
         }
     };
 }
@@ -44,7 +44,7 @@ pub(crate) fn add_multiple<const N: usize>(x: &mut [f64; N], s: f64, y: &[f64; N
     }
 }
 
-/// Sum of the rows `y`, each times its number of `x`.
+/// Linear combination `sum_r x_r y_r` of the rows `y`.
 #[inline(always)]
 pub(crate) fn combined<const N: usize>(x: &[f64; N], y: &[Tile; N]) -> Tile {
     let mut sum = [0.0; TILE];

@@ -10,7 +10,7 @@ use std::ops::Range;
 use crate::admissible_set::AdmissibleSet;
 use crate::constraints::constraint_set::LaneConstraint;
 use crate::newton::lane::Lane;
-use crate::vectors::{TILE, Tile, add_multiple, inner, norm, with_row_count};
+use crate::vectors::{TILE, Tile, add_multiple, inner, with_row_count};
 
 /// Rows of one constraint of an island, whose impulses are projected together.
 #[derive(Clone, Debug)]
@@ -48,8 +48,7 @@ pub(super) struct Island {
     pub(super) blocks: Vec<Block>,
     /// Tiles (of four coordinates) at which each constraint has entries, ascending, one constraint after the other.
     tiles: Vec<usize>,
-    /// Workspace of [`Island::gather`] with two entries for each tile. The first is whether the list of tiles that is being made has it.
-    /// The second is its place in the last list that had it.
+    /// Workspace of [`Island::gather`], for each tile: whether the present constraint has listed it, and its place in that list.
     place_of_tile: Vec<(bool, usize)>,
     /// Entries of the scaled Jacobian of all constraints of the island: for each tile of a constraint, those of all rows.
     y: Vec<Tile>,
@@ -185,7 +184,10 @@ impl Island {
     /// Largest slip speed of all contacts with an impulse at the last call of [`Island::residual`], m/s.
     pub(super) fn fastest_slip(&self) -> f64 {
         let loaded = self.blocks.iter().filter(|block| self.lambda[block.rows.start] > 0.0);
-        loaded.fold(0.0, |most, Block { rows, .. }| most.max(norm(&self.v[rows.start + 1..rows.end])))
+        loaded.fold(0.0, |most, Block { rows, compliance, .. }| {
+            let tangents = rows.start + 1..rows.end;
+            most.max(tangents.map(|k| (self.v[k] + compliance * self.lambda[k]).powi(2)).sum::<f64>().sqrt())
+        })
     }
 
     /// Computes the scaled velocity change w from the impulses.

@@ -1,16 +1,17 @@
 //! Islands of a lane, and an order of an island's coordinates for which the skyline of the matrix is low.
 //!
-//! Two coordinates are neighbours if a row has entries at both, and connected coordinates are an island. The order is that of reverse
-//! Cuthill-McKee (Cuthill & McKee 1969, George 1971) from an end of the island, which places neighbours close to each other. The graph is
-//! implicit: the search goes from a coordinate to its rows, and from these rows to their coordinates.
+//! Two coordinates are neighbours if a row has entries at both, and connected coordinates are an island. The order is that of a
+//! breadth-first search, reversed (as in Cuthill & McKee 1969, George 1971), which places neighbours close to each other. The search begins
+//! at an end of a large island, and at the first coordinate of a small one. The graph is implicit: the search goes from a coordinate to its
+//! rows, and from these rows to their coordinates.
 
 use crate::newton::lane::Lane;
 
 /// Placeholder for a coordinate or an island that has no number yet.
 const NONE: u32 = u32::MAX;
 
-/// Largest number of coordinates of an island whose order begins at the first coordinate of its first constraint. In a robot this is near
-/// the root of its tree, which the reversed order eliminates last.
+/// Largest number of coordinates of an island whose search begins at the first coordinate of its first constraint. In a robot, that
+/// coordinate is near the root of the tree, and the reversed order eliminates it last.
 const SMALL: usize = 64;
 
 /// Islands of one lane: sets of constraints that are coupled directly or by others. Coordinates without rows belong to no island.

@@ -26,7 +26,11 @@ const LEAST_KAPPA: f64 = 0.3;
 /// Largest kappa. Nearly dependent rows need it. Newton's matrix is the identity plus kappa times another matrix; at this kappa the
 /// identity is still above the rounding error.
 const MOST_KAPPA: f64 = 1e12;
-/// Kappa of the last proximal step, which is made after the tolerance has been met.
+/// Kappa of the last proximal step, made after the tolerance has been met. It is left out if a contact slips and a constraint has another
+/// mode with this kappa.
+///
+/// Measured on 455 searches of robots, grasps, heaps and a wall: this step converged in 43 of 53 searches without another mode, and in 6 of
+/// 402 with one.
 const LAST_KAPPA: f64 = 1e6;
 /// Ratio of the residuals after and before a proximal step with the largest kappa above which the search ends.
 const LEAST_PROGRESS: f64 = 0.9;
@@ -36,7 +40,7 @@ const INNER_ERROR: f64 = 0.3;
 const MOST_STEPS: u32 = 6;
 /// Largest number of Newton steps of a proximal step after which the next proximal step is longer.
 const FEW_STEPS: u32 = 3;
-/// Largest number of Newton steps of the last proximal step, which is made after the tolerance has been met.
+/// Largest number of Newton steps of the last proximal step.
 const LAST_STEPS: u32 = 2;
 /// Largest number of Newton steps of an island, as a multiple of the limit that the caller sets.
 pub const STEPS_RATIO: u32 = 6;
@@ -136,9 +140,9 @@ impl ProximalPoint {
             inner_error = if is_exact { 0.1 * search.tolerance } else { INNER_ERROR * self.residual.max(search.tolerance) };
         }
         // The remaining error of a held body would accumulate from one time step to the next. One more proximal step with a large kappa
-        // removes nearly all of it. Where a contact slips, such a step seldom converges, and bodies move by more than the error.
+        // removes nearly all of it. Where a contact slips and another mode follows, such a step seldom converges.
         let is_solved = self.steps > 0 && self.steps < most_steps && self.best_residual <= search.tolerance;
-        if is_solved && rows.fastest_slip() <= search.tolerance {
+        if is_solved && (rows.fastest_slip() <= search.tolerance || kernel!(R, || self.step.keeps_modes(rows, LAST_KAPPA))) {
             self.rounds += 1;
             self.make_step::<R>(rows, LAST_KAPPA, 0.1 * search.tolerance, most_steps.min(self.steps + LAST_STEPS));
         }

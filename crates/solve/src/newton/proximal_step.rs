@@ -36,11 +36,12 @@ pub(super) struct ProximalStep {
     error: Vec<f64>,
     /// Newton's direction of the scaled velocity change w.
     direction: Vec<f64>,
-    /// Rows of one constraint, in each tile: those of its scaled Jacobian times the step rho, or factors of a slipping contact's product
-    /// ([`Slip::factors`](crate::admissible_set::Slip::factors)).
+    /// Rows of one constraint, in each tile: rho Y, rho DP Y, or the rows q of a slipping contact
+    /// ([`factors`](crate::admissible_set::SlipDerivative::factors)). Here rho is the step, Y the scaled Jacobian, and DP the derivative of
+    /// the map.
     product: Vec<Tile>,
-    /// Normal row of a slipping contact, and the factor that multiplies it, in each tile.
-    coupling: [Vec<Tile>; 2],
+    /// Factors a and n of a slipping contact's unsymmetric product `a^T n`, in each tile: n is the contact's normal row.
+    unsymmetric: [Vec<Tile>; 2],
     /// Largest norm of one constraint's rows: root of the trace of its block of the Delassus matrix.
     longest: f64,
     /// Matrix of a Newton step, replaced by its factors. Its kept sum is that over the constraints in `kept`, for kappa = 1.
@@ -86,18 +87,28 @@ impl ProximalStep {
         self.modes.clear();
         for block in &rows.blocks {
             let own = block.rows.clone();
-            let (scale, rho) = stiffness(block, self.kappa);
-            let (lambda, v, out) = (&rows.lambda[own.clone()], &self.v[own.clone()], &mut self.x[own.clone()]);
             with_row_count!(own.len(), N => {
-                let x: [f64; N] = std::array::from_fn(|k| scale * lambda[k] - rho * v[k]);
+                let x: [f64; N] = argument(rows, &self.v, block, self.kappa);
                 let (z, mode) = block.set.map(x);
                 self.modes.push(mode);
-                out.copy_from_slice(&x);
+                self.x[own.clone()].copy_from_slice(&x);
                 self.z[own].copy_from_slice(&z);
                 rows.add_transposed(block, scaled(-1.0, z), &mut self.error);
             });
         }
         self.error_bound()
+    }
+
+    /// Whether no constraint of an island has another mode with the ratio `kappa` of step lengths than with 1. The impulses and velocities
+    /// are those of the last residual. If so, a proximal step with this kappa mostly converges.
+    #[inline(always)]
+    pub(super) fn keeps_modes(&self, rows: &Island, kappa: f64) -> bool {
+        rows.blocks.iter().all(|block| {
+            with_row_count!(block.rows.len(), N => {
+                let [now, then] = [1.0, kappa].map(|kappa| block.set.map::<N>(argument(rows, &rows.v, block, kappa)).1);
+                now == then
+            })
+        })
     }
 
     /// Upper bound of the error of the equation, expressed as the velocity of a row, m/s.
@@ -169,7 +180,7 @@ impl ProximalStep {
                     let y = rows.entries::<N>(block);
                     self.product.clear();
                     self.product.extend(y.as_flattened().iter().map(|&y| scaled(rho, y)));
-                    self.matrix.add_to_kept(rows.tiles(block), y, self.product.as_chunks().0);
+                    self.matrix.add_to_kept(rows.tiles(block), self.product.as_chunks().0, y);
                 });
             }
         }
@@ -192,16 +203,18 @@ impl ProximalStep {
                     self.matrix.add_symmetric(tiles, self.product.as_chunks::<N>().0, y);
                 }
                 Some(slip) => {
-                    let [a, normal] = &mut self.coupling;
+                    // A contact with two rows adds one row of zeros, because chunks cannot be empty.
+                    const OTHERS: usize = if N > 2 { N - 2 } else { 1 };
+                    let [a, normal] = &mut self.unsymmetric;
                     a.clear();
                     normal.clear();
                     for y in y {
-                        let (coupling, others) = slip.factors(rho, y);
-                        a.push(coupling);
+                        let (own, others) = slip.factors(rho, y);
+                        a.push(own);
                         normal.push(y[0]);
-                        self.product.extend_from_slice(&others[..N.saturating_sub(2).max(1)]);
+                        self.product.extend_from_slice(&others[..OTHERS]);
                     }
-                    with_row_count!(N.saturating_sub(2).max(1), M => self.matrix.add_unsymmetric::<M>(tiles, [a, normal], self.product.as_chunks().0));
+                    self.matrix.add_unsymmetric::<OTHERS>(tiles, [a, normal], self.product.as_chunks().0);
                 }
             }
         });
@@ -248,6 +261,14 @@ const LARGEST_DENSE: usize = 256;
 /// Smallest length of a step, as a fraction of the full Newton step. The search halves the length until the error decreases, and takes the
 /// smallest length all the same.
 const LEAST_LENGTH: f64 = 0.125;
+
+/// Argument c lambda - rho v of a constraint's map at the velocities `v` of all rows of the island, N s.
+#[inline(always)]
+fn argument<const N: usize>(rows: &Island, v: &[f64], block: &Block, kappa: f64) -> [f64; N] {
+    let (scale, rho) = stiffness(block, kappa);
+    let (lambda, v) = (&rows.lambda[block.rows.clone()], &v[block.rows.clone()]);
+    std::array::from_fn(|k| scale * lambda[k] - rho * v[k])
+}
 
 /// Factors in the argument c lambda - rho v of a constraint's map: factor c of the impulse lambda, and step rho of the velocity v.
 /// `kappa` is the ratio of rho without compliance to `block.rho`, the step of the natural map.

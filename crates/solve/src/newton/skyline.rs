@@ -18,7 +18,7 @@ pub(super) struct Skyline {
     first: Vec<usize>,
     /// Index in `lower` and `upper` at which each tile of rows begins.
     start: Vec<usize>,
-    /// Factor L of the matrix, with the inverse of its diagonal.
+    /// Factor L of the matrix. Its diagonal has the inverse pivots.
     lower: Vec<Square>,
     /// Factor U of the matrix, without its unit diagonal, transposed.
     upper: Vec<Square>,
@@ -106,7 +106,7 @@ impl Skyline {
         for (i, (&j, a)) in tiles.iter().zip(a).enumerate() {
             for (&k, b) in tiles[..=i].iter().zip(b) {
                 let place = self.place(j, k);
-                // The square is in registers.
+                // The copy lets the compiler keep the square in registers.
                 let mut square = self.lower[place];
                 for r in 0..N {
                     add_outer(&mut square, &a[r], &b[r]);
@@ -116,7 +116,8 @@ impl Skyline {
         }
     }
 
-    /// Adds `a^T b + sum_r q_r^T q_r`, with the arguments' numbers in each tile as in [`Skyline::add_symmetric`].
+    /// Adds `a^T b + sum_r q_r^T q_r`, with the arguments' numbers in each tile as in [`Skyline::add_symmetric`]. Until
+    /// [`Skyline::complete`], the upper triangle gets only its difference from the lower one.
     #[inline(always)]
     pub(super) fn add_unsymmetric<const N: usize>(&mut self, tiles: &[usize], [a, b]: [&[Tile]; 2], q: &[[Tile; N]]) {
         self.is_symmetric = false;
@@ -183,6 +184,7 @@ impl Skyline {
                 add_multiple(&mut l[c], -column, &before);
             }
         }
+        // U times the pivots, which is L^T if the matrix is symmetric.
         let mut u = l;
         if !self.is_symmetric {
             u = self.upper[here];
@@ -225,7 +227,7 @@ impl Skyline {
             }
         }
         self.lower[here] = d;
-        // Row m of U, by columns.
+        // Transposed. Only the entries above the diagonal of U are read.
         self.upper[here] = std::array::from_fn(|m| std::array::from_fn(|c| d[c][m]));
         true
     }
@@ -277,8 +279,7 @@ fn add_outer(square: &mut Square, a: &Tile, b: &Tile) {
     }
 }
 
-/// Subtracts the matrix products of the squares of `a` and `b`, whose columns are the columns of `a` and the rows of `b`:
-/// `d[c][r] -= sum a[m][r] b[m][c]`.
+/// Subtracts the products of the squares of `a` and the transposed squares of `b`: `d[c][r] -= sum a[m][r] b[m][c]`.
 #[inline(always)]
 fn subtract_products(d: &mut Square, a: &[Square], b: &[Square]) {
     let mut square = *d;

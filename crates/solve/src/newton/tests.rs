@@ -1,4 +1,5 @@
-//! Tests of Newton's method on single-lane problems with equalities, with compliance, and with cones of any number of tangents.
+//! Tests of Newton's method on single-lane problems with equalities, with compliance, and with cones of any number of tangents; and of its
+//! matrix.
 
 use crate::admissible_set::AdmissibleSet;
 use crate::constraints::constraint_set::LaneConstraint;

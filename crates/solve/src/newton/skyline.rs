@@ -18,7 +18,7 @@ pub(super) struct Skyline {
     first: Vec<usize>,
     /// Index in `lower` and `upper` at which each tile of rows begins.
     start: Vec<usize>,
-    /// Factor L of the matrix. Its diagonal has the inverse pivots.
+    /// Factor L of the matrix, with its diagonal.
     lower: Vec<Square>,
     /// Factor U of the matrix, without its unit diagonal, transposed.
     upper: Vec<Square>,
@@ -191,14 +191,14 @@ impl Skyline {
             subtract_products(&mut u, &self.upper[own..here], &self.lower[other..corner]);
             for c in 1..TILE {
                 for m in 0..c {
-                    let (before, factor) = (u[m], pivots[m][c] * pivots[m][m]);
+                    let (before, factor) = (u[m], pivots[m][c] / pivots[m][m]);
                     add_multiple(&mut u[c], -factor, &before);
                 }
             }
         }
         for c in 0..TILE {
             for r in 0..TILE {
-                u[c][r] *= pivots[c][c];
+                u[c][r] /= pivots[c][c];
             }
         }
         (self.lower[here], self.upper[here]) = (l, u);
@@ -217,9 +217,8 @@ impl Skyline {
             if pivot.abs().partial_cmp(&least) != Some(std::cmp::Ordering::Greater) {
                 return false;
             }
-            d[c][c] = 1.0 / pivot;
             for k in c + 1..TILE {
-                d[k][c] *= d[c][c];
+                d[k][c] /= pivot;
                 let u = d[k][c];
                 for r in c + 1..TILE {
                     d[k][r] -= d[c][r] * u;
@@ -246,7 +245,7 @@ impl Skyline {
             }
             let l = &self.lower[here];
             for c in 0..TILE {
-                sum[c] *= l[c][c];
+                sum[c] /= l[c][c];
                 for r in c + 1..TILE {
                     sum[r] -= l[c][r] * sum[c];
                 }

@@ -61,8 +61,9 @@ impl Episode {
         let whole = &self.simulation;
         let start = whole.save_state_of(env);
         let calls = self.calls.iter().map(|call| call.of_one(env, whole.num_envs())).collect();
-        // The lanes of this level are those of `F32Lanes`, in which operations are counted.
-        let mut simulation = Simulation::at_level(whole.model().clone(), *whole.options(), None, whole.precision(), 1, Level::Baseline);
+        // With every level but AVX-512, f32 has the eight lanes in which operations are counted. A build may have one level alone.
+        let level = Level::available()[0];
+        let mut simulation = Simulation::at_level(whole.model().clone(), *whole.options(), None, whole.precision(), 1, level);
         simulation.restore_state(&start)?;
         Ok(Self { simulation, start, calls })
     }

@@ -142,6 +142,8 @@ fn on_tape(act: impl FnOnce(&mut Tape)) {
 }
 
 impl Probe for Recorder {
+    // Inlined, so that the work is compiled as a part of the kernel that contains it, as without a recorder.
+    #[inline(always)]
     fn span<T>(self, span: Span, work: impl FnOnce() -> T) -> T {
         on_tape(|tape| tape.enter(span));
         let done = work();
@@ -149,6 +151,7 @@ impl Probe for Recorder {
         done
     }
 
+    #[inline(always)]
     fn count(self, counter: Counter, number: impl FnOnce() -> f64) {
         on_tape(|tape| tape.recording.counters[counter as usize] += number());
     }

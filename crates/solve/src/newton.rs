@@ -16,7 +16,6 @@
 //!
 //! Convergence is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
 
-mod dense;
 mod island;
 mod lane;
 mod ordering;

@@ -44,16 +44,6 @@ pub(crate) fn add_multiple<const N: usize>(x: &mut [f64; N], s: f64, y: &[f64; N
     }
 }
 
-/// Linear combination `sum_r x_r y_r` of the rows `y`.
-#[inline(always)]
-pub(crate) fn combined<const N: usize>(x: &[f64; N], y: &[Tile; N]) -> Tile {
-    let mut sum = [0.0; TILE];
-    for (&x, y) in x.iter().zip(y) {
-        add_multiple(&mut sum, x, y);
-    }
-    sum
-}
-
 /// Euclidean length of a vector.
 #[inline(always)]
 pub(crate) fn norm(x: &[f64]) -> f64 {
@@ -80,7 +70,7 @@ pub(crate) fn inner_of_tiles(a: &[f64], b: &[f64]) -> f64 {
 
 /// Adds s y to `x`. The length of both is a multiple of four.
 #[inline(always)]
-pub(crate) fn add_scaled(x: &mut [f64], s: f64, y: &[f64]) {
+pub(crate) fn add_multiple_of_tiles(x: &mut [f64], s: f64, y: &[f64]) {
     for (x, y) in x.as_chunks_mut::<TILE>().0.iter_mut().zip(y.as_chunks().0) {
         add_multiple(x, s, y);
     }

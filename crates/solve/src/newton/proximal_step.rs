@@ -6,14 +6,13 @@
 //! symmetric where contacts slip. No function is minimised.
 
 use crate::admissible_set::Mode;
-use crate::newton::dense::Dense;
 use crate::newton::island::{Block, Island};
 use crate::newton::skyline::Skyline;
-use crate::vectors::{TILE, Tile, add_scaled, combined, inner_of_tiles, scaled, with_row_count};
+use crate::vectors::{TILE, Tile, add_multiple_of_tiles, inner_of_tiles, scaled, with_row_count};
 use stepper_real::{Real, kernel};
 
 /// Smallest size of a pivot of Newton's matrix. Without constraints the matrix is the identity. Friction may reduce a pivot to zero, in
-/// Painleve's paradox.
+/// Painleve's paradox. The proximal step then fails, and the next one, with a smaller kappa, has another pivot.
 const LEAST_PIVOT: f64 = 1e-3;
 
 /// Equation of one proximal step at the current scaled velocity change w of an island, and Newton's method for it.
@@ -36,9 +35,8 @@ pub(super) struct ProximalStep {
     error: Vec<f64>,
     /// Newton's direction of the scaled velocity change w.
     direction: Vec<f64>,
-    /// Rows of one constraint, in each tile: rho Y, rho DP Y, or the rows q of a slipping contact
-    /// ([`factors`](crate::admissible_set::SlipDerivative::factors)). Here rho is the step, Y the scaled Jacobian, and DP the derivative of
-    /// the map.
+    /// Rows of one constraint, in each tile: rho Y, or the rows q of a slipping contact
+    /// ([`factors`](crate::admissible_set::SlipDerivative::factors)). Here rho is the step, and Y the scaled Jacobian.
     product: Vec<Tile>,
     /// Factors a and n of a slipping contact's unsymmetric product `a^T n`, in each tile: n is the contact's normal row.
     unsymmetric: [Vec<Tile>; 2],
@@ -48,8 +46,6 @@ pub(super) struct ProximalStep {
     matrix: Skyline,
     /// Whether each constraint is part of the matrix's kept sum.
     kept: Vec<bool>,
-    /// Matrix of a Newton step, if pivots in the skyline are too small.
-    dense: Dense,
 }
 
 impl ProximalStep {
@@ -136,16 +132,12 @@ impl ProximalStep {
             }
         }
         self.matrix.complete();
-        let factored = self.matrix.factor(LEAST_PIVOT);
-        self.direction.clear();
-        self.direction.extend(self.error.iter().map(|g| -g));
-        if factored {
-            self.matrix.solve(&mut self.direction);
-        } else if rows.w.len() <= LARGEST_DENSE && self.factor_dense(rows) {
-            self.dense.solve(&mut self.direction);
-        } else {
+        if !self.matrix.factor(LEAST_PIVOT) {
             return f64::INFINITY;
         }
+        self.direction.clear();
+        self.direction.extend(self.error.iter().map(|g| -g));
+        self.matrix.solve(&mut self.direction);
         rows.multiply(&self.direction, &mut self.dv);
         // If the full step increases the error, the length is halved repeatedly.
         let before = self.error_bound();
@@ -220,30 +212,10 @@ impl ProximalStep {
         });
     }
 
-    /// Factorises Newton's matrix as a full matrix with pivoting. Returns false if it is singular.
-    #[inline(always)]
-    fn factor_dense(&mut self, rows: &Island) -> bool {
-        self.dense.set_identity(rows.w.len());
-        for (block, &mode) in rows.blocks.iter().zip(&self.modes) {
-            let (x, (_, rho)) = (&self.x[block.rows.clone()], stiffness(block, self.kappa));
-            if mode.is_active() {
-                with_row_count!(x.len(), N => {
-                    let (y, derivative) = (rows.entries::<N>(block), block.set.derivative::<N>(mode, std::array::from_fn(|k| x[k])));
-                    self.product.clear();
-                    for y in y {
-                        self.product.extend(derivative.iter().map(|row| combined(&scaled(rho, *row), y)));
-                    }
-                    self.dense.add_product(rows.tiles(block), y, self.product.as_chunks().0);
-                });
-            }
-        }
-        self.dense.factor()
-    }
-
     /// Moves the scaled velocity change w of an island and the velocities v of its rows by `length` times the search direction.
     #[inline(always)]
     fn move_along(&mut self, rows: &mut Island, length: f64) {
-        add_scaled(&mut rows.w, length, &self.direction);
+        add_multiple_of_tiles(&mut rows.w, length, &self.direction);
         for (v, d) in self.v.iter_mut().zip(&self.dv) {
             *v += length * d;
         }
@@ -253,11 +225,6 @@ impl ProximalStep {
 /// Largest kappa at which the sum over held constraints is changed and not made again. Times the rounding error of the sum, it is far below
 /// [`LEAST_PIVOT`].
 const MOST_KAPPA_OF_CHANGES: f64 = 1e9;
-/// Largest number of coordinates of an island whose matrix is factorised with pivoting if the skyline factorisation fails.
-///
-/// The skyline factorisation accepts pivots of either sign, and fails if a pivot is too small. Evidence, with an earlier Newton method:
-/// 309 problems of robots, grasps, heaps and a wall take as many steps with pivoting in every step.
-const LARGEST_DENSE: usize = 256;
 /// Smallest length of a step, as a fraction of the full Newton step. The search halves the length until the error decreases, and takes the
 /// smallest length all the same.
 const LEAST_LENGTH: f64 = 0.125;

@@ -19,7 +19,7 @@ use crate::constraints::friction::MAX_CONTACT_ROWS;
 use crate::iterate::Iterate;
 use crate::newton::lane::{Lane, LaneBlock};
 use crate::problem::System;
-use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm, with_row_count};
+use crate::vectors::{TILE, add_multiple_of_tiles, inner, inner_of_tiles, norm, with_row_count};
 use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Ratio of a pivot to the largest one below which a row depends linearly on the previous rows. Independent rows of a robot have far larger
@@ -526,7 +526,7 @@ impl Linear {
             let derivative = block.set.derivative::<N>(block.mode, std::array::from_fn(|k| z[k]));
             for (product, derivative) in self.product.chunks_exact_mut(n).zip(derivative) {
                 for (y, x) in y.chunks_exact(n).zip(derivative) {
-                    add_scaled(product, rho * x, y);
+                    add_multiple_of_tiles(product, rho * x, y);
                 }
             }
         });
@@ -555,7 +555,7 @@ impl Linear {
         let width = dense.len() / impulses.len().max(1);
         let mut motion = vec![0.0; width];
         for (y, x) in dense.chunks_exact(width.max(1)).zip(impulses) {
-            add_scaled(&mut motion, *x, y);
+            add_multiple_of_tiles(&mut motion, *x, y);
         }
         let largest = dense.chunks_exact(width.max(1)).map(|y| inner(y, y)).fold(0.0, f64::max);
         norm(&motion) <= NO_MOTION * size * largest.sqrt()
@@ -650,5 +650,5 @@ impl Linear {
 /// Subtracts `factor` times the row `from` of whole tiles from the row that begins at index `to`.
 fn subtract_row(matrix: &mut [f64], to: usize, from: Range<usize>, factor: f64) {
     let [to, from] = matrix.get_disjoint_mut([to..to + from.len(), from]).expect("two different rows");
-    add_scaled(to, -factor, from);
+    add_multiple_of_tiles(to, -factor, from);
 }

@@ -215,3 +215,45 @@ fn indefinite_matrices_have_factors_unless_a_pivot_is_tiny() {
         }
     }
 }
+
+/// The factors of a slipping contact multiply to `rho Y^T DP Y`, also without friction, and if the last component of t is zero. Central
+/// differences of the map confirm DP.
+fn factors_multiply_to_the_derivative<const N: usize>() {
+    for seed in 0..40 {
+        let (mu, rho) = (if seed % 4 == 0 { 0.0 } else { 0.7 }, 3.0);
+        let number = |k| noise(100 * seed + k);
+        let mut x: [f64; N] = std::array::from_fn(|k| if k == 0 { 0.3 } else { 2.0 * number(k).signum() + number(k) });
+        if N > 2 && seed % 3 == 0 {
+            x[N - 1] = 0.0_f64.copysign(number(0));
+        }
+        let set = AdmissibleSet::Cone { mu };
+        let mode = set.map(x).1;
+        let y: [Tile; N] = std::array::from_fn(|r| std::array::from_fn(|c| noise(1000 + 100 * seed + 10 * r + c)));
+        let (a, q) = set.slip(mode, x).expect("the contact slips").factors(rho, &y);
+        assert!(q[N - 2..].iter().flatten().all(|&q| q == 0.0));
+        let derivative = set.derivative(mode, x);
+        for k in 0..N {
+            let moved = [1e-6, -1e-6].map(|step| set.map(std::array::from_fn::<f64, N, _>(|i| x[i] + if i == k { step } else { 0.0 })).0);
+            for i in 0..N {
+                // The map has second derivatives of order 1, so that central differences of 1e-6 have rounding errors of 1e-10.
+                let slope = (moved[0][i] - moved[1][i]) / 2e-6;
+                assert!((slope - derivative[i][k]).abs() < 1e-8, "{N} rows: {slope} {}", derivative[i][k]);
+            }
+        }
+        for (i, j) in (0..TILE).flat_map(|i| (0..TILE).map(move |j| (i, j))) {
+            let expected: f64 = (0..N * N).map(|rk| y[rk / N][i] * rho * derivative[rk / N][rk % N] * y[rk % N][j]).sum();
+            let product = a[i] * y[0][j] + q.iter().map(|q| q[i] * q[j]).sum::<f64>();
+            // Sums of some tens of numbers of order 1.
+            assert!((product - expected).abs() < 1e-12, "{N} rows: {product} {expected}");
+        }
+    }
+}
+
+#[test]
+fn newton_s_matrix_has_the_derivative_of_slipping_contacts() {
+    factors_multiply_to_the_derivative::<2>();
+    factors_multiply_to_the_derivative::<3>();
+    factors_multiply_to_the_derivative::<4>();
+    factors_multiply_to_the_derivative::<5>();
+    factors_multiply_to_the_derivative::<6>();
+}

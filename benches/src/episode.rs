@@ -61,8 +61,9 @@ impl Episode {
         let whole = &self.simulation;
         let start = whole.save_state_of(env);
         let calls = self.calls.iter().map(|call| call.of_one(env, whole.num_envs())).collect();
-        // With every level but AVX-512, f32 has the eight lanes in which operations are counted. A build may have one level alone.
+        // The lowest level of this build. Operations in f32 are counted in eight lanes, which f32 has with every level but AVX-512.
         let level = Level::available()[0];
+        assert!(level != Level::Avx512 || whole.precision() == Precision::F64, "a build for AVX-512 alone cannot count operations in f32");
         let mut simulation = Simulation::at_level(whole.model().clone(), *whole.options(), None, whole.precision(), 1, level);
         simulation.restore_state(&start)?;
         Ok(Self { simulation, start, calls })

@@ -142,7 +142,7 @@ fn on_tape(act: impl FnOnce(&mut Tape)) {
 }
 
 impl Probe for Recorder {
-    // Inlined, so that the work is compiled as a part of the kernel that contains it, as without a recorder.
+    // Inlined, so that the work is compiled as a part of the kernel that contains it, as with `NoProbe`.
     #[inline(always)]
     fn span<T>(self, span: Span, work: impl FnOnce() -> T) -> T {
         on_tape(|tape| tape.enter(span));

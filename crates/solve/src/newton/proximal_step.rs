@@ -11,8 +11,8 @@ use crate::newton::skyline::Skyline;
 use crate::vectors::{TILE, Tile, add_multiple_of_tiles, inner_of_tiles, scaled, with_row_count};
 use stepper_real::{Real, kernel};
 
-/// Smallest size of a pivot of Newton's matrix. Without constraints the matrix is the identity. Friction may reduce a pivot to zero, in
-/// Painleve's paradox. The proximal step then fails, and the next one, with a smaller kappa, has another pivot.
+/// Smallest size of a pivot of Newton's matrix. Without constraints the matrix is the identity. Friction may reduce a pivot to zero, as in
+/// Painleve's paradox. The proximal step then fails. With a smaller kappa the matrix is closer to the identity.
 const LEAST_PIVOT: f64 = 1e-3;
 
 /// Equation of one proximal step at the current scaled velocity change w of an island, and Newton's method for it.

@@ -216,8 +216,9 @@ fn indefinite_matrices_have_factors_unless_a_pivot_is_tiny() {
     }
 }
 
-/// The factors of a slipping contact multiply to `rho Y^T DP Y`, also without friction, and if the last component of t is zero. Central
-/// differences of the map confirm DP.
+/// The factors of a slipping contact (`SlipDerivative::factors`) multiply to `rho Y^T DP Y`, for the step rho, the rows Y and the derivative
+/// DP of the map. This includes a contact without friction, and a direction of slip whose last component is zero. Central differences of
+/// the map confirm DP.
 fn factors_multiply_to_the_derivative<const N: usize>() {
     for seed in 0..40 {
         let (mu, rho) = (if seed % 4 == 0 { 0.0 } else { 0.7 }, 3.0);
@@ -235,13 +236,14 @@ fn factors_multiply_to_the_derivative<const N: usize>() {
         for k in 0..N {
             let moved = [1e-6, -1e-6].map(|step| set.map(std::array::from_fn::<f64, N, _>(|i| x[i] + if i == k { step } else { 0.0 })).0);
             for i in 0..N {
-                // The map has second derivatives of order 1, so that central differences of 1e-6 have rounding errors of 1e-10.
+                // Values of order 1 give central differences of 1e-6 rounding errors of 1e-10, third derivatives of order 1 errors of 1e-12.
                 let slope = (moved[0][i] - moved[1][i]) / 2e-6;
                 assert!((slope - derivative[i][k]).abs() < 1e-8, "{N} rows: {slope} {}", derivative[i][k]);
             }
         }
         for (i, j) in (0..TILE).flat_map(|i| (0..TILE).map(move |j| (i, j))) {
-            let expected: f64 = (0..N * N).map(|rk| y[rk / N][i] * rho * derivative[rk / N][rk % N] * y[rk % N][j]).sum();
+            let expected: f64 =
+                (0..N).flat_map(|r| (0..N).map(move |k| (r, k))).map(|(r, k)| y[r][i] * rho * derivative[r][k] * y[k][j]).sum();
             let product = a[i] * y[0][j] + q.iter().map(|q| q[i] * q[j]).sum::<f64>();
             // Sums of some tens of numbers of order 1.
             assert!((product - expected).abs() < 1e-12, "{N} rows: {product} {expected}");
@@ -250,7 +252,7 @@ fn factors_multiply_to_the_derivative<const N: usize>() {
 }
 
 #[test]
-fn newton_s_matrix_has_the_derivative_of_slipping_contacts() {
+fn factors_of_slipping_contacts_give_their_derivative() {
     factors_multiply_to_the_derivative::<2>();
     factors_multiply_to_the_derivative::<3>();
     factors_multiply_to_the_derivative::<4>();

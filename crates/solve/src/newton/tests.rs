@@ -216,9 +216,9 @@ fn indefinite_matrices_have_factors_unless_a_pivot_is_tiny() {
     }
 }
 
-/// The factors of a slipping contact (`SlipDerivative::factors`) multiply to `rho Y^T DP Y`, for the step rho, the rows Y and the derivative
-/// DP of the map. This includes a contact without friction, and a direction of slip whose last component is zero. Central differences of
-/// the map confirm DP.
+/// The factors of a slipping contact (`SlipDerivative::factors`) multiply to `rho Y^T DP Y`, for the step rho, the rows Y and the
+/// derivative DP of the map. This includes a contact without friction, and a direction of slip whose last component is zero. Central
+/// differences of the map confirm DP.
 fn factors_multiply_to_the_derivative<const N: usize>() {
     for seed in 0..40 {
         let (mu, rho) = (if seed % 4 == 0 { 0.0 } else { 0.7 }, 3.0);
@@ -236,7 +236,7 @@ fn factors_multiply_to_the_derivative<const N: usize>() {
         for k in 0..N {
             let moved = [1e-6, -1e-6].map(|step| set.map(std::array::from_fn::<f64, N, _>(|i| x[i] + if i == k { step } else { 0.0 })).0);
             for i in 0..N {
-                // Values of order 1 give central differences of 1e-6 rounding errors of 1e-10, third derivatives of order 1 errors of 1e-12.
+                // Values of order 1 give these central differences rounding errors of 1e-10, third derivatives errors of 1e-12.
                 let slope = (moved[0][i] - moved[1][i]) / 2e-6;
                 assert!((slope - derivative[i][k]).abs() < 1e-8, "{N} rows: {slope} {}", derivative[i][k]);
             }

@@ -4,8 +4,7 @@
 //! of the coordinates with a low skyline ([`crate::newton::ordering`]) uses the sparsity of the matrix. `A = L U` with a unit diagonal in
 //! U. L is stored by rows, U by columns, both below the same skyline, in tiles of four rows or columns. There is no pivoting, because the
 //! matrices are the identity plus a part that is positive semidefinite unless contacts slip. `factor` fails if a pivot is too small, which
-//! is rare. A
-//! symmetric matrix takes half of the work, because U is then L^T with its rows divided by the pivots.
+//! is rare. A symmetric matrix takes half of the work, because U is then L^T with its rows divided by the pivots.
 
 use crate::vectors::{TILE, Tile, add_multiple};
 

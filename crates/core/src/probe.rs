@@ -104,7 +104,8 @@ impl Counter {
 
 /// Probe of a step. It is passed by value: a probe without size takes no register.
 pub trait Probe: Copy + Send + 'static {
-    /// Runs `work`, a part of the step, and measures it. The function must be inlined, so that the work becomes a part of the kernel around it.
+    /// Runs `work`, a part of the step, and measures it. The function must be inlined, so that the work becomes a part of the kernel around
+    /// it.
     fn span<T>(self, span: Span, work: impl FnOnce() -> T) -> T;
     /// Adds a number to a counter. A probe that does not count never computes the number.
     fn count(self, counter: Counter, number: impl FnOnce() -> f64);
